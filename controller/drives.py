@@ -183,5 +183,5 @@ def friction_command(model: ControlModel, envelope: Envelope) -> float:
     """The command that overcomes a coil's mean friction; inf for other drives, which have a place or push no body."""
     if envelope.placed or envelope.shaken:
         return math.inf
-    p = dict(zip((q.name for q in model.symbols.parameters), model.values.tolist(), strict=True))
+    p = model.theta.base
     return max(abs(actuator_of(model.drive, p, envelope).command(mean_friction(model), 0.0, 0.0)), 1e-9)

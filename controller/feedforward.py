@@ -56,7 +56,7 @@ class Feedforward(Controller):
         self._envelope = envelope
         self._returning, self._command = False, math.nan
         self._size = len(model.states)
-        self._effects = any("." in p.name for p in model.symbols.parameters)
+        self._effects = any(p.effect for p in model.symbols.parameters)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin anew; but for what play remembers of `command` the answer depends on the estimate alone, so whoever

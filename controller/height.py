@@ -8,8 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from models.parameter import Name
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig, at_height
+from models.theta import Theta
 
 RESERVE: Final = 2.0
 """Times the friction at the speed asked for that the magnet must be able to pull (choice: folds and narrow places)."""
@@ -29,7 +31,7 @@ class Height:
     pressing_N: float
 
 
-def choose_height(rig: Rig, values: Mapping[str, float], speed_m_s: float) -> Height | None:
+def choose_height(rig: Rig, values: Mapping[Name, float], speed_m_s: float) -> Height | None:
     """The greatest height within `[rig.magnet] height_range_m` at which the magnet pulls `RESERVE` times the friction
     at `speed_m_s`, its own attraction's part included; None for a rig whose height is no command.
 
@@ -52,17 +54,18 @@ def choose_height(rig: Rig, values: Mapping[str, float], speed_m_s: float) -> He
     return next((one for one in gentle if one.pull_N >= RESERVE * one.friction_N), gentle[-1])
 
 
-def values_at(rig: Rig, values: Mapping[str, float], height_m: float) -> dict[str, float]:
+def values_at(rig: Rig, values: Mapping[Name, float], height_m: float) -> Theta:
     """A model's `values`, found at the rig file's height, at `height_m`."""
     if rig.magnets is None or STIFFNESS not in values:
-        return dict(values)
-    return {**values, STIFFNESS: values[STIFFNESS] * (rig.magnets.height_m / height_m) ** 5}
+        return Theta.of(values)
+    return Theta.of(values) | {STIFFNESS: values[STIFFNESS] * (rig.magnets.height_m / height_m) ** 5}
 
 
-def _at(rig: Rig, values: Mapping[str, float], height_m: float, speed_m_s: float) -> Height:
+def _at(rig: Rig, values: Mapping[Name, float], height_m: float, speed_m_s: float) -> Height:
     lifted = at_height(rig, height_m)
     drive, surface = drive_of(lifted), surface_of(lifted)
-    p = {q.name: q.value for q in (*surface.parameters(), *drive.parameters())} | values_at(rig, values, height_m)
+    declared = Theta.declared((*surface.parameters(), *drive.parameters()))
+    p = (declared | values_at(rig, values, height_m)).base
     pressing = float(drive.pressing(0.0, 0.0, p))
     friction, onset = surface.hold(speed_m_s, p, pressing=pressing)
     most = float(drive.force(0.0, 0.0, drive.gap_limit_m, p))

@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Final
 
+from models.parameter import Name
+from models.theta import bare
+
 _SURPRISE: Final = (
     0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
 )
@@ -125,10 +128,10 @@ class FilterNoise:
         force = self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N
         return force, self.slip_wander_m if abs(surprise) > _ASTRAY else self.position_wander_m
 
-    def wander(self, state: str) -> float:
+    def wander(self, state: Name) -> float:
         """Standard deviation of the random walk of the model's `state` over a second."""
-        own = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
-        return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))
+        own: dict[Name, float] = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
+        return own.get(state, self.drive_wander.get(bare(state), self.other_wander))
 
 
 @dataclass(frozen=True)

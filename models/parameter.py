@@ -13,6 +13,8 @@ from types import MappingProxyType
 from typing import Literal
 
 SETS = Path(__file__).parent / "sets"
+Name = str | tuple[str, str]
+"""What a parameter or a state is found by: its name; of an effect (or a drive) the id and its own name."""
 _ROUNDING = 1e-9  # of a value, by which it may be beyond its bounds
 Role = Literal["", "phase", "place"]
 
@@ -23,7 +25,7 @@ class Parameter:
     change it, which `spread` (a standard deviation, beside data in units of their noise) holds to `value` where the
     data say little. `role` tells a search what it is: the "phase" of a cycle, which follows from two quadratures, or a
     "place" along the lumen, which may lie anywhere on a record's track. Below the size `least`, of either sign, its
-    effect is a case of one of its confounders.
+    effect is a case of one of its confounders. In a model it says to which `effect` it belongs, "" for the base.
     """
 
     name: str
@@ -36,6 +38,12 @@ class Parameter:
     spread: float = float("inf")
     role: Role = ""
     least: float = 0.0
+    effect: str = ""
+
+    @property
+    def key(self) -> Name:
+        """What its value is found by in a model."""
+        return (self.effect, self.name) if self.effect else self.name
 
     def __post_init__(self) -> None:
         if self.lower > self.upper:

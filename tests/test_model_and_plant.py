@@ -130,7 +130,7 @@ def test_a_voltage_driven_coil_in_the_gut_moves_like_the_plant() -> None:
     exact, n = rows[:, at.O_X], rows.shape[0]
     assert np.ptp(exact) > 0.03
     assert np.max(np.abs(run(model, voltage, STEP_S)[:n] - exact)) < 1e-2 * np.ptp(exact)
-    current = run(model, voltage, STEP_S, watch="coil.current_A")[: n - 1]
+    current = run(model, voltage, STEP_S, watch=("coil", "current_A"))[: n - 1]
     assert np.sqrt(np.mean((current - rows[1:, at.O_CURRENT]) ** 2)) < 1e-3
 
 

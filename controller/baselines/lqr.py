@@ -13,6 +13,7 @@ from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.model.linear import Array, Linear, linearise
 from controller.signals import Action, Controller, Estimate, Reference
+from models.parameter import Name
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Gains:
     to a rest at r.
     """
 
-    states: tuple[str, ...]
+    states: tuple[Name, ...]
     tick_s: float
     K: Array
     K_i: float

@@ -30,9 +30,7 @@ class PID(Controller):
     ) -> None:
         self.name = "pid" if friction_N == 0 else "pid_friction"
         self.gains = driven_of(model.drive).pid_estimated if gains is None else gains
-        names = (p.name for p in model.symbols.parameters)
-        known: dict[str, float] = dict(zip(names, model.values.tolist(), strict=True))
-        self._actuator, self._tick = actuator_of(model.drive, known, envelope), model.tick_s
+        self._actuator, self._tick = actuator_of(model.drive, model.theta.base, envelope), model.tick_s
         self._friction, self._speed = friction_N, speed_m_s
         self._sum, self._start = 0.0, math.nan
 

@@ -76,12 +76,11 @@ def describe(
     On a plate in closed form: `A N = j 4 mu m g/pi`.
     """
     omega = 2 * math.pi * np.asarray(frequency_Hz, dtype=np.float64)
-    surface, known = surface_of(model.rig), _known(model)
+    surface, known = surface_of(model.rig), model.theta
     if not surface.dragged:
-        force, _ = surface.hold(0.0, known, model.drive.carried_kg)
+        force, _ = surface.hold(0.0, known.base, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
-    ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
-    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in ids if Pull.name in BY_ID[name].kinds))
+    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in known.effects if Pull.name in BY_ID[name].kinds))
     kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
     N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
     for j, w in enumerate(omega):
@@ -100,16 +99,10 @@ def without_wall(model: ControlModel) -> Linear:
     """The linear plant about rest with the wall taken away: mass and drive alone, which is what stands across from the
     wall.
     """
-    known, surface = _known(model), surface_of(model.rig)
-    mass = surface.body_kg
-    ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
-    symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in ids), model.smoothing)
-    values = [0.0 if p.name == "friction_coefficient" else known[p.name] for p in symbols.parameters]
+    known, mass = model.theta, surface_of(model.rig).body_kg
+    symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in known.effects), model.smoothing)
+    values = [0.0 if p.key == "friction_coefficient" else known[p.key] for p in symbols.parameters]
     return linearise(replace(model, symbols=symbols, values=np.array(values)), "slip", 0.0)
-
-
-def _known(model: ControlModel) -> dict[str, float]:
-    return {p.name: float(v) for p, v in zip(model.symbols.parameters, model.values, strict=True)}
 
 
 def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:

@@ -114,7 +114,7 @@ def simulate(
     `exactly(model)` gives, built here where None.
     """
     exact = exactly(model) if exact is None else exact
-    p, state, tick = _values(model, exact), exact.start(), model.tick_s
+    p, state, tick = exact.vector(model.theta), exact.start(), model.tick_s
     seen = np.array([exact.states.index(name) for name in model.states])
     steps = max(1, math.ceil(tick / _LONGEST_STEP_S - 1e-9))
     count = int((seconds + hold_s) / tick)
@@ -135,10 +135,4 @@ def simulate(
 
 def exactly(model: ControlModel) -> Assembly:
     """The same parts with set-valued friction."""
-    ids = dict.fromkeys(p.name.split(".")[0] for p in model.symbols.parameters if "." in p.name)
-    return assemble(surface_of(model.rig), model.drive, tuple(BY_ID[name] for name in ids))
-
-
-def _values(model: ControlModel, exact: Assembly) -> Array:
-    known = {p.name: float(value) for p, value in zip(model.symbols.parameters, model.values, strict=True)}
-    return exact.vector(known)
+    return assemble(surface_of(model.rig), model.drive, tuple(BY_ID[name] for name in model.theta.effects))

@@ -12,6 +12,7 @@ from controller.estimator.noise import trusting
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 from controller.tuned import FilterNoise
+from models.theta import bare
 
 _APART = 4 * math.sqrt(2)
 """Standard deviations of a reading by which two of the same place may differ: four of their difference's."""
@@ -107,7 +108,7 @@ class Estimator(ABC):
         self.noise = trusting(model) if noise is None else noise
         self._watch = Watch(self.noise)
         self._kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
-        self._current = next((k for k, n in enumerate(model.states) if n.rpartition(".")[2] == "current_A"), None)
+        self._current = next((k for k, n in enumerate(model.states) if bare(n) == "current_A"), None)
 
     @property
     def counts(self) -> Counts:

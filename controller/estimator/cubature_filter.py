@@ -19,6 +19,8 @@ from controller.estimator.noise import START_STD
 from controller.model.control_model import ControlModel
 from controller.signals import Adapted, Estimate, Measurement
 from controller.tuned import FilterNoise
+from models.parameter import Name
+from models.theta import bare
 
 Array = NDArray[np.float64]
 # of states in their unit, before anything was measured
@@ -94,7 +96,7 @@ class Process:
     def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
         """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
         state = self.model.initial(position_m, command)
-        spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-2]]
+        spread = [_START_STD.get(bare(name), 1e-3) for name in self.names[:-2]]
         spread = [std_m, *spread[1:], self.noise.force_std_N, self.noise.level_std]
         return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
@@ -151,7 +153,7 @@ class Process:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
-    def see_state(self, b: Belief, name: str, value: float) -> float:
+    def see_state(self, b: Belief, name: Name, value: float) -> float:
         """Take in a reading of the state `name` itself, such as a coil's current."""
         self._H[:] = 0.0
         place = self.names.index(name)

@@ -79,7 +79,7 @@ class ParticleCloud:
         model, draws, P = self.model, self.draws, self.count
         self.states[:] = model.initial(position_m, command)
         for k, name in enumerate(model.states):
-            if name in START_STD:
+            if isinstance(name, str) and name in START_STD:
                 self.states[:, k] += START_STD[name] * draws.standard_normal(P)
         self.states[:, 0] += self.noise.position_std_m * draws.standard_normal(P)
         level_std = self.noise.fitted_level_std if model.fitted else self.noise.level_std

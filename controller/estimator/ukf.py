@@ -15,6 +15,7 @@ from controller.estimator.cubature_filter import Belief, CubatureEstimator, Proc
 from controller.estimator.cubature_kernels import root
 from controller.model.control_model import ControlModel
 from controller.tuned import FilterNoise
+from models.parameter import Name
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ class FilterpyProcess(Process):
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
-    def see_state(self, b: Belief, name: str, value: float) -> float:
+    def see_state(self, b: Belief, name: Name, value: float) -> float:
         """As `Process.see_state`."""
         place = self.names.index(name)
         return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])

@@ -21,9 +21,10 @@ from models.effects.effect import Effect
 from models.effects.refinements.level_over_speed import LevelOverSpeed
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import HELD_OUT
-from models.parameter import nearest
+from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
+from models.theta import Theta, spelled
 
 Array = NDArray[np.float64]
 
@@ -39,8 +40,8 @@ class ControlModel:
 
     - `states`: `x` position in m and `v` speed in m/s of the capsule, `u` wall displacement in m, `slip` of the wall (0
       sticks, else its direction), then, only where the model has them, `direction` of the last motion, `travelled` path
-      in m, the drive's states (`coil.current_A`, `vibro.stretch_m`, `vibro.rate_m_s`) and the effects'
-      (`effect_id.name`). A plate has no `u`, `slip`.
+      in m, the drive's states (`("coil", "current_A")`, `("vibro", "stretch_m")`) and the effects', by id
+      and name. A plate has no `u`, `slip`.
     - `modes`: those that only take the values -1, 0, 1; a filter must neither average nor perturb them.
     - command: `command_name` (`carriage_position_m` in m, `coil_current_A` in A, `coil_voltage_V` in V, `drive_on`
       0..1).
@@ -70,20 +71,24 @@ class ControlModel:
     held_out_error: float | None = None
 
     @property
-    def states(self) -> tuple[str, ...]:
+    def states(self) -> tuple[Name, ...]:
         """Names of the states in order."""
         return self.symbols.states
 
     @property
-    def modes(self) -> tuple[str, ...]:
+    def modes(self) -> tuple[Name, ...]:
         """Names of the states that are switches."""
         return tuple(name for name in self.states if name in ("slip", "direction"))
 
     @property
     def fitted(self) -> bool:
         """Whether its numbers are another's than the experimenter's: a fit has moved them."""
-        nominal = {p.name: p.value for p in self.symbols.parameters}
-        return bool(np.any(self.values != np.array(list(nominal.values()))))
+        return bool(np.any(self.values != np.array([p.value for p in self.symbols.parameters])))
+
+    @property
+    def theta(self) -> Theta:
+        """Its numbers by name."""
+        return Theta.of((p.key, v) for p, v in zip(self.symbols.parameters, self.values.tolist(), strict=True))
 
     @property
     def command_name(self) -> str:
@@ -104,7 +109,7 @@ class ControlModel:
     @property
     def force_per_command(self) -> float:
         """Slope of the drive's force at rest in N per unit of command, always positive."""
-        p = {q.name: v for q, v in zip(self.symbols.parameters, self.values, strict=True)}
+        p = self.theta.base
         slope = (
             p["magnet_stiffness_N_per_m"]
             if self.gap_limit_m is not None
@@ -118,10 +123,11 @@ class ControlModel:
         """
         return before if self.drive.anchored else command
 
-    def index(self, name: str) -> int:
+    def index(self, name: Name) -> int:
         """Where the state `name` stands; ValueError for a state that the model does not have."""
         if name not in self.states:
-            raise ValueError(f"state must be one of the model's; got {name!r}; {nearest(name, self.states)}")
+            got, known = spelled(name), [*map(spelled, self.states)]
+            raise ValueError(f"state must be one of the model's; got {got!r}; {nearest(got, known)}")
         return self.states.index(name)
 
     def initial(self, position_m: float = 0.0, command: float = 0.0) -> Array:
@@ -175,8 +181,7 @@ class ControlModel:
         Rounded over 50 um/s, friction at 1 mm/s is 5 % too low, and the path runs 0.5 mm ahead of the exact stick and
         slip; over 1 um/s by 0.04 mm.
         """
-        values = dict(zip((p.name for p in self.symbols.parameters), self.values.tolist(), strict=True))
-        sharp = control_model(self.rig, values, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
+        sharp = control_model(self.rig, self.theta, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
         return replace(sharp, held_out_error=self.held_out_error)
 
     def with_tick(self, tick_s: float) -> ControlModel:
@@ -205,10 +210,9 @@ def checked_tick(tick_s: float) -> float:
 
 
 def control_model(
-    rig: Rig, values: Mapping[str, float], tick_s: float, smoothing: float = SMOOTHING, driven: str = ""
+    rig: Rig, values: Mapping[Name, float], tick_s: float, smoothing: float = SMOOTHING, driven: str = ""
 ) -> ControlModel:
-    """The model of `rig` with `values`, one stage of a model file: base parameters by name, effects' as
-    `effect_id.name`.
+    """The model of `rig` with `values`, one stage of a model file.
 
     `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column
     that is commanded where the rig has several (`coil_voltage_V`). `values` may hold the stage's `HELD_OUT` error. What
@@ -223,36 +227,39 @@ def control_model(
         )
     if not 1e-7 <= smoothing <= 1e-2:
         raise ValueError(f"smoothing must lie in [1e-7, 1e-2] m/s; got {smoothing:g}")
-    effects = _effects(rig.kind, values)
+    theta = Theta.of(values)
+    effects = _effects(rig.kind, theta)
     symbols = assembled(surface_of(rig), drive, effects, smoothing)
-    numbers = {p.name: p.value for p in symbols.parameters}
-    for name, value in values.items():
-        if name in (*OF_THE_LOG, HELD_OUT) or (
-            name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}
-        ):
+    numbers = Theta.declared(symbols.parameters)
+    given = theta.only([e.id for e in effects])
+    for name, value in given.items():
+        if name in (*OF_THE_LOG, HELD_OUT):
             continue
+        got = spelled(name)
         if name not in numbers:
-            raise ValueError(f"values must name the model's parameters; got {name!r}; {nearest(name, dict(numbers))}")
+            raise ValueError(
+                f"values must name the model's parameters; got {got!r}; {nearest(got, [*map(spelled, numbers)])}"
+            )
         if not math.isfinite(value):
-            raise ValueError(f"values must be finite numbers; got {name} = {value}")
-        numbers[name] = float(value)
-    own = [(e(), {p.name: numbers[f"{e.id}.{p.name}"] for p in e.parameters()}) for e in effects]
+            raise ValueError(f"values must be finite numbers; got {got} = {value}")
+    numbers |= given
+    own = [(e(), numbers.effects[e.id]) for e in effects]
     delay = sum(float(effect.delay(its)) for effect, its in own)
     response = sum(float(effect.response(its)) for effect, its in own)
-    vector = np.array(list(numbers.values()))
-    corrected = any(value != 0 for name, value in values.items() if name.split(".")[0] == LevelOverSpeed.id)
-    error = None if corrected else values.get(HELD_OUT)
+    vector = np.array([float(numbers[p.key]) for p in symbols.parameters])
+    corrected = any(theta.effects.get(LevelOverSpeed.id, {}).values())
+    error = None if corrected else theta.get(HELD_OUT)
     return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
 
 
-def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:
+def _effects(kind: str, values: Theta) -> tuple[type[Effect], ...]:
     """The effects that `values` gives an amplitude to, but for a free curve over speed: it mends a prediction, but its
     slopes from knot to knot would make an inverse of friction that falls where the tissue's does not.
     """
-    ids = sorted({name.split(".")[0] for name in values if "." in name})
+    ids = sorted(values.effects)
     for name in ids:
         if name not in BY_ID or kind not in BY_ID[name].kinds:
             known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
             raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
     left = [BY_ID[name] for name in ids if name != LevelOverSpeed.id]
-    return tuple(effect for effect in left if values.get(f"{effect.id}.{effect.amplitude().name}", 0.0) != 0)
+    return tuple(effect for effect in left if values.get((effect.id, effect.amplitude().name), 0.0) != 0)

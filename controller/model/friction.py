@@ -13,7 +13,7 @@ def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
     """What a tanh feedforward takes friction to be, in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate
     Coulomb's.
     """
-    p = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+    p = model.theta.base
     surface = surface_of(model.rig)
     pressing = model.drive.pressing(0.0, 0.0, p)
     friction, onset = surface.hold(speed_m_s, p, model.drive.carried_kg, pressing=pressing)

@@ -36,7 +36,7 @@ class Inverse:
         self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))
         self._d = np.zeros(1)
-        self._remembers = envelope.placed and any("." in name for name in model.states)
+        self._remembers = envelope.placed and not all(isinstance(name, str) for name in model.states)
         self._before = math.nan
 
     def command(

@@ -14,6 +14,8 @@ from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
 from models.effects import followed_by
+from models.parameter import Name
+from models.theta import bare
 
 if TYPE_CHECKING:
     import control
@@ -39,7 +41,7 @@ class Linear:
     speed_m_s: float
     command: float
     tick_s: float
-    states: tuple[str, ...]
+    states: tuple[Name, ...]
     A: Array
     B: Array
     E: Array
@@ -94,9 +96,8 @@ def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Lin
     A, B, E = (np.array(s, dtype=float) for s in slopes)
     if "u" in model.states and phase == "stick":
         A[:, model.index("x")] += A[:, model.index("u")]
-    kept = [
-        k for k, name in enumerate(model.states) if name not in (*_MEMORIES, "u") and not name.endswith(".travelled")
-    ]
+    left_out = (*_MEMORIES, "u")
+    kept = [k for k, name in enumerate(model.states) if name not in left_out and bare(name) != "travelled"]
     names = tuple(model.states[k] for k in kept)
     return Linear(phase, speed_m_s, command, model.tick_s, names, A[np.ix_(kept, kept)], B[kept], E[kept])
 
@@ -146,7 +147,7 @@ def _follow(model: ControlModel, state: Array, command: float) -> None:
     for k, name in enumerate(model.states):
         if followed_by(name) == "command":
             state[k] = command
-        elif name.endswith(".current_A"):
+        elif bare(name) == "current_A":
             state[k] = _settled(model, state, k, command)
 
 

@@ -10,13 +10,14 @@ import casadi as ca
 import numpy as np
 
 from models.assembly.effects import Active
-from models.assembly.model import effect_parameters
+from models.assembly.model import effect_parameters, model_states
 from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.effects.effect import Effect, Signals
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
 from models.surfaces.gut import Drag, drag_rate
 from models.surfaces.surface import Surface
+from models.theta import spelled
 
 _BASE = ("x", "v", "u", "slip", "direction", "travelled", "dwell")
 PURSUIT_S = 0.02  # time in which a command brings the capsule to its speed
@@ -42,7 +43,7 @@ class Symbols:
     would bring the capsule to `speed` in m/s within `PURSUIT_S`, the drive at once.
     """
 
-    states: tuple[str, ...]
+    states: tuple[Name, ...]
     parameters: tuple[Parameter, ...]
     substep: ca.Function
     slopes: ca.Function
@@ -60,15 +61,15 @@ class _Model:
     drive: Drive
     effects: tuple[type[Effect], ...]
     smoothing: float
-    p: Mapping[str, Any]
+    p: Mapping[Name, Any]
     d: Any
-    now: Mapping[str, Any]
+    now: Mapping[Name, Any]
 
     def stepper(self) -> Stepper:
         """The assembled model's step with the disturbance among its effects."""
-        hidden = {name: value for name, value in self.now.items() if name.split(".")[0] in {e.id for e in self.effects}}
-        p = dict(self.p) | {"unmodelled.force_N": self.d}
-        return Stepper(self.surface, self.drive, Active((*self.effects, Unmodelled), p, hidden), None, self.smoothing)
+        p = {**self.p, ("unmodelled", "force_N"): self.d}
+        active = Active.of((*self.effects, Unmodelled), p, self.now)
+        return Stepper(self.surface, self.drive, active, None, self.smoothing)
 
     def signals(self, stepper: Stepper, t: Any, command: Any = None) -> Signals:
         """What effects see of the state as it stands, under a `command` without force where none is given."""
@@ -93,7 +94,7 @@ class _Model:
         """The wall as it stands."""
         return Drag(self.now["u"], self.now["slip"])
 
-    def advance(self, c0: Any, c1: Any, t: Any, h: Any) -> dict[str, Any]:
+    def advance(self, c0: Any, c1: Any, t: Any, h: Any) -> dict[Name, Any]:
         """The states a sub-step later; unlike the assembled model's they hold no rates, which follow from the rest."""
         stepper = self.stepper()
         rate = self.signals(stepper, t, c0).drag_rate
@@ -123,7 +124,7 @@ class _Model:
         s = moving.signals(stepper, t)
         force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
         force = force / stepper.active.product("gain", s)
-        return ca.SX(self.drive.command_for(force, self.now["x"], v, self.p))
+        return ca.SX(self.drive.command_for(force, self.now["x"], v, stepper.active.p.base))
 
 
 def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], smoothing: float) -> Symbols:
@@ -133,10 +134,9 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
     parameters = surface.parameters() + drive.parameters() + effect_parameters(effects)
     q = ca.SX.sym("q", len(parameters))
     c0, c1, d, t, h = (ca.SX.sym(name) for name in ("c0", "c1", "d", "t", "h"))
-    hidden = tuple(f"{e.id}.{name}" for e in effects for name in e.states)
-    names = _BASE + tuple(f"{drive.name}.{name}" for name in drive.states) + hidden
-    now = {name: ca.SX.sym(name) for name in names}
-    p = {item.name: q[i] for i, item in enumerate(parameters)}
+    names = model_states(_BASE, drive, effects)
+    now = {name: ca.SX.sym(spelled(name)) for name in names}
+    p = {item.key: q[i] for i, item in enumerate(parameters)}
     model = _Model(surface, drive, tuple(effects), smoothing, p, d, now)
     unit = drive.command_unit
     last = c0 if drive.held else c1
@@ -162,10 +162,10 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
 
 
 def _needed(
-    names: tuple[str, ...], now: Mapping[str, ca.SX], new: Mapping[str, Any], outputs: ca.SX
-) -> tuple[str, ...]:
+    names: tuple[Name, ...], now: Mapping[Name, ca.SX], new: Mapping[Name, Any], outputs: ca.SX
+) -> tuple[Name, ...]:
     """Position, speed, what the outputs show, and every state that one of these depends on."""
-    kept = {"x", "v"} | {name for name in names if ca.depends_on(outputs, now[name])}
+    kept = {name for name in names if name in ("x", "v") or ca.depends_on(outputs, now[name])}
     while True:
         rest = ca.vertcat(*(new[name] for name in kept))
         more = {name for name in names if name not in kept and ca.depends_on(rest, now[name])}

@@ -57,7 +57,7 @@ class MPC(Controller):
         self.weights = Weights() if weights is None else weights
         self.planner = Planner(model, self.envelope, self.weights, self.horizon, clock)
         self._modes = [model.index(name) for name in model.modes]
-        names = [p.name for p in model.symbols.parameters]
+        names = [p.key for p in model.symbols.parameters]
         self._grip = names.index("friction_coefficient") if "u" in model.states and self.horizon.late_slip > 0 else None
         self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
         self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0

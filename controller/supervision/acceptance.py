@@ -17,6 +17,7 @@ from models.identification.kinds import kind_for
 from models.identification.model import Model
 from models.parameter import nearest
 from models.rigs.rig import Rig
+from models.theta import Theta, spelled
 
 
 @dataclass(frozen=True)
@@ -108,14 +109,14 @@ def _kind(report: Mapping[str, Any], model: Model, rig: Rig) -> tuple[str, ...]:
 
 
 def _bounds(model: Model, rig: Rig, stage: str) -> tuple[str, ...]:
-    values = model.stages.get(stage, {})
-    effects = tuple(
-        BY_ID[name] for name in dict.fromkeys(key.split(".")[0] for key in values if "." in key) if name in BY_ID
+    values = model.stages.get(stage, Theta())
+    effects = tuple(BY_ID[name] for name in values.effects if name in BY_ID)
+    declared = {p.key: p for p in (*kind_for(rig, []).base, *effect_parameters(effects))}
+    unknown = tuple(
+        f"parameter must be one of the model's; got {spelled(name)!r}" for name in values if name not in declared
     )
-    declared = {p.name: p for p in (*kind_for(rig, []).base, *effect_parameters(effects))}
-    unknown = tuple(f"parameter must be one of the model's; got {name!r}" for name in values if name not in declared)
     return unknown + tuple(
-        f"{name} must lie in [{p.lower:g}, {p.upper:g}]; got {values[name]:g}"
+        f"{spelled(name)} must lie in [{p.lower:g}, {p.upper:g}]; got {values[name]:g}"
         for name, p in declared.items()
         if name in values and not p.holds(values[name])
     )

@@ -173,6 +173,5 @@ def vibro_controller(model: ControlModel, optimise: bool = True, feedback: bool 
     `optimise` False keeps to square waves, `feedback` False to the map alone. Raises ValueError for a rig without an
     inner mass on a spring.
     """
-    values = {p.name: float(v) for p, v in zip(model.symbols.parameters, model.values, strict=True)}
-    drive = designed(VibroModel.from_rig(model.rig, values), optimise)
+    drive = designed(VibroModel.from_rig(model.rig, model.theta), optimise)
     return VibroController(drive, Tuning(tick_s=model.tick_s, feedback=feedback))

@@ -22,10 +22,11 @@ from models.drives.coil import Winding
 from models.drives.vibro import Vibro
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.parameter import nearest
+from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
+from models.theta import Theta, spelled
 
 Array = NDArray[np.float64]
 STEP_S = 6e-5  # longest step of a cycle's integration
@@ -62,8 +63,7 @@ class Gait:
 
 @dataclass(frozen=True)
 class VibroModel:
-    """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model, by
-    full name.
+    """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model.
 
     `mirror` -1 turns speeds round, as a `vibro_table` record may count them.
     """
@@ -71,12 +71,12 @@ class VibroModel:
     surface: Surface
     drive: Vibro
     effects: tuple[type[Effect], ...] = ()
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Theta = field(default_factory=Theta)
     mirror: float = 1.0
     copper_N2_per_W: float = COPPER_N2_PER_W
 
     @classmethod
-    def from_rig(cls, rig: Rig, values: Mapping[str, float] | None = None) -> VibroModel:
+    def from_rig(cls, rig: Rig, values: Mapping[Name, float] | None = None) -> VibroModel:
         """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes
         them.
 
@@ -87,19 +87,19 @@ class VibroModel:
             raise ValueError(f"rig must be of kind {kinds}; got {rig.kind!r}")
         drive = drive_of(replace(rig, kind=INNER_MASS.name))
         assert isinstance(drive, Vibro)
-        return cls.of(surface_of(rig), drive, unloaded(values or {}))
+        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})))
 
     @classmethod
-    def of(cls, surface: Surface, drive: Vibro, values: Mapping[str, float]) -> VibroModel:
+    def of(cls, surface: Surface, drive: Vibro, values: Theta) -> VibroModel:
         """The model with the effects that `values` names."""
-        names = {name.split(".")[0]: None for name in values if "." in name}
+        names = list(values.effects)
         unknown = next((name for name in names if name not in BY_ID), None)
         if unknown is not None:
             raise ValueError(f"effect must be one of the catalogue; got {unknown!r}; {nearest(unknown, list(BY_ID))}")
         model = cls(surface, drive, tuple(BY_ID[name] for name in names), mirror=float(values.get("mirror", 1.0)))
-        known = [p.name for p in model.assembly().parameters]
-        own = {name: float(value) for name, value in values.items() if name not in _ELSEWHERE}
-        unknown = next((name for name in own if name not in known), None)
+        known = [spelled(p.key) for p in model.assembly().parameters]
+        own = Theta({name: value for name, value in values.base.items() if name not in _ELSEWHERE}, values.effects)
+        unknown = next((name for name in map(spelled, own) if name not in known), None)
         if unknown is not None:
             raise ValueError(f"value must be of a parameter of this rig; got {unknown!r}; {nearest(unknown, known)}")
         return replace(model, values=own)
@@ -119,9 +119,9 @@ class VibroModel:
         return assemble(self.surface, self.drive, self.effects, smoothing)
 
     def at(self, **factors: float) -> VibroModel:
-        """The same with parameters times `factors`, by name."""
-        declared = {p.name: p.value for p in self.assembly().parameters} | dict(self.values)
-        return replace(self, values=dict(self.values) | {name: declared[name] * f for name, f in factors.items()})
+        """The same with parameters of the base times `factors`, by name."""
+        known = Theta.declared(self.assembly().parameters) | self.values
+        return replace(self, values=self.values | Theta({name: known[name] * f for name, f in factors.items()}))
 
 
 class Cycles:
@@ -195,8 +195,8 @@ def _metered(assembly: Assembly, on_board: bool) -> Kernel:
     state, c0, c1, t, h, q = assembly.step.sx_in()
     meter = ca.SX.sym("meter", 4)
     new, _ = assembly.step(state, c0, c1, t, h, q)
-    stretch, x = assembly.states.index("vibro.stretch_m"), assembly.states.index("x")
-    force = q[[p.name for p in assembly.parameters].index("force_N")]
+    stretch, x = assembly.states.index(("vibro", "stretch_m")), assembly.states.index("x")
+    force = q[[p.key for p in assembly.parameters].index("force_N")]
     moved = new[stretch] - state[stretch] + (0.0 if on_board else new[x] - state[x])
     after = ca.vertcat(
         meter[0] + force * c0 * moved,

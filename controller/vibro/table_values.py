@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 LOADED = ("force_N", "friction_coefficient")
 
 
-def in_time(rig: Rig, values: Mapping[str, float]) -> tuple[Rig, dict[str, float]]:
+def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
     """The `vibro` rig with the table's masses in kg, and the values that its control model takes.
 
     `load_scale` multiplies force and friction alike. `mirror` says how the record counted speeds and is left to whoever
@@ -19,22 +19,20 @@ def in_time(rig: Rig, values: Mapping[str, float]) -> tuple[Rig, dict[str, float
     """
     if rig.drive is None:
         raise ValueError(f"rig must have an inner mass for the values of a vibro_table; got a {rig.kind} rig")
-    left = {
-        name: value
-        for name, value in unloaded(values).items()
-        if name not in ("mirror", "body_mass_kg", "inner_mass_kg")
-    }
+    table = ("mirror", "body_mass_kg", "inner_mass_kg")
+    left = {name: value for name, value in unloaded(values).base.items() if name not in table}
     body = values.get("body_mass_kg", rig.capsule.mass_kg)
     inner = values.get("inner_mass_kg", rig.drive.inner_mass_kg)
     if not (body > 0 and inner > 0):
         raise ValueError(f"masses must be positive; got body_mass_kg = {body:g} and inner_mass_kg = {inner:g}")
     return replace(
         rig, capsule=replace(rig.capsule, mass_kg=body), drive=rig.drive.model_copy(update={"inner_mass_kg": inner})
-    ), left
+    ), Theta(left, values.effects)
 
 
-def unloaded(values: Mapping[str, float]) -> dict[str, float]:
+def unloaded(values: Theta) -> Theta:
     """`values` with their `load_scale` multiplied into force and friction, where these are given."""
-    left = dict(values)
+    left = dict(values.base)
     scale = left.pop("load_scale", 1.0)
-    return {name: scale * value if name in LOADED else value for name, value in left.items()}
+    base = {name: scale * value if name in LOADED else value for name, value in left.items()}
+    return Theta(base, values.effects)

@@ -20,6 +20,7 @@ from controller.signals import Action
 from hil.bus.catalogue import Catalogue
 from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, Logged
 from hil.log.log import NodeLog
+from models.theta import Theta
 
 START, STOP, UNSOLVED, CUT, EXACT, HEARD, ACKNOWLEDGED = range(1, 8)
 """Notes in a log: the operator's start (value: origin of the reference in s, nan where the drive's being enabled begins
@@ -124,7 +125,7 @@ class _Entry(NamedTuple):
 def log_record(
     described: Mapping[str, str],
     controller: str,
-    values: Mapping[str, float],
+    values: Theta,
     limits: Limits,
     catalogue: Catalogue,
     **more: Any,
@@ -136,7 +137,7 @@ def log_record(
     return {
         **described,
         "controller": controller,
-        "values": dict(values),
+        "values": values.spelled(),
         "limits": asdict(limits),
         "catalogue": catalogue.fingerprint,
         "code": code_version(),

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from models.drives.elastic_link import Link
 from models.effects.effect import Effect, InnerMassEffect, Shares, Signals
+from models.parameter import Name
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
 class Active:
-    """The chosen effects with their parameters `p` and hidden states `z` under full names, asked together."""
+    """The chosen effects with the model's parameters `p` and their hidden states `z`, asked together."""
 
     effects: tuple[type[Effect], ...]
-    p: Mapping[str, Any]
-    z: Mapping[str, Any]
+    p: Theta
+    z: Theta = field(default_factory=Theta)
 
-    def _own(self, effect: type[Effect], table: Mapping[str, Any]) -> dict[str, Any]:
-        rows = ((*key.partition("."), value) for key, value in table.items())
-        return {name: value for owner, _, name, value in rows if owner in (effect.id, effect.of)}
+    @classmethod
+    def of(cls, effects: Iterable[type[Effect]], p: Mapping[Name, Any], states: Mapping[Name, Any]) -> Active:
+        """The `effects` with theirs among the `states` of a model."""
+        chosen = tuple(effects)
+        return cls(chosen, Theta.of(p), Theta(effects=Theta.of(states).only([e.id for e in chosen]).effects))
+
+    def _own(self, effect: type[Effect], table: Theta) -> dict[str, Any]:
+        return {**table.effects.get(effect.of, {}), **table.effects.get(effect.id, {})}
 
     def product(self, hook: str, s: Signals) -> Any:
         """Product of the factors that the effects give under `hook`."""
@@ -71,11 +78,10 @@ class Active:
         """The same effects with their hidden states a step `h` later, each under the command that the one before lets
         through.
         """
-        z = dict(self.z)
+        z = self.z
         for e in self.effects:
             p, before = self._own(e, self.p), self._own(e, z)
-            for name, value in e().advance(s, p, before, h).items():
-                z[f"{e.id}.{name}"] = value
+            z = z.with_(e.id, e().advance(s, p, before, h))
             if e.answers("command"):
                 start = e().command(replace(s, command=s.command - s.rate * h), p, before)
                 end = e().command(s, p, self._own(e, z))
@@ -98,12 +104,11 @@ class Active:
                 product = product * e().reach(stretch, self._own(e, self.p))
         return product
 
-    def follow(self, s: Signals, y: Any, h: Any) -> dict[str, Any]:
+    def follow(self, s: Signals, y: Any, h: Any) -> Theta:
         """The hidden states after the sensor saw `y` for a step `h`, each behind what the one before makes of it."""
-        z = dict(self.z)
+        z = self.z
         for e in self.effects:
             p = self._own(e, self.p)
-            for name, value in e().follow(s, p, self._own(e, z), y, h).items():
-                z[f"{e.id}.{name}"] = value
+            z = z.with_(e.id, e().follow(s, p, self._own(e, z), y, h))
             y = e().measured(s, p, self._own(e, z), y)
         return z

@@ -15,7 +15,7 @@ from models.assembly.effects import Active
 from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.effects.effect import Effect
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
 from models.surfaces.gut import LONGEST
 from models.surfaces.surface import Surface
 
@@ -32,24 +32,30 @@ class Assembly:
     ends; the output belongs to the step's end. All entries SI.
     """
 
-    states: tuple[str, ...]
-    initial: dict[str, float]
+    states: tuple[Name, ...]
+    initial: dict[Name, float]
     parameters: tuple[Parameter, ...]
     step: ca.Function
     correct: ca.Function
 
-    def vector(self, values: Mapping[str, float]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def vector(self, values: Mapping[Name, float]) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The parameter vector: `values` by name, the declared value where there is none."""
-        return np.array([float(values.get(p.name, p.value)) for p in self.parameters])
+        return np.array([float(values.get(p.key, p.value)) for p in self.parameters])
 
     def start(self, **values: float) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The initial state: at rest at 0 but for `values` of the base states."""
-        return np.array([values.get(name, self.initial[name]) for name in self.states])
+        return np.array([(self.initial | dict[Name, float](values))[name] for name in self.states])
 
 
 def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
-    """The effects' parameters under their full names `effect_id.name`."""
-    return tuple(replace(p, name=f"{e.id}.{p.name}") for e in effects for p in e.parameters())
+    """The effects' parameters, each with the effect that it belongs to."""
+    return tuple(replace(p, effect=e.id) for e in effects for p in e.parameters())
+
+
+def model_states(base: Sequence[str], drive: Drive, effects: Sequence[type[Effect]]) -> tuple[Name, ...]:
+    """What the states of a model are found by: the `base`, the drive's, the effects'."""
+    own = ((drive.name, drive.states), *((e.id, e.states) for e in effects))
+    return (*base, *((owner, name) for owner, states in own for name in states))
 
 
 def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
@@ -63,26 +69,25 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     if drive.imposed and not surface.dragged:
         raise ValueError(f"drive must leave the body free on a plate; got {drive.name!r}, which imposes its position")
     parameters = surface.parameters() + drive.parameters() + effect_parameters(effects)
-    hidden = tuple(f"{e.id}.{name}" for e in effects for name in e.states)
-    names = BASE_STATES + tuple(f"{drive.name}.{name}" for name in drive.states) + hidden
+    names = model_states(BASE_STATES, drive, effects)
     state = ca.SX.sym("state", len(names))
     c0, c1, t, h = (ca.SX.sym(n) for n in ("c0", "c1", "t", "h"))
     q = ca.SX.sym("p", len(parameters))
-    p = {item.name: q[i] for i, item in enumerate(parameters)}
-    now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
-    active = Active(tuple(effects), p, {name: now[name] for name in hidden})
+    p = {item.key: q[i] for i, item in enumerate(parameters)}
+    now: dict[Name, Any] = {name: state[i] for i, name in enumerate(names)}
+    active = Active.of(effects, p, now)
     stepper = Stepper(surface, drive, active, active.link(), smoothing)
     unit, last = drive.command_unit, c0 if drive.held else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
-    initial = dict.fromkeys(names, 0.0) | {"direction": 1.0}
+    initial: dict[Name, float] = dict.fromkeys(names, 0.0) | {"direction": 1.0}
     return Assembly(names, initial, parameters, function, _correction(surface, drive, names))
 
 
-def _correction(surface: Surface, drive: Drive, names: tuple[str, ...]) -> ca.Function:
+def _correction(surface: Surface, drive: Drive, names: tuple[Name, ...]) -> ca.Function:
     state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
-    now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
+    now: dict[Name, Any] = {name: state[i] for i, name in enumerate(names)}
     shift = gain * error
     if not surface.dragged or not drive.anchored:
         new = now | {"x": now["x"] + shift}

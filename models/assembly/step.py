@@ -11,6 +11,7 @@ from models.assembly.effects import Active
 from models.drives.drive import Actuation, Drive, Push
 from models.drives.elastic_link import Link
 from models.effects.effect import Signals
+from models.parameter import Name
 from models.surfaces.gut import Drag, drag_rate, settle, step_drag
 from models.surfaces.surface import Surface
 
@@ -70,8 +71,8 @@ class Stepper:
     def grip(self, s: Signals) -> Grip:
         """Friction and slip limit at `s`, with what effects make of them."""
         levels = self.active.levels(s)
-        pressing = self.drive.pressing(s.x, s.command, self.active.p) + self.active.total("normal_load", s)
-        friction, onset = self.surface.hold(np.abs(s.v), self.active.p, self.drive.carried_kg, levels, pressing)
+        pressing = self.drive.pressing(s.x, s.command, self.active.p.base) + self.active.total("normal_load", s)
+        friction, onset = self.surface.hold(np.abs(s.v), self.active.p.base, self.drive.carried_kg, levels, pressing)
         if not self.surface.dragged:
             return Grip(friction, levels[0])
         u_c = self.slipping_drag(onset, s)
@@ -111,17 +112,17 @@ class Stepper:
             return drag
         return step_drag(drag, v, h, grip.onset, lambda u: self.tension(u) * self.stiffening(s, u), grip.recovery)
 
-    def push(self, now: dict[str, Any], s: Signals, middle: Any, h: Any) -> Push:
+    def push(self, now: dict[Name, Any], s: Signals, middle: Any, h: Any) -> Push:
         """What the drive does to a free body; `middle` is the command at mid-step."""
         if self.drive.imposed:
             return Push(0.0)
-        own = {name: now[f"{self.drive.name}.{name}"] for name in self.drive.states}
-        gain, p = self.active.product("gain", s), self.active.p
+        own = {name: now[self.drive.name, name] for name in self.drive.states}
+        gain, p = self.active.product("gain", s), self.active.p.base
         return self.drive.push(
             Actuation(s.x, s.v, now["v"], middle, h, p, own, gain, self.active.suspension, self.active.reach)
         )
 
-    def advance(self, now: dict[str, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[str, Any], Any]:
+    def advance(self, now: dict[Name, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[Name, Any], Any]:
         """The states after a step `h` from `t` in s while the command goes from `c0` to `c1`, and the output at its
         end.
         """
@@ -148,12 +149,12 @@ class Stepper:
         T, F_v = self.held(s, drag, T_quiet)
         outside = self.active.total("force", s)
         if imposed:
-            x_next, v_next, own = command, v_now, {}
+            x_next, v_next, own = command, v_now, dict[Name, Any]()
             dragged = self.drag(s, drag, v_next, h, grip)
         else:
             v_next, v_mean = self._slowed(now, push, outside - F_v - T, s, grip, (command, rate), h)
             x_next = now["x"] + h * v_mean
-            own = {f"{self.drive.name}.{name}": value for name, value in push.after(v_next, v_mean).items()}
+            own = {(self.drive.name, name): value for name, value in push.after(v_next, v_mean).items()}
             dragged = self.drag(s, drag, v_mean, h, grip)
         s = replace(s, t=t + h, drag_rate=drag_rate(dragged, v_next, grip.recovery))
         output = x_next
@@ -166,7 +167,7 @@ class Stepper:
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
 
-    def _faced(self, now: dict[str, Any], push: Push) -> Any:
+    def _faced(self, now: dict[Name, Any], push: Push) -> Any:
         """Direction that a resting body's friction faces: of one in a dragged wall the last motion's, else where the
         drive pushes.
         """
@@ -175,7 +176,7 @@ class Stepper:
         return now["direction"]
 
     def _slowed(
-        self, now: dict[str, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
+        self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
         """`_speed` under the `grip`; where its level goes by the speed, under the level that belongs to the step's own
         mean speed, by a secant: friction's slope over the speed times h/m is no small number.
@@ -195,7 +196,7 @@ class Stepper:
         return at(grip.friction + change / (1 - np.minimum(turn, _MOST_TURN)))
 
     def _speed(
-        self, now: dict[str, Any], push: Push, others: Any, friction: Any, pulled: tuple[Any, Any], h: Any
+        self, now: dict[Name, Any], push: Push, others: Any, friction: Any, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
         """Speed of a free body at the step's end and its mean over the step, friction solved within the step."""
         m = self.mass_kg + push.inertia
@@ -231,7 +232,7 @@ def turned(v: Any, free: Any, stop: Any) -> tuple[Any, Any]:
     return v_next, np.where(stops, 0.5 * (share * v + rest * after), 0.5 * (v + v_next))
 
 
-def _motion(now: dict[str, Any], x: Any, v: Any, drag: Drag, s: Signals, h: Any, rest: float) -> dict[str, Any]:
+def _motion(now: dict[Name, Any], x: Any, v: Any, drag: Drag, s: Signals, h: Any, rest: float) -> dict[Name, Any]:
     """The base model's states at the step's end; a body slower than `rest` in m/s is at rest."""
     moving = np.abs(v) > rest
     return {

@@ -12,6 +12,7 @@ from typing import Final
 
 from models.effects import own
 from models.effects.effect import Effect
+from models.parameter import Name
 from models.rigs.kinds import KINDS
 
 _REFINEMENTS: Final = f"{__name__}.refinements."
@@ -44,10 +45,10 @@ def effects_for(kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[
     return tuple((declared | {variant.id: variant for variant in variants}).values())
 
 
-def followed_by(state: str) -> str:
-    """What a model's state (`effect_id.name`) is at after a long rest: "command", "position", or "" for 0."""
-    effect, _, name = state.partition(".")
-    return BY_ID[effect].follows.get(name, "") if effect in BY_ID else ""
+def followed_by(state: Name) -> str:
+    """What a model's state is at after a long rest: "command", "position", or "" for 0."""
+    effect = None if isinstance(state, str) else BY_ID.get(state[0])
+    return "" if effect is None else effect.follows.get(state[1], "")
 
 
 def use_effects(paths: Sequence[Path]) -> list[type[Effect]]:

@@ -121,8 +121,8 @@ class Effect:
 
     @classmethod
     def start(cls) -> dict[str, float]:
-        """Where a search begins that knows nothing of the effect: its declared values, by `effect_id.name`."""
-        return {f"{cls.id}.{p.name}": p.value for p in cls.parameters()}
+        """Where a search begins that knows nothing of the effect: its declared values."""
+        return {p.name: p.value for p in cls.parameters()}
 
     @classmethod
     def further(cls, p: Values) -> list[tuple[str, str, str]]:

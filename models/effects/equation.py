@@ -11,6 +11,8 @@ import numpy as np
 
 from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.formula import Formula, called, value_of, written
+from models.parameter import Name
+from models.theta import Theta, bare
 
 LEFT: Final[Mapping[str, str]] = {
     "level": "friction scale",
@@ -86,34 +88,30 @@ def about_axis(line: str) -> str:
     return line.replace(LEFT["force"], "added torque in N m")
 
 
-def lines_of(effects: Iterable[type[Effect]], theta: Mapping[str, float]) -> list[str]:
-    """A line with the equations of each effect that has an entry in `theta` (values by `effect_id.name`), with all its
-    numbers: those given and the defaults of the others.
+def lines_of(effects: Iterable[type[Effect]], theta: Theta) -> list[str]:
+    """A line with the equations of each effect that has an entry in `theta`, with all its numbers: those given and the
+    defaults of the others.
     """
     lines = []
     for effect in effects:
-        given = _values(effect.id, theta)
+        given = theta.effects.get(effect.id)
         if given:
-            defaults = {p.name: p.value for p in effect.parameters()}
-            lines.append(f"{effect.id}: {text_of(effect, {**_values(effect.of, theta), **defaults, **given})}")
+            values = {**theta.effects.get(effect.of, {}), **effect.start(), **given}
+            lines.append(f"{effect.id}: {text_of(effect, values)}")
     return lines
 
 
-def symbols_of(theta: Mapping[str, float], fitted: Iterable[str]) -> dict[str, Any]:
+def symbols_of(theta: Theta, fitted: Iterable[Name]) -> Theta:
     """`theta` with the symbols of those that were `fitted` in place of their numbers: what writes a model's equations
     with its numbers writes them with these too.
     """
-    known = set(fitted)
-    return {name: _symbol(name) if name in known else value for name, value in theta.items()}
+    symbols: dict[Name, Any] = {name: _symbol(name) for name in fitted if name in theta}
+    return theta | symbols
 
 
-def _symbol(name: str) -> Formula:
-    own = name.rpartition(".")[2]
+def _symbol(name: Name) -> Formula:
+    own = bare(name)
     return called("log10", Formula(own.removeprefix("log10_"))) if own.startswith("log10_") else Formula(own)
-
-
-def _values(effect: str, theta: Mapping[str, float]) -> dict[str, float]:
-    return {name.partition(".")[2]: value for name, value in theta.items() if name.startswith(f"{effect}.")}
 
 
 def answered(

@@ -29,9 +29,11 @@ from models.identification.residual_tests import chance_error, residual_checks
 from models.identification.search.forward_selection import Search, search
 from models.identification.settings import SET
 from models.identification.verdict import at_bounds, by_chance, model_checks, setback_findings, setbacks, verdict_of
+from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 
 def close(
@@ -111,8 +113,8 @@ def close(
         measure=kind.measure,
         verdict=verdict,
         effects=tuple(_effect(name, found, spread, verdict) for name in found.effects),
-        calibration={name: estimate for name, estimate in spread.items() if "." not in name},
-        nominal=thetas["nominal"],
+        calibration={name: estimate for name, estimate in spread.items() if isinstance(name, str)},
+        nominal=dict(thetas["nominal"].base),
         error=errors,
         noise_floor=floor,
         checks=checks,
@@ -173,16 +175,12 @@ def _next(findings: Sequence[RecordFinding], verdict: str, told: Sequence[str | 
     return "; ".join(dict.fromkeys(words for words in (*weak, *told) if words)) or None
 
 
-def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
-    nominal = dict(kind.nominal())
-    return {
-        "nominal": nominal,
-        "calibrated": {**nominal, **found.calibrated.theta},
-        "augmented": {**nominal, **found.augmented.theta},
-    }
+def _stage_values(kind: AnyKind, found: Search) -> dict[str, Theta]:
+    nominal = kind.nominal()
+    return dict(zip(STAGES, (nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta), strict=True))
 
 
-def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
+def _effect(name: str, found: Search, spread: Mapping[Name, Estimate], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
     score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
     known = confidence_map()
@@ -200,8 +198,8 @@ def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: s
     )
 
 
-def _own(name: str, spread: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    return {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(f"{name}.")}
+def _own(name: str, spread: Mapping[Name, Estimate]) -> dict[str, Estimate]:
+    return {key[1]: value for key, value in spread.items() if not isinstance(key, str) and key[0] == name}
 
 
 def _rows(found: Search) -> list[CandidateRow]:
@@ -274,7 +272,7 @@ def _proposed(found: Search, train: Sequence[Record], holdout: Sequence[Record])
     return said
 
 
-def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Mapping[str, float]]) -> Trace:
+def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Theta]) -> Trace:
     measured = np.asarray(kind.measured(record))
     predicted = {stage: np.asarray(kind.predict(record, thetas[stage])) for stage in STAGES}
     signals = kind.signals(record)

@@ -12,12 +12,9 @@ from models.effects import BY_ID
 from models.effects.effect import Effect
 from models.parameter import Parameter
 from models.records.record import Record
+from models.theta import Theta
 
 Array = NDArray[np.float64]
-Theta = Mapping[str, float]
-"""Values of the base parameters by name and of effect parameters by `effect_id.name`; an effect with no entry is
-absent.
-"""
 
 
 class Kind(Protocol):
@@ -96,6 +93,10 @@ class Kind(Protocol):
         """The candidates."""
         ...
 
+    def nominal(self) -> Theta:
+        """The base parameters as believed."""
+        ...
+
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
 
@@ -149,6 +150,9 @@ class Kind(Protocol):
 
 
 class _Residual(Protocol):
+    @property
+    def base(self) -> tuple[Parameter, ...]: ...
+
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array: ...
 
 
@@ -157,6 +161,10 @@ class OneByOne:
 
     lanes: ClassVar[int] = 1
     beginnings_s: ClassVar[tuple[float, ...]] = ()
+
+    def nominal(self: _Residual) -> Theta:
+        """The base parameters as believed."""
+        return Theta.declared(self.base)
 
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
@@ -173,7 +181,7 @@ class OneByOne:
 
 def parameters_of(effect: type[Effect], theta: Theta) -> dict[str, float] | None:
     """An effect's parameters in `theta`, at their defaults where left out; None where the effect is absent."""
-    given = {p.name: theta[f"{effect.id}.{p.name}"] for p in effect.parameters() if f"{effect.id}.{p.name}" in theta}
+    given = theta.effects.get(effect.id)
     return {p.name: given.get(p.name, p.value) for p in effect.parameters()} if given else None
 
 
@@ -182,14 +190,9 @@ def present(effects: Sequence[type[Effect]], theta: Theta) -> list[tuple[Effect,
     return [(effect(), values) for effect in effects if (values := parameters_of(effect, theta)) is not None]
 
 
-def effects_in(theta: Theta) -> frozenset[str]:
-    """Ids of the effects that have an entry in `theta`."""
-    return frozenset(name.split(".")[0] for name in theta if "." in name)
-
-
 def had(kind: Kind) -> frozenset[str]:
     """Ids of the effects that belong to the base of `kind`."""
-    return effects_in({p.name: p.value for p in kind.base})
+    return frozenset(p.effect for p in kind.base if p.effect)
 
 
 def declared(kind: Kind, effect: str) -> type[Effect]:

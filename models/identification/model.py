@@ -28,6 +28,7 @@ from models.identification.record_checks import check_demand
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
 from models.rigs.rig import Rig
+from models.theta import Theta, spelled
 
 LARGEST_MODEL = 1 << 22  # bytes of a model file
 LARGEST_REPORT = 1 << 26  # bytes of a report
@@ -68,7 +69,7 @@ HELD_OUT = "held_out_error"
 
 @dataclass(frozen=True)
 class Model:
-    """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`.
+    """`stages` maps nominal, calibrated and augmented to values.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
     empty where none were held out; `cautions` say of a stage that it errs more there than an earlier one.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is `sealed` but where its file
@@ -76,7 +77,7 @@ class Model:
     """
 
     kind: str
-    stages: dict[str, dict[str, float]]
+    stages: dict[str, Theta]
     verdict: str = ""
     provenance: dict[str, str] = field(default_factory=dict)
     held_out: dict[str, float] = field(default_factory=dict)
@@ -85,7 +86,7 @@ class Model:
     sealed: bool = field(default=True, compare=False)
     misfit: str = field(default="", compare=False)
 
-    def believed(self, stage: str) -> dict[str, float]:
+    def believed(self, stage: str) -> Theta:
         """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
         return self.stages[stage] | ({HELD_OUT: self.held_out[stage]} if stage in self.held_out else {})
 
@@ -103,7 +104,7 @@ class Model:
         for stage in STAGES:
             lines += [
                 f"[{stage}]",
-                *(f"{json.dumps(name)} = {value!r}" for name, value in self.stages[stage].items()),
+                *(f"{json.dumps(spelled(name))} = {value!r}" for name, value in self.stages[stage].items()),
                 "",
             ]
         return sealed("\n".join(lines))
@@ -161,15 +162,14 @@ class Model:
         )  # at most a sample of its own records
         effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
         for stage, values in self.stages.items():
-            present = dict.fromkeys(name.split(".")[0] for name in values if "." in name)
-            strange = next((name for name in present if name not in effects), None)
+            strange = next((name for name in values.effects if name not in effects), None)
             if strange is not None:
                 hint = nearest(strange, list(effects))
                 raise ValueError(
                     f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r};"
                     f" {hint}"
                 )
-            own = [(p, p.fit) for p in effect_parameters([effects[name] for name in present])]
+            own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]
             _check_values(stage, values, [*((p, True) for p in base), *own])
 
 
@@ -203,22 +203,19 @@ def _tell_unsealed(path: Path) -> None:
     print(f"{path}: model carries no checksum, so nothing tells whether it is whole; {SEAL} seals it", file=sys.stderr)
 
 
-def _check_values(stage: str, values: Mapping[str, float], declared: Sequence[tuple[Parameter, bool]]) -> None:
+def _check_values(stage: str, values: Theta, declared: Sequence[tuple[Parameter, bool]]) -> None:
     """`values` against parameters, each with whether it must be there."""
-    known = [p.name for p, _ in declared]
-    unknown = next((name for name in values if name not in known), None)
+    known = [p.key for p, _ in declared]
+    unknown = next((spelled(name) for name in values if name not in known), None)
     if unknown is not None:
-        hint = nearest(unknown, [name for name in known if name not in values] or known)
+        hint = nearest(unknown, [spelled(name) for name in known if name not in values] or [*map(spelled, known)])
         raise ValueError(f"model [{stage}] must have parameters of its rig and effects; got {unknown!r}; {hint}")
     for p, needed in declared:
-        if p.name not in values:
-            if needed:
-                raise ValueError(f"model [{stage}] must have the key {p.name!r}; it is missing")
-            continue
-        if not p.holds(values[p.name]):
-            raise ValueError(
-                f"model [{stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {values[p.name]:g}"
-            )
+        name, value = spelled(p.key), values.get(p.key)
+        if value is None and needed:
+            raise ValueError(f"model [{stage}] must have the key {name!r}; it is missing")
+        if value is not None and not p.holds(value):
+            raise ValueError(f"model [{stage}] {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {value:g}")
 
 
 def _errors(raw: object) -> dict[str, float]:
@@ -242,9 +239,9 @@ def _cautions(raw: object) -> dict[str, str]:
     return {str(stage): said for stage, said in raw.items()}
 
 
-def own_effects_of(thetas: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, str]]:
+def own_effects_of(thetas: Mapping[str, Theta]) -> dict[str, dict[str, str]]:
     """File and SHA-256 of each effect from outside that the values of a model name."""
-    used = {name.split(".")[0] for theta in thetas.values() for name in theta if "." in name}
+    used = {name for theta in thetas.values() for name in theta.effects}
     return {name: {"file": o.file, "sha256": o.sha256} for name, o in LOADED.items() if name in used}
 
 
@@ -265,23 +262,20 @@ def _own_effects(raw: object) -> dict[str, dict[str, str]]:
     return {str(name): {"file": str(o.get("file", "")), "sha256": str(o.get("sha256", ""))} for name, o in raw.items()}
 
 
-def _values(raw: object, stage: str) -> dict[str, float]:
+def _values(raw: object, stage: str) -> Theta:
     if not isinstance(raw, Mapping):
         raise ValueError(f"model must have a table [{stage}]; it is missing")
-    out = {}
-    for name, value in raw.items():
+    for text, value in raw.items():
         if not is_number(value):
-            raise ValueError(f"model [{stage}] {name} must be a finite number; got {shown(value)}")
-        if "." in name and name.split(".")[0] not in BY_ID:
-            raise ValueError(
-                f"model [{stage}] must name known effects; got {name!r}; {nearest(name.split('.')[0], list(BY_ID))}"
-            )
-        if "." in name:
-            effect, own = name.split(".", 1)
-            known = [p.name for p in BY_ID[effect].parameters()]
-            if own not in known:
-                raise ValueError(
-                    f"model [{stage}] {effect} must have parameters of that effect; got {own!r}; {nearest(own, known)}"
-                )
-        out[str(name)] = float(value)
-    return out
+            raise ValueError(f"model [{stage}] {text} must be a finite number; got {shown(value)}")
+    theta = Theta.read(raw)
+    for effect, values in theta.effects.items():
+        if effect not in BY_ID:
+            got = next(text for text in raw if text.startswith(f"{effect}."))
+            raise ValueError(f"model [{stage}] must name known effects; got {got!r}; {nearest(effect, list(BY_ID))}")
+        known = [p.name for p in BY_ID[effect].parameters()]
+        strange = next((name for name in values if name not in known), None)
+        if strange is not None:
+            hint = nearest(strange, known)
+            raise ValueError(f"model [{stage}] {effect} must have parameters of that effect; got {strange!r}; {hint}")
+    return theta

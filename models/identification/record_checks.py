@@ -56,7 +56,7 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
     ValueError.
     """
     wanted = KINDS[kind.name].wanted
-    names, nominal = ", ".join(r.name for r in train), {p.name: p.value for p in kind.base}
+    names, nominal = ", ".join(r.name for r in train), kind.nominal()
     for record in (*train, *holdout):
         with named(record):
             kind.residual(record, nominal)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -13,13 +13,14 @@ from models.identification.kind import Kind
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 def residual_checks(
     kind: Kind,
     records: Sequence[Record],
     fit: Fit,
-    likely: Sequence[Mapping[str, float]],
+    likely: Sequence[Theta],
     seed: int = 0,
     effects: Sequence[str] = (),
 ) -> tuple[Check, ...]:
@@ -66,9 +67,7 @@ def residual_checks(
     )
 
 
-def chance_error(
-    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
-) -> float:
+def chance_error(kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0) -> float:
     """The largest reported error of `fit` on imitations of `records` on models `likely`; not a number where there are
     no records.
     """

@@ -15,7 +15,9 @@ from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind, declared
 from models.identification.search.forward_selection import Search
 from models.identification.settings import SET
+from models.parameter import Name
 from models.records.record import Record
+from models.theta import spelled
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
@@ -28,7 +30,7 @@ def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
 def model_checks(
     kind: Kind,
     found: Search,
-    spread: Mapping[str, Estimate],
+    spread: Mapping[Name, Estimate],
     held_out: Mapping[str, float],
     findings: Sequence[RecordFinding],
     allowed: float = 0.0,
@@ -64,7 +66,7 @@ def model_checks(
         ),
     ]
     if found.effects:
-        amplitudes = [f"{name}.{declared(kind, name).amplitude().name}" for name in found.effects]
+        amplitudes = [(name, declared(kind, name).amplitude().name) for name in found.effects]
         untold = sum(name not in spread or not spread[name].told for name in amplitudes)
         checks.append(
             _check(
@@ -104,7 +106,7 @@ def model_checks(
             over_chance = held_out["calibrated"] / max(chance, 1e-300)
             words = "of the free run, by the most that noise and uncertain parameters make of it"
             checks.append(_check("held_out", "held-out error over chance", over_chance, SET.beyond_chance, words))
-    base = [estimate.told for name, estimate in spread.items() if "." not in name]
+    base = [estimate.told for name, estimate in spread.items() if isinstance(name, str)]
     if base:
         share = float(np.mean([not told for told in base]))
         checks.append(
@@ -173,19 +175,19 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
     """Names of the fitted parameters at a bound. A bound of 0, where the law itself ends or becomes a simpler one, is
     none, but for the size of an effect, which is not there then; nor is one where a form is as it is declared.
     """
-    sizes = {f"{name}.{declared(kind, name).amplitude().name}" for name in effects}
+    sizes = {(name, declared(kind, name).amplitude().name) for name in effects}
     found = []
     for axis in axes(kind, effects):
         p = axis.parameter
-        plain = {0.0, p.value} if "." in axis.name else {0.0}
+        plain = {0.0, p.value} if p.effect else {0.0}
         bounds = [bound for bound in (p.lower, p.upper) if axis.name in sizes or bound not in plain]
         if any(near(fit.theta[axis.name], bound, p) for bound in bounds):
-            found.append(axis.name)
+            found.append(spelled(axis.name))
     return found
 
 
-def _frequencies(kind: Kind, effects: Sequence[str]) -> list[str]:
-    return [f"{name}.{p.name}" for name in effects for p in declared(kind, name).parameters() if p.unit == "Hz"]
+def _frequencies(kind: Kind, effects: Sequence[str]) -> list[tuple[str, str]]:
+    return [(name, p.name) for name in effects for p in declared(kind, name).parameters() if p.unit == "Hz"]
 
 
 def _check(name: str, title: str, value: float, limit: float, meaning: str) -> Check:

@@ -25,6 +25,7 @@ from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 SHARED = Path(os.environ.get("CAPSULE_SHARED", Path(__file__).parents[3] / "shared"))
 RIG = {
@@ -42,21 +43,19 @@ def third(record: Record, draw: int) -> tuple[Record, Record]:
     return record.rows(~held), record.rows(held)
 
 
-def ladder(
-    kind: VibroTableKind, theta: dict[str, float], effects: Sequence[str], rest: Record, held: Record
-) -> list[float]:
+def ladder(kind: VibroTableKind, theta: Theta, effects: Sequence[str], rest: Record, held: Record) -> list[float]:
     """Held-out rms in mm/s of fits to `rest` with none, the first, the first two ... of `effects`."""
     out = []
     for count in range(len(effects) + 1):
         some = list(effects[:count])
-        fit = {k: v for k, v in theta.items() if "." not in k or k.split(".")[0] in some}
+        fit = theta.only(some)
         for secant in (0.3, 0.1):
-            fit = {**fit, **descend(Problem.of(kind, [rest], some, 0), fit, secant, 12).theta}
+            fit = fit | descend(Problem.of(kind, [rest], some, 0), fit, secant, 12).theta
         out.append(1e3 * kind.error([held], [kind.predict(held, fit)]))
     return out
 
 
-def closed(rig: Rig, rest: Record, held: Sequence[Record], seed: int) -> tuple[dict[str, object], dict[str, float]]:
+def closed(rig: Rig, rest: Record, held: Sequence[Record], seed: int) -> tuple[dict[str, object], Theta]:
     """One closed loop in numbers, and its model's values."""
     began, cpu = time.monotonic(), time.process_time()
     finding, model = close(rig, [rest], held, lambda *_: None, seed=seed)
@@ -88,7 +87,7 @@ def main() -> None:
     whole, theta = closed(rig, record, [], options.seed)
     print(json.dumps(whole, indent=1), flush=True)
     kind = VibroTableKind.from_rig(rig).settled([record])
-    effects = list(dict.fromkeys(name.split(".")[0] for name in theta if "." in name))
+    effects = list(theta.effects)
     rows = np.array([ladder(kind, theta, effects, *third(record, draw)) for draw in range(options.draws)])
     for count, column in enumerate(rows.T):
         q = np.percentile(column, [0, 25, 50, 75, 100])

@@ -22,6 +22,7 @@ from controller.tuned import PidGains
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.track import loop as track_loop
 from hil.app.track.score import score
+from models.theta import Theta
 
 REFERENCES: tuple[dict[str, Any], ...] = (
     {"kind": "ramp", "speed_mm_s": 1.0},
@@ -66,7 +67,7 @@ def main() -> None:
     options.add_argument("kind", choices=("magnetic", "coil"))
     options.add_argument("--friction", action="store_true")
     chosen = options.parse_args()
-    runs = [(s, track_loop.believed_model(s, {})) for s in nominal(chosen.kind)]
+    runs = [(s, track_loop.believed_model(s, Theta())) for s in nominal(chosen.kind)]
     here, known = dict(START), dict[tuple[float, ...], float]()
     for _ in range(SWEEPS):
         before = dict(here)

@@ -119,7 +119,7 @@ def at_the_truth(name: str, seed: int, seconds: float) -> None:
     for step_s in (2e-5, 5e-6, 2.5e-6):
         rig, records, truth = series(name, None, seed, seconds, 1, step_s)
         kind = kind_for(rig, records)
-        theta = {**kind.nominal(), **truth} | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
+        theta = kind.nominal() | truth | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
         began = time.monotonic()
         left = kind.error(records, [kind.predict(records[0], theta)])
         took = time.monotonic() - began

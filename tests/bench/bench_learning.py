@@ -35,6 +35,7 @@ from hil.app.sil.loop import SilTrace, learning_of, run_sil
 from hil.app.sil.story import error_by_second, rms_m
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import score
+from models.theta import Theta
 from tests.bench.bench_monitor import FOLDER, RIGS, gut, numbers
 
 EFFECTS: Final = (
@@ -50,10 +51,10 @@ TICK_S: Final = {"magnetic": 5e-3, "coil": 4e-3}
 PACE: Final = load_sil_scenario(FOLDER / "demo_learning.toml")[0].pace
 GIVEN: Final[dict[str, dict[str, float]]] = {
     "none": {},
-    "actuator_lag": {"actuator_lag.time_s": 0.11},
-    "sensor_delay": {"sensor_delay.delay_s": 0.08},
-    "incline_gravity": {"incline_gravity.force_N": 0.0162},
-    "carriage_backlash": {"carriage_backlash.width_m": 1.75e-3},
+    "actuator_lag": Theta.of({("actuator_lag", "time_s"): 0.11}),
+    "sensor_delay": Theta.of({("sensor_delay", "delay_s"): 0.08}),
+    "incline_gravity": Theta.of({("incline_gravity", "force_N"): 0.0162}),
+    "carriage_backlash": Theta.of({("carriage_backlash", "width_m"): 1.75e-3}),
 }
 """The catalogue's numbers of the plant's effects, where both have the same meaning."""
 Row = dict[str, Any]
@@ -91,8 +92,8 @@ def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace)
 
 def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tuple[SilTrace, Any]:
     """One run, and what it scores."""
-    model = believed_on_bus(scenario, {})
-    learning = learning_of(scenario, {}, answer_at_once) if learns else None
+    model = believed_on_bus(scenario, Theta())
+    learning = learning_of(scenario, Theta(), answer_at_once) if learns else None
     trace = run_sil(scenario, model, controller, seed, learning=learning)
     return trace, score(scenario.loop, trace)
 
@@ -138,7 +139,7 @@ def given(kind: str, effects: str, seed: int, options: argparse.Namespace) -> st
         "friction_coefficient": float(rig.tissue.friction_coefficient),
         **({"magnet_stiffness_N_per_m": drive.magnet_stiffness_N_per_m} if kind == "magnetic" else {}),
     }
-    for believed in ({}, {**base, **GIVEN[effects]}):
+    for believed in (Theta(), Theta.of({**base, **GIVEN[effects]})):
         trace = run_sil(scenario, believed_on_bus(scenario, believed), RIGS[kind][1], seed)
         errors.append(rms_mm(trace, scenario, end - LAST_S, end))
     return f"{kind:9s} {effects:30s} {seed:4d} {errors[0]:8.3f} {errors[1]:8.3f} {errors[1] / errors[0]:6.2f}"

@@ -32,6 +32,7 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
+from models.theta import Theta
 from plant import layout as at
 from plant.drives.kinds import Carriage, TrueCoil
 from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
@@ -144,7 +145,7 @@ def run(job: Job) -> Result:
     else:
         tables |= sound(job.size, job.rig)
     scenario = scenario_of(job.rig, job.seconds, *faults, **tables)
-    trace = run_sil(scenario, believed_on_bus(scenario, {}), job.controller, job.size)
+    trace = run_sil(scenario, believed_on_bus(scenario, Theta()), job.controller, job.size)
     cpu_s = time.process_time() - began
     if not job.name:
         left = bool(trace.stopped_because) and was_left(scenario, trace)

@@ -16,6 +16,7 @@ from controller.registry import leads
 from hil.app.scenario.bus_scenario import load_sil_scenario
 from hil.app.sil.loop import run_sil
 from hil.app.sil.testbed import believed_on_bus
+from models.theta import Theta
 
 SHIPPED = Path(__file__).parents[2] / "hil" / "scenarios" / "track_magnetic_ramp.toml"
 CONTROLLERS = ("pid_friction", "feedforward", "mpc", "vibro")
@@ -25,7 +26,7 @@ def main(seconds: float, path: Path) -> None:
     """Print the table; the first run of each controller, in which machine code is made, does not count."""
     scenario, _ = load_sil_scenario(path)
     scenario = replace(scenario, loop=replace(scenario.loop, duration_s=seconds))
-    model = believed_on_bus(scenario, {})
+    model = believed_on_bus(scenario, Theta())
     print(f"{scenario.loop.name}, {seconds:g} s\ncontroller      x real time: processor, wall   frames/s  load")
     for controller in (name for name in CONTROLLERS if scenario.loop.kind in leads(name)):
         run_sil(replace(scenario, loop=replace(scenario.loop, duration_s=0.5)), model, controller, 1)

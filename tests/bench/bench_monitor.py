@@ -27,6 +27,7 @@ from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
+from models.theta import Theta
 from plant.anatomy import Anatomy, random_anatomy
 from plant.hidden.registry import hidden
 from plant.rig import Truth
@@ -88,7 +89,7 @@ def drive(kind: str, effect: str, size: float, seed: int, seconds: float, tick_s
 
     forecast.Forecast.step = kept  # type: ignore[assignment,method-assign]
     try:
-        trace = run_loop(scenario, believed_model(scenario, {}), controller, seed)
+        trace = run_loop(scenario, believed_model(scenario, Theta()), controller, seed)
     finally:
         forecast.Forecast.step = step  # type: ignore[method-assign]
     found = score(scenario, trace)
@@ -119,7 +120,7 @@ class Believer:
 
     def __init__(self, kind: str) -> None:
         scenario = load_track_scenario(FOLDER / f"track_{RIGS[kind][0]}.toml")
-        self.model = believed_model(scenario, {})
+        self.model = believed_model(scenario, Theta())
         self.noise = trusting(self.model)
 
 

@@ -28,6 +28,7 @@ from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender
+from models.theta import Theta
 from plant.drives.kinds import TrueMagnet
 from plant.rig import Truth
 from plant.session import Session
@@ -103,7 +104,7 @@ def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
     """Run the loop; (ticks,) of tick to sent and the thread's own time in ms, error in mm, whether the plan was cut or
     failed.
     """
-    model = control_model(believed(), {}, tick_s)
+    model = control_model(believed(), Theta(), tick_s)
     envelope, reference = envelope_of(model.drive), by_speeds([0.0, 1e-3], [0.3, ticks * tick_s])
     chain = build("mpc", model, envelope, PLANNING * tick_s)
     supervisor, estimator = Supervisor(chain, envelope), estimator_for("mpc", model)

@@ -33,8 +33,8 @@ def line(folder: Path, out: Path) -> str:
     base = tuple(replace(p, value=told[p.name], fit=False) if p.name in told else p for p in kind.base)
     held = replace(kind, base=base)
     effects = active_effects(found)
-    start = {**found, **told}
-    true = {**start, **whole(held, train, effects, start).theta}
+    start = found | told
+    true = start | whole(held, train, effects, start).theta
     left = kind.error(holdout, [kind.predict(record, true) for record in holdout])
     within = all(
         low <= value <= high for name, value in told.items() for low, high in [report["calibration"][name]["ci95"]]

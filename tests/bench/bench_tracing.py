@@ -32,6 +32,7 @@ from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from plant.experiments.series import hidden_ids, make_series
 from plant.hidden.registry import hidden
 
@@ -195,7 +196,7 @@ def run(kind: str, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     }
 
 
-def read_series(folder: Path, out: Path) -> tuple[SeriesKind, list[Record], list[Record], dict[str, float]]:
+def read_series(folder: Path, out: Path) -> tuple[SeriesKind, list[Record], list[Record], Theta]:
     """Of a series in `folder` closed into `out`: the kind, the training and the held-out records, and the model
     found.
     """
@@ -211,17 +212,14 @@ def read_series(folder: Path, out: Path) -> tuple[SeriesKind, list[Record], list
     )
 
 
-def _a_thousandth_off(kind: SeriesKind, theta: dict[str, float], records: list[Record]) -> float:
+def _a_thousandth_off(kind: SeriesKind, theta: Theta, records: list[Record]) -> float:
     """Largest error of the model at `theta` held against itself, each fitted base number 0.1 % up or down."""
     made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in records]
     fitted = [p.name for p in kind.base if p.fit]
     errors = [
         kind.error(
             made,
-            [
-                kind.predict(r, {**theta, **{n: theta[n] * f for n, f in zip(fitted, factors, strict=True)}})
-                for r in made
-            ],
+            [kind.predict(r, theta | {n: theta[n] * f for n, f in zip(fitted, factors, strict=True)}) for r in made],
         )
         for factors in itertools.product((0.999, 1.001), repeat=len(fitted))
     ]

@@ -22,6 +22,7 @@ from controller.registry import CONTROLLERS, leads
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import Score, score, wall_force
+from models.theta import Theta
 from plant import layout as at
 from plant.anatomy import random_anatomy
 
@@ -119,7 +120,7 @@ def measure(name: str, controllers: list[str], seeds: range, anatomies: range, d
     scenario = load_track_scenario(FOLDER / f"track_{name}.toml")
     if duration_s is not None:
         scenario = replace(scenario, duration_s=min(duration_s, scenario.duration_s))
-    model = believed_model(scenario, {})
+    model = believed_model(scenario, Theta())
     runs = variants(scenario, seeds, anatomies)
     guts = f"{len(anatomies)} random guts, " if anatomies else ""
     print(f"\n{name}: {guts}{len(runs)} runs of {scenario.duration_s:g} s\n{HEAD}")

@@ -26,6 +26,7 @@ from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
+from models.theta import Theta
 from plant.drives.kinds import TrueVibro
 from plant.rig import Truth
 from tests.bench.four_phase import best_four_phase
@@ -134,9 +135,9 @@ def reaches() -> dict[str, Row]:
     return found
 
 
-def _identified() -> dict[str, float]:
+def _identified() -> Theta:
     values = Model.from_toml(IDENTIFIED.read_text(encoding="utf-8")).stages["augmented"]
-    return {**values, "mirror": 1.0}
+    return values | {"mirror": 1.0}
 
 
 def capsubot() -> dict[str, list[Row]]:

@@ -14,6 +14,7 @@ from typing import Any, Final
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
+from models.theta import Theta
 from plant import layout as at
 
 SCENARIO: Final = Path(__file__).parents[2] / "hil" / "scenarios" / "track_magnetic_ramp.toml"
@@ -28,7 +29,7 @@ def draw(path: Path) -> None:
     """Errors of the true position over time, one line a controller, with its RMSE over the whole run."""
     plt: Any = import_module("matplotlib.pyplot")
     scenario = load_track_scenario(SCENARIO)
-    model = believed_model(scenario, {})
+    model = believed_model(scenario, Theta())
     figure, axes = plt.subplots(figsize=(9, 3.4), dpi=120)
     axes.axhline(0.0, color="#999999", linewidth=1)
     for name, words, colour in SHOWN:

@@ -56,11 +56,11 @@ def four_phase(
     model, sub = cycles.model, _SUBSTEPS
     m, k = model.drive.inner_mass_kg, (2 * math.pi / free_period(model)) ** 2 * model.drive.inner_mass_kg
     damping = float(model.values.get("spring_damping_N_s_per_m", model.drive.spring_damping_N_s_per_m))
-    damping += float(model.values.get("spring_damping.damping_N_s_per_m", 0.0))
+    damping += float(model.values.get(("spring_damping", "damping_N_s_per_m"), 0.0))
     full, ratio = abs(model.force_N), m / model.body_kg
     held, friction = middle * full / k, 0.0
     names = cycles.states
-    at = [names.index(name) for name in ("vibro.stretch_m", "vibro.rate_m_s", "a")]
+    at = [names.index(name) for name in (("vibro", "stretch_m"), ("vibro", "rate_m_s"), "a")]
     state, h = cycles.rest(), period_s / (_PARTS * sub)
     levels = np.zeros(_PARTS)
     for _ in range(max(math.ceil(SETTLE_S / period_s), 3)):

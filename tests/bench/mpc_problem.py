@@ -22,6 +22,7 @@ from controller.signals import Estimate
 from models.parameter import Parameter
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import settle
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 
@@ -103,7 +104,7 @@ def symbols() -> Symbols:
 def problem_model() -> ControlModel:
     """The problem's control model, led like a coil of 1 N/A."""
     rig = parse_rig({**_TABLES, "rig": {"kind": "coil", "force_constant_N_per_A": 1.0}})
-    model = control_model(rig, {}, TICK_S)
+    model = control_model(rig, Theta(), TICK_S)
     return replace(model, symbols=symbols(), values=np.array(list(PARAMETERS.values())), smoothing=SMOOTHING)
 
 

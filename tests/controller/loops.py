@@ -13,6 +13,7 @@ from controller.signals import Array, Controller, Measurement, Reference
 from controller.supervision.supervisor import Supervisor
 from hil.app.scenario.scenario import parse_track_scenario
 from models.rigs.rig import Rig
+from models.theta import Theta
 from plant.rig import Truth
 from plant.session import Instruments, Session
 
@@ -25,7 +26,7 @@ def believed(kind: str = "magnetic") -> Rig:
 
 def model_of(kind: str = "magnetic", tick_s: float = 1e-3) -> ControlModel:
     """The control model of a nominal rig."""
-    return control_model(believed(kind), {}, tick_s, driven=DRIVES[kind].simulated)
+    return control_model(believed(kind), Theta(), tick_s, driven=DRIVES[kind].simulated)
 
 
 def closed_loop(

@@ -17,6 +17,7 @@ from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from controller.tuned import PidGains
+from models.theta import Theta
 from plant import layout as at
 from plant.drives.kinds import TrueMagnet
 from plant.rig import Truth
@@ -79,7 +80,7 @@ def test_feedforward_tracks_a_slow_traverse() -> None:
 
 def test_a_lagging_drive_is_not_driven_from_end_to_end() -> None:
     """A lag of 0.1 s turned round within a tick would ask for a hundred times the path."""
-    model = control_model(believed(), {"actuator_lag.time_s": 0.11}, 1e-3)
+    model = control_model(believed(), Theta.of({("actuator_lag", "time_s"): 0.11}), 1e-3)
     assert model.response_s == 0.11
     truth = Truth(TrueMagnet(), hidden={"actuator_lag": {"time_s": 0.1}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
@@ -153,7 +154,9 @@ def test_friction_that_falls_with_speed_is_broken_loose_from() -> None:
     never begin it.
     """
     model = control_model(
-        believed(), {"stribeck.excess": 0.7, "stribeck.speed_m_s": 2.5e-3, "friction_coefficient": 0.074}, 1e-3
+        believed(),
+        Theta.of({("stribeck", "excess"): 0.7, ("stribeck", "speed_m_s"): 2.5e-3, "friction_coefficient": 0.074}),
+        1e-3,
     )
     truth = Truth(TrueMagnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])

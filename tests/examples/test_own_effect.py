@@ -15,11 +15,12 @@ from models.effects import use_effects
 from models.identification.kinds import kind_for
 from models.records.record import read_record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from tests.places import ROOT
 
 EXAMPLES = ROOT / "examples"
 BUMP = EXAMPLES / "own_effect" / "soft_bump.py"
-HIDDEN = {"soft_bump.force_N": 0.03, "soft_bump.place_m": 4e-3, "soft_bump.width_m": 1.5e-3}
+HIDDEN = Theta.of({("soft_bump", "force_N"): 0.03, ("soft_bump", "place_m"): 4e-3, ("soft_bump", "width_m"): 1.5e-3})
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +36,7 @@ def test_it_is_named_with_its_file(tmp_path: Path, capsys: pytest.CaptureFixture
     for name in ("pull_1", "pull_2", "held_out"):
         record = read_record(EXAMPLES / "own_record" / f"{name}.csv", rig)
         kind = kind_for(rig, [record])
-        write_table(tmp_path / f"{name}.csv", kind.imitate(record, {**kind.nominal(), **HIDDEN}, rng).columns)
+        write_table(tmp_path / f"{name}.csv", kind.imitate(record, kind.nominal() | HIDDEN, rng).columns)
     records = [str(tmp_path / f"pull_{k}.csv") for k in (1, 2)]
     asked = ["close-loop", *records, "--rig", str(rig_file), "--holdout", str(tmp_path / "held_out.csv")]
     assert run([*asked, "--effects", str(BUMP), "--out", str(tmp_path / "out"), "--json"]) == 0

@@ -34,6 +34,7 @@ from models.checks.wiring.units import check_units
 from models.identification.model import Model, read_model, read_report
 from models.records.record import Record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from plant.experiments.scenario import load_scenario
 from tests.hil.app.track.track_texts import SHORT
 from tests.rig_texts import GUT
@@ -65,7 +66,7 @@ NUMBERS = ("1" * 400, "1" * 5000, "-1", "1e300", "1e-308", "nan", "inf", "true",
 
 
 def model_text() -> str:
-    stages = {stage: {"friction_coefficient": 0.08} for stage in ("nominal", "calibrated", "augmented")}
+    stages = {stage: Theta({"friction_coefficient": 0.08}) for stage in ("nominal", "calibrated", "augmented")}
     return Model("pull", stages).to_toml()
 
 

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from models.assembly.model import Assembly
 from models.compiled.kernel import lower
+from models.parameter import Name
 
 Array = NDArray[np.float64]
 
 
-def watching(assembly: Assembly, state: str) -> ca.Function:
+def watching(assembly: Assembly, state: Name) -> ca.Function:
     """The model's step with `state` at the step's end in the output's place."""
     symbols = assembly.step.sx_in()
     new, _ = assembly.step(*symbols)
@@ -28,8 +29,8 @@ def run(
     command: Array,
     dt: float,
     substeps: int = 1,
-    values: Mapping[str, float] | None = None,
-    watch: str = "",
+    values: Mapping[Name, float] | None = None,
+    watch: Name = "",
     **start: float,
 ) -> Array:
     """The output, one value a sample of `command` (linear in between, `dt` s apart), or the state `watch` in its
@@ -42,7 +43,7 @@ def run(
     return output
 
 
-def stepped(assembly: Assembly, command: Array, dt: float, values: Mapping[str, float] | None = None) -> Array:
+def stepped(assembly: Assembly, command: Array, dt: float, values: Mapping[Name, float] | None = None) -> Array:
     """The same as `run` for short commands, by CasADi's own machine: nothing to compile."""
     before = np.concatenate([command[:1], command[:-1]])
     n = command.size

@@ -134,7 +134,7 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
 
 def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
     """The same as `design`, kept on disk for the next time under what it was made from."""
-    made_from = repr((_FORMAT, model, [(p.name, p.value) for p in model.assembly().parameters], optimise))
+    made_from = repr((_FORMAT, model, [(p.key, p.value) for p in model.assembly().parameters], optimise))
     file = cache_folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
     try:
         return from_json(read_text(file, "drive map"))

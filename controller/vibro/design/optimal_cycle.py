@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from controller.vibro.cycles import Cycles, Gait, VibroModel
 from controller.vibro.design.smooth_cycle import SCALE, CyclePart, smooth_part
 from controller.vibro.waveform import Waveform
+from models.parameter import Name
 
 Array = NDArray[np.float64]
 PARTS, STEPS = 32, 6  # of a cycle, and integration steps of each
@@ -108,15 +109,15 @@ def optimal_cycle(
     )
 
 
-def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[str, float]:
+def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[Name, float]:
     """The effects' states that swing with the cycle, each with the size that it swings by."""
     states = cycles.last_cycle(waveform, parts)
     ids = {effect.id for effect in cycles.model.effects}
-    found = {}
+    found: dict[Name, float] = {}
     for column, name in enumerate(cycles.states):
         path = states[:, column]
         swing = float(np.ptp(path))
-        if name.split(".")[0] in ids and swing > 0 and abs(path[-1] - path[0]) < _REPEATS * swing:
+        if not isinstance(name, str) and name[0] in ids and swing > 0 and abs(path[-1] - path[0]) < _REPEATS * swing:
             found[name] = swing
     return found
 

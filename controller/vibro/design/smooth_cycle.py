@@ -16,10 +16,12 @@ from controller.vibro.cycles import VibroModel
 from models.assembly.effects import Active
 from models.assembly.step import Grip, Stepper
 from models.effects.effect import Signals
+from models.parameter import Name
 from models.surfaces.gut import Drag
+from models.theta import Theta
 
 Array = NDArray[np.float64]
-NODES = ("x", "v", "vibro.stretch_m", "vibro.rate_m_s", "u")
+NODES: tuple[Name, ...] = ("x", "v", ("vibro", "stretch_m"), ("vibro", "rate_m_s"), "u")
 SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
 """What every node holds (m, m/s, m, m/s, m) and the size of 1 in it."""
 
@@ -42,30 +44,27 @@ class CyclePart:
     `strain(z)` = T(u)/f_c of the wall, None on a plate. A node holds the states `names` in units of `scale`.
     """
 
-    names: tuple[str, ...]
+    names: tuple[Name, ...]
     scale: Array
     steps: int
     advance: ca.Function
     strain: ca.Function | None
 
 
-def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[str, float]) -> CyclePart:
+def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[Name, float]) -> CyclePart:
     """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s. Nodes hold `NODES` and the
     effects' states in `lags`, each with its size; other states of effects stay as they are at the start.
     """
     assembly = model.assembly(smoothing)
     vector = assembly.vector(model.values)
-    p = {parameter.name: float(vector[i]) for i, parameter in enumerate(assembly.parameters)}
-    ids = {effect.id for effect in model.effects}
+    p = Theta.of((parameter.key, float(v)) for parameter, v in zip(assembly.parameters, vector, strict=True))
     names, scale = (*NODES, *lags), np.concatenate((SCALE, list(lags.values())))
     z, c, h, slip = ca.SX.sym("z", len(names)), ca.SX.sym("c"), ca.SX.sym("h"), ca.SX.sym("slip")
-    now: dict[str, Any] = {name: ca.SX(assembly.initial[name]) for name in assembly.states}
+    now: dict[Name, Any] = {name: ca.SX(assembly.initial[name]) for name in assembly.states}
     now |= {name: z[i] * scale[i] for i, name in enumerate(names)} | {"slip": slip}
-    hidden = [name for name in assembly.states if name.split(".")[0] in ids]
 
     def stepper() -> KnownSlip:
-        active = Active(model.effects, p, {name: now[name] for name in hidden})
-        return KnownSlip(model.surface, model.drive, active, None, smoothing)
+        return KnownSlip(model.surface, model.drive, Active.of(model.effects, p, now), None, smoothing)
 
     for _ in range(steps):
         now, _output = stepper().advance(now, c, c, 0.0, h)
@@ -74,7 +73,7 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[s
     if not model.surface.dragged:
         return CyclePart(names, scale, steps, advance, None)
     u, v = z[4] * SCALE[4], z[1] * SCALE[1]
-    _, onset = model.surface.hold(np.sqrt(v * v + smoothing**2), p, model.drive.carried_kg)
+    _, onset = model.surface.hold(np.sqrt(v * v + smoothing**2), p.base, model.drive.carried_kg)
     own = stepper()
     strain = ca.Function("strain", [z], [own.tension(u) * own.stiffening(Signals(), u) / onset])
     return CyclePart(names, scale, steps, advance, strain)

@@ -101,7 +101,7 @@ def resonance(model: VibroModel) -> Resonance:
     held = 2 * math.pi / free_period(model)
     share = math.sqrt(1 + m / M)
     damping = float(model.values.get("spring_damping_N_s_per_m", drive.spring_damping_N_s_per_m))
-    damping += float(model.values.get("spring_damping.damping_N_s_per_m", 0.0))
+    damping += float(model.values.get(("spring_damping", "damping_N_s_per_m"), 0.0))
     stiff = math.nan if drive.front is None else drive.front.stiffness_N_per_m
     contact = math.pi * math.sqrt(m * M / (m + M) / stiff) if stiff > 0 else math.nan
     return Resonance(held / (2 * math.pi), share * held / (2 * math.pi), damping / (2 * m * held), contact)

@@ -35,6 +35,7 @@ from models.files.toml import in_file, read_toml
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
+from models.theta import Theta
 
 Distribution = tuple[str, tuple[Any, ...]]
 
@@ -111,7 +112,7 @@ class Campaign:
     raw: Table
     draws: Mapping[str, Distribution]
     combinations: Sequence[tuple[Table, Table]]
-    values: Mapping[str, float]
+    values: Theta
 
     def __len__(self) -> int:
         return self.head.cases * len(self.combinations)
@@ -147,7 +148,7 @@ def load_campaign(path: Path) -> Campaign:
         head = Head.read(raw)
         scenario, _ = read_toml(path.parent / head.scenario, "scenario")
         kind = str(_table(scenario, "rig").get("kind", ""))
-        values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else {}
+        values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else Theta()
         draws = {key: distribution(key, value) for key, value in _table(raw, "draw").items()}
         grid, variants = _table(raw, "grid"), _table(raw, "variants")
         _check_names(["case", *draws, *grid, *variants])

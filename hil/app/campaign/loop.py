@@ -14,6 +14,7 @@ from hil.app.sil.command import judged
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
+from models.theta import Theta
 
 Table = Mapping[str, Any]
 
@@ -27,7 +28,7 @@ class Loop:
     raw: Table
     seed: int
     point: Table
-    values: Mapping[str, float]
+    values: Theta
     stage: str
 
     def result(self) -> dict[str, Any]:
@@ -44,7 +45,7 @@ class Loop:
 class _Known:
     """A scenario by what its model depends on: belief, tick, learned values; so runs of one belief share a model."""
 
-    def __init__(self, scenario: TrackScenario | SilScenario, values: Mapping[str, float]) -> None:
+    def __init__(self, scenario: TrackScenario | SilScenario, values: Theta) -> None:
         loop = scenario.loop if isinstance(scenario, SilScenario) else scenario
         self.scenario, self.values = scenario, values
         self._key = (type(scenario), repr(loop.belief), loop.control.tick_s, tuple(sorted(values.items())))

@@ -30,6 +30,7 @@ from models.identification import Model
 from models.identification.finding import STAGES, Finding
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
+from models.theta import Theta
 from plant import layout as at
 
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
@@ -81,7 +82,7 @@ class LoopStory:
         logs = {}
         for number, name in enumerate(name for name in runs if name != MISSION):
             report(f"driving {name}", _DRIVEN * number / len(runs))
-            logs[name] = _drive(folder, name, runs[name], {}, "nominal", name)[1]
+            logs[name] = _drive(folder, name, runs[name], Theta(), "nominal", name)[1]
         rig, held = read_rig(folder / RIG), logs.pop(HOLDOUT)
 
         def searching(stage: str, share: float) -> None:
@@ -112,9 +113,7 @@ def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Ac
         yield stage, verdict
 
 
-def _drive(
-    folder: Path, name: str, tables: Tables, values: Mapping[str, float], stage: str, log_name: str
-) -> tuple[Mission, Path]:
+def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, log_name: str) -> tuple[Mission, Path]:
     """A run of the scenario `name` over the bus under the model `values`, logged."""
     scenario = parse_sil_scenario(tables)
     seed, log_path = scenario.loop.seed, folder / f"{log_name}.blf"
@@ -179,7 +178,7 @@ class LearningStory:
         number = raw["scenario"].get("seed", 0) + SEEDS * seed
         tables = {**raw, "scenario": {**raw["scenario"], "seed": number}}
         scenario = parse_sil_scenario(tables)
-        model, learning = believed_on_bus(scenario, {}), learning_of(scenario, {}, answer_at_once)
+        model, learning = believed_on_bus(scenario, Theta()), learning_of(scenario, Theta(), answer_at_once)
         found, trace = judged(scenario, model, None, number, "nominal", report, learning=learning)
         found["learned"] = [lesson.document() for lesson in trace.lessons]
         files = story_files(folder, scenario, found, trace)

@@ -22,6 +22,7 @@ from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.rigs.rig import Rig
+from models.theta import Theta, spelled
 
 PAGE = "design.html"
 TICK_S = 0.002  # of the controller
@@ -43,7 +44,7 @@ def design(
     """
     belief = read_deployed_rig(rig)
     check_word(stage, "--stage", STAGES)
-    values = {} if model is None else read_model(model, belief.kind).believed(stage)
+    values = Theta() if model is None else read_model(model, belief.kind).believed(stage)
     if not 0 <= delay_ms <= LONGEST_DELAY_MS:
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
     title, page = belief.name or rig.stem, None if out is None else out / PAGE
@@ -91,7 +92,7 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
         "plants": {
             plant.phase: {
                 "command": plant.command,
-                "states": list(plant.states),
+                "states": [*map(spelled, plant.states)],
                 "poles_1_per_s": [[rate.real, rate.imag] for rate in plant.rates()],
             }
             for plant in found.plants

@@ -16,6 +16,7 @@ from controller.model.control_model import ControlModel
 from controller.model.linear import linearise
 from hil.app.console import text_table
 from hil.app.quantities import number
+from models.theta import spelled
 
 MARGINS = ("gain", "phase in deg", "more delay in ms", "sensitivity")
 
@@ -85,7 +86,7 @@ def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
     return {
         "command_unit": unit,
         "pid": {"K_p": pid.K_p, "K_i_per_s": pid.K_i, "K_d_s": pid.K_d, "filter_s": pid.filter_s},
-        "lqr": {"K": dict(zip(lqr.states, lqr.K.tolist(), strict=True)), "K_i_per_s": lqr.K_i},
+        "lqr": {"K": dict(zip(map(spelled, lqr.states), lqr.K.tolist(), strict=True)), "K_i_per_s": lqr.K_i},
     }
 
 
@@ -119,7 +120,8 @@ def _running(model: ControlModel) -> list[str]:
 
 
 def _feedback(gains: Gains, unit: str) -> str:
-    terms = [f"{name} {gain:.4g} {_per(unit, name)}" for name, gain in zip(gains.states, gains.K, strict=True)]
+    own = zip(map(spelled, gains.states), gains.K, strict=True)
+    terms = [f"{name} {gain:.4g} {_per(unit, name)}" for name, gain in own]
     return f"{', '.join(terms)}, K_i {gains.K_i:.4g} {unit}/(m s)"
 
 

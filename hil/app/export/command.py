@@ -95,7 +95,7 @@ def _table(found: Found, out: Path) -> Made:
     from hil.app.export.table import UNITS, friction_table
 
     table = friction_table(found)
-    about = {"rig": found.rig.kind, "stage": found.stage, "columns": UNITS, "parameters": dict(found.values)}
+    about = {"rig": found.rig.kind, "stage": found.stage, "columns": UNITS, "parameters": found.values.spelled()}
     about["not_mapped"] = table.not_mapped
     files = {out / TABLE[0]: table_text(table.columns), out / TABLE[1]: json_text(about)}
     return files, {"rows": len(table.columns["speed_m_s"]), "not_mapped": table.not_mapped}

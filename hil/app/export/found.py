@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,6 +20,7 @@ from models.rigs.kinds import KINDS
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
+from models.theta import Theta, spelled
 
 LOG_WORDS: Final = "how a record was logged (delay of the measurement's stamps), no part of the rig"
 LATE_WORDS: Final = "delay of the measurement: the output comes at once"
@@ -34,7 +34,7 @@ class Found:
     surface: Surface
     drive: Drive
     effects: tuple[type[Effect], ...]
-    values: Mapping[str, float]
+    values: Theta
     stage: str
 
     def assembled(self) -> Assembly:
@@ -42,9 +42,9 @@ class Found:
         return assemble(self.surface, self.drive, self.effects)
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def numbers(self) -> Theta:
         """Every parameter of surface, drive and effects, declared values where the stage has none."""
-        return {p.name: float(self.values.get(p.name, p.value)) for p in self.assembled().parameters}
+        return Theta.of((p.key, float(self.values.get(p.key, p.value))) for p in self.assembled().parameters)
 
     def late(self) -> dict[str, str]:
         """What delays the measurement and is not in the step: name and why."""
@@ -64,8 +64,8 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
         raise ValueError(f"{rig}: rig.kind must be one of {known} to be exported; got {belief.kind!r}")
     learned = read_model(model, belief.kind)
     values = learned.stages[stage]
-    names = sorted({name.split(".")[0] for name in values if "." in name})
-    found = Found(belief, surface_of(belief), drive_of(belief, driven), tuple(BY_ID[n] for n in names), values, stage)
+    effects = tuple(BY_ID[name] for name in sorted(values.effects))
+    found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage)
     _check(found, learned, model)
     return found
 
@@ -73,18 +73,18 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
 def _check(found: Found, learned: Model, path: Path) -> None:
     """Refuse a model of another rig: one with names that this rig does not have, or without those that it has."""
     assembly = found.assembled()
-    known = {p.name for p in assembly.parameters} | set(OF_THE_LOG)
-    strange = next((name for name in found.values if name not in known), None)
+    known = {spelled(p.key) for p in assembly.parameters} | set(OF_THE_LOG)
+    strange = next((name for name in found.values.spelled() if name not in known), None)
     if strange is not None:
         raise ValueError(
             f"{path}: model [{found.stage}] must have parameters of its rig and effects; got {strange!r};"
             f" {nearest(strange, sorted(known))}"
         )
     for p in assembly.parameters:
-        if p.name not in found.values and p.fit:
-            raise ValueError(f"{path}: model [{found.stage}] must have the key {p.name!r}; it is missing")
-        if p.name in found.values and not p.holds(found.values[p.name]):
+        name, value = spelled(p.key), found.values.get(p.key)
+        if value is None and p.fit:
+            raise ValueError(f"{path}: model [{found.stage}] must have the key {name!r}; it is missing")
+        if value is not None and not p.holds(value):
             raise ValueError(
-                f"{path}: model [{found.stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit};"
-                f" got {found.values[p.name]:g}"
+                f"{path}: model [{found.stage}] {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {value:g}"
             )

@@ -44,7 +44,7 @@ def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:
         "mass_kg": found.surface.body_kg + found.drive.carried_kg,
         "frictionloss_N": loss,
         "damping_N_s_per_m": damping,
-        "armature_kg": max(found.values.get("added_mass.mass_kg", 0.0), 0.0),
+        "armature_kg": max(found.values.get(("added_mass", "mass_kg"), 0.0), 0.0),
         "rms_off_N": float(np.sqrt(np.mean(off**2))),
     }
     missing = {name: why for name, why in table.not_mapped.items() if name != "added_mass"}
@@ -95,7 +95,7 @@ def _mjcf(found: Found, numbers: dict[str, float]) -> str:
 
 def _actuator(found: Found) -> str:
     """The drive: a spring to the command for a magnet or a pull, else a force of the command's size."""
-    drive, p = found.drive, found.numbers
+    drive, p = found.drive, found.numbers.base
     name = quoteattr(drive.commanded)
     if drive.imposed:
         return f'<position name={name} joint="lumen" kp="{_PULL_N_PER_M:g}"/>'

@@ -16,6 +16,7 @@ from models.assembly.step import Stepper
 from models.effects import BY_ID
 from models.effects.effect import Effect, Signals
 from models.surfaces.gut import Drag
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 SPEEDS_M_S: Final = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)  # at which friction is tabled
@@ -106,9 +107,8 @@ def _steady(effect: type[Effect]) -> bool:
 def _law(found: Found, effects: tuple[type[Effect], ...]) -> Any:
     """Numbers (4, n) of friction, mucus, other forces and the wall's limit in N, of (3, n) speed, direction, place."""
     v, d, x = (ca.SX.sym(name) for name in ("v", "d", "x"))
-    p: dict[str, Any] = dict(found.numbers)
-    z = {f"{e.id}.{name}": 0.0 for e in effects for name in e.states}
-    stepper = Stepper(found.surface, found.drive, Active(effects, p, z))
+    z = Theta.of(((e.id, name), 0.0) for e in effects for name in e.states)
+    stepper = Stepper(found.surface, found.drive, Active(effects, found.numbers, z))
     s = Signals(x=x, v=v * d, direction=d, command=found.drive.neutral(x))
     grip = stepper.grip(s)
     _, mucus = stepper.held(replace(s, drag_rate=0.0), Drag(0.0, d), 0.0)

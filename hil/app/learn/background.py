@@ -15,6 +15,7 @@ from typing import Final
 
 from hil.app.child_process import end_with_parent
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
+from models.theta import Theta
 
 NICE: Final = 19  # the lowest priority
 READY_S: Final = 60.0
@@ -104,7 +105,7 @@ class Background:
 
 
 def _failed(sentence: str) -> LearningAnswer:
-    return LearningAnswer({}, (), "none", sentence, searched=False)
+    return LearningAnswer(Theta(), (), "none", sentence, searched=False)
 
 
 def _words(error: Exception) -> str:

@@ -18,20 +18,22 @@ from hil.app.learn.experiment import Motion, motion_of
 from hil.app.learn.left_over import LeftOver
 from hil.app.quantities import quantity
 from hil.log.record import SOURCES
+from models.assembly.model import effect_parameters
 from models.checks.instrument.usable import from_row
 from models.effects import BY_ID
 from models.identification import close
 from models.identification.finding import STAGES
 from models.identification.fitting.fit import evaluate
-from models.identification.kind import effects_in
 from models.identification.kinds import AnyKind, Known, kind_for, ready
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
 from models.identification.search.validation import free_run
+from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 T = TypeVar("T")
 KNOWN: Final = 0.01
@@ -62,14 +64,14 @@ class LearningQuestion:
     rig: Rig
     columns: Mapping[str, Array]
     held_from: int
-    values: Mapping[str, float]
+    values: Theta
     base_holds: bool = True
     broken_from: int = 0
 
     @property
-    def in_use(self) -> dict[str, float]:
+    def in_use(self) -> Theta:
         """The parameters of the model in use, SI."""
-        return {name: value for name, value in self.values.items() if name != HELD_OUT}
+        return Theta({k: v for k, v in self.values.base.items() if k != HELD_OUT}, self.values.effects)
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class LearningAnswer:
     asked is dead.
     """
 
-    values: Mapping[str, float]
+    values: Theta
     effects: tuple[str, ...]
     verdict: str
     sentence: str
@@ -104,7 +106,7 @@ def answer(question: LearningQuestion) -> LearningAnswer:
         return _answer(question)
     except Exception as error:  # noqa: BLE001 - records of a running rig may be unusable in many ways
         words = " ".join(str(error).split())[:300] or type(error).__name__
-        return LearningAnswer({}, (), "none", f"nothing could be identified: {words}")
+        return LearningAnswer(Theta(), (), "none", f"nothing could be identified: {words}")
 
 
 def at_once(work: Callable[[], T]) -> Future[T]:
@@ -130,7 +132,7 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
     known = _known(kind, before, *((KNOWN, KNOWN) if question.base_holds else (np.inf, np.inf)))
     finding, model = close(rig, train, held, lambda _what, _share: None, known=known, most=ONE)
     effects = tuple(effect.id for effect in finding.effects)
-    used = {**kind.nominal(), **question.in_use}
+    used = kind.nominal() | question.in_use
     error = kind.error(records, [kind.predict(r, used) for r in records])
     report = {"error": finding.error}
     stage = STAGES[2] if effects else STAGES[1]
@@ -141,7 +143,7 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
         wanted = finding.next_experiment or ""
         motion = motion_of(finding.proposal)
         why = "no effect was found, and the base held until the model broke" if unfounded else verdict.sentence
-        return LearningAnswer({}, effects, finding.verdict, why, wanted, finding.seconds, motion)
+        return LearningAnswer(Theta(), effects, finding.verdict, why, wanted, finding.seconds, motion)
     held_out = finding.error["holdout"][stage]
     said = (
         f"held-out error {quantity(held_out, finding.unit)} against {quantity(error, finding.unit)} of the model in use"
@@ -149,7 +151,7 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
     return LearningAnswer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _as_it_held(question: LearningQuestion) -> tuple[Rig, dict[str, float], Mapping[str, Array]]:
+def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
     """What the model in use would have been had it been fitted to what was measured while it held; the columns of
     `question` less what that leaves of the measured one, place by place (`LeftOver`); and the rig with what is still
     left as its noise. The model in use, the columns and the rig as they are for a rig whose prediction drifts, and
@@ -172,34 +174,34 @@ def _as_it_held(question: LearningQuestion) -> tuple[Rig, dict[str, float], Mapp
     return _as_noisy(rig, ready(_part("before", rig, less, begin, end), rig), held), held, less
 
 
-def _known(kind: AnyKind, values: Mapping[str, float], base: float, effects: float) -> Known:
+def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
     """The model in use at `values` as what a search starts from: the base of `kind`, known to the share `base` of each
     value (as the rig file has it where that is infinite), and its effects, to the share `effects` (of a phase or
     a zero: of the range).
     """
     fitted = [(p, values.get(p.name, p.value)) for p in kind.base if p.fit]
+    known: dict[Name, tuple[float, float]]
     known = {p.name: (value, base * abs(value)) for p, value in fitted if value and np.isfinite(base)}
-    for effect in (BY_ID[name] for name in sorted(effects_in(values))):
-        for p in effect.parameters():
-            value = values.get(f"{effect.id}.{p.name}", p.value)
-            size = abs(value) if value and p.role != "phase" else p.upper - p.lower
-            known[f"{effect.id}.{p.name}"] = (value, effects * size)
+    for p in effect_parameters([BY_ID[name] for name in sorted(values.effects)]):
+        value = values.get(p.key, p.value)
+        size = abs(value) if value and p.role != "phase" else p.upper - p.lower
+        known[p.key] = (value, effects * size)
     return known
 
 
-def _held(rig: Rig, before: Record, in_use: Mapping[str, float]) -> dict[str, float]:
+def _held(rig: Rig, before: Record, in_use: Theta) -> Theta:
     """The parameters `in_use` with a base that is fitted to the record `before`. What no base leaves counts as noise,
     beside which the base in use is known by `BELIEVED`: an uneven wall must not bend it.
     """
     plain = kind_for(rig, [before])
     kind = kind_for(rig, [before], _known(plain, in_use, np.inf, BELIEVED))
-    start = {**kind.nominal(), **in_use}
+    start = kind.nominal() | in_use
     noisy = _as_noisy(rig, before, refit(kind, [before], [], start))
     believed = kind_for(noisy, [before], _known(plain, in_use, BELIEVED, BELIEVED))
     return refit(believed, [before], [], start)
 
 
-def _as_noisy(rig: Rig, record: Record, theta: Mapping[str, float]) -> Rig:
+def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
     """`rig` with so much noise that the model `theta` leaves no more than that of `record`: nothing that it did without
     while it held is looked for after it broke. What is left may last longer than the means over which noise is judged,
     which grow with it, so the noise is found in a few rounds.

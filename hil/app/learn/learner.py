@@ -25,6 +25,7 @@ from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
@@ -113,8 +114,8 @@ class Learner:
 
     switch: ModelSwitch
     rig: Rig
-    values: Mapping[str, float]
-    believed: Callable[[Mapping[str, float]], ControlModel]
+    values: Theta
+    believed: Callable[[Theta], ControlModel]
     ask: Ask
     pace: Pace = field(default_factory=Pace)
     beside: Beside = at_once
@@ -133,11 +134,11 @@ class Learner:
         self._errors = _Errors(round(self.pace.trial_s))
         self._future: Future[LearningAnswer] | None = None
         self._made: Future[Prepared] | None = None
-        self._next: tuple[Mapping[str, float], Phase] = (self.values, "offered")
+        self._next: tuple[Theta, Phase] = (self.values, "offered")
         self._due = self._before = self._since = math.nan
         self._led_from = -math.inf
-        self._old: Mapping[str, float] = self.values
-        self._new: Mapping[str, float] = self.values
+        self._old: Theta = self.values
+        self._new: Theta = self.values
 
     def step(self, now: float, health: Health, error_m: float) -> None:
         """A tick on, to `now` in s of the switch's clock, which those of `health` are of too; `error_m` is the
@@ -166,9 +167,7 @@ class Learner:
         broken_from, held_from = (int(row) for row in np.searchsorted(columns[TIME], (self._since, held_s)))
         self.lessons[-1].asked_at_s = self._told(now)
         base_holds = self.lessons[-1].answers % 2 == 0
-        self._future = self.ask(
-            LearningQuestion(self.rig, columns, held_from, dict(self._new), base_holds, broken_from)
-        )
+        self._future = self.ask(LearningQuestion(self.rig, columns, held_from, self._new, base_holds, broken_from))
         self._due, self._phase = now + self.pace.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:
@@ -223,7 +222,7 @@ class Learner:
         self.drive(experiment)
         return experiment.path.end_s
 
-    def _prepare(self, now: float, values: Mapping[str, float], then: Phase) -> None:
+    def _prepare(self, now: float, values: Theta, then: Phase) -> None:
         """Have the controllers of a model made, which is on offer `then`."""
         self._next, self._phase = (values, then), "preparing"
         self._made = self.beside(lambda: self.switch.prepare(Offer(self.believed(values), Acceptance())))
@@ -241,7 +240,7 @@ class Learner:
             return
         at_s = self._told(now) + 0.5 * self.switch.tick_s
         self.switch.put(self._made.result().at(at_s))
-        self.offers.append(Offered(dict(values), at_s))
+        self.offers.append(Offered(values, at_s))
         self.keep(self.record)
         if self._phase == "offered":
             lesson.offered_at_s = at_s

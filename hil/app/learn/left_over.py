@@ -4,7 +4,6 @@ it broke is not what broke it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,6 +13,7 @@ from controller.signals import Array
 from models.checks.instrument.usable import counted
 from models.identification.kind import Kind
 from models.records.record import Record
+from models.theta import Theta
 
 STEP_M: Final = 1e-3
 """Length of wall over which what is left counts as one value."""
@@ -32,7 +32,7 @@ class LeftOver:
     back: Array
 
     @classmethod
-    def of(cls, kind: Kind, record: Record, theta: Mapping[str, float], driven: str) -> LeftOver:
+    def of(cls, kind: Kind, record: Record, theta: Theta, driven: str) -> LeftOver:
         """What the model `theta` leaves of `record`, whose capsule is led from the column `driven` on."""
         predicted = np.asarray(kind.predict(record, theta))
         left, rows = kind.measured(record) - predicted, counted(record)

@@ -16,6 +16,7 @@ from hil.app.sil.testbed import believed_on_bus, task_on_bus
 from hil.nodes.controller.node import Task
 from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
+from models.theta import Theta
 
 Test = Callable[[object], bool]
 
@@ -74,7 +75,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         raise ValueError(
             f"{where}: record must have controller, values and a deployment or a scenario; got {', '.join(record)}"
         )
-    values, name = record["values"], record["controller"]
+    values, name = Theta.read(record["values"]), record["controller"]
     try:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
         learned = [Offered.of(one) for one in record.get("learned", [])]

@@ -30,6 +30,7 @@ from models.identification.model import read_model, read_report
 from models.parameter import nearest
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 PLANNING: Final = 0.4
 """Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
@@ -178,7 +179,7 @@ class Deployment:
     control: ControlTable
     reference: Trajectory
     limits: Limits
-    values: Mapping[str, float]
+    values: Theta
     verdict: Acceptance | None = None
     drive: ActuatorTable | None = None
     offered: Offered | None = None
@@ -200,7 +201,7 @@ class Deployment:
             probe=control.probe and not self.operator.accept,
         )
 
-    def believed(self, values: Mapping[str, float]) -> ControlModel:
+    def believed(self, values: Theta) -> ControlModel:
         """The control model of its rig with the `values` of a model's parameters. Raises ValueError for a rig that
         cannot be controlled.
         """
@@ -246,9 +247,7 @@ def read_plant(path: Path) -> DeployedPlant:
         return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
 
 
-def parse_deployment(
-    text: str, values: Mapping[str, float], name: str = "rig", verdict: Acceptance | None = None
-) -> Deployment:
+def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Acceptance | None = None) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = parse_toml(text, "rig file")
     _check_tables(raw)
@@ -347,10 +346,10 @@ def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
-def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Acceptance | None]:
+def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[Theta, Acceptance | None]:
     """Values of the model that the file names and what the gate says of them."""
     if not isinstance(raw.get("model"), dict):
-        return {}, None
+        return Theta(), None
     table, rig = ModelTable.read(raw), _rig(raw)
     model = read_model(folder / table.file, rig.kind)
     verdict = AcceptanceTest().judge(read_report(folder / table.report), model, rig, stage=table.stage)

@@ -13,11 +13,11 @@ def model_facts(model: ControlModel) -> dict[str, Any]:
     """Effects and parameters that differ from the rig file's, as words and numbers."""
     effects, rows = list[str](), list[list[str]]()
     for parameter, value in zip(model.symbols.parameters, model.values.tolist(), strict=True):
-        effect, _, own = parameter.name.rpartition(".")
+        effect = parameter.effect
         if effect and effect not in effects:
             effects.append(effect)
         if effect or value != parameter.value:
-            rows.append([own or parameter.name, quantity(value, parameter.unit), _nominal(effect, parameter)])
+            rows.append([parameter.name, quantity(value, parameter.unit), _nominal(effect, parameter)])
     summaries = {name: BY_ID[name].summary for name in effects if name in BY_ID}
     made = " + ".join(["base", *effects]) if effects else "base model"
     fitted = any(row for row in rows)

@@ -17,6 +17,7 @@ from models.files.tables import Declared, limited
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
@@ -35,20 +36,20 @@ class OfferTable(Declared, where="offer"):
 class Offered:
     """An offer that passed the gate: the `values` of its model's parameters, and from when on."""
 
-    values: Mapping[str, float]
+    values: Theta
     at_s: float
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Offered:
         """From the record beside a log."""
-        return cls({str(name): float(value) for name, value in document["values"].items()}, float(document["at_s"]))
+        return cls(Theta.read(document["values"]), float(document["at_s"]))
 
     def document(self) -> dict[str, Any]:
         """For the record beside a log."""
-        return {"values": dict(self.values), "at_s": self.at_s}
+        return {"values": self.values.spelled(), "at_s": self.at_s}
 
 
-def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping[str, float]) -> Offered | None:
+def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) -> Offered | None:
     """The offered model, which must pass the gate against the one in use, whose parameters are `values` (none:
     nominal).
 
@@ -58,14 +59,14 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping
     if table is None:
         return None
     model, report = read_model(folder / table.file, rig.kind), read_report(folder / table.report)
-    used = next((stage for stage in STAGES if model.believed(stage) == dict(values)), "" if values else STAGES[0])
+    used = next((stage for stage in STAGES if model.believed(stage) == values), "" if values else STAGES[0])
     verdict = AcceptanceTest().judge(report, model, rig, stage=table.stage, current=used or math.nan)
     if not verdict.passed:
         raise ValueError(f"{folder / table.file}: offered model must pass the gate; got: {verdict.sentence}")
     return Offered(model.believed(table.stage), table.at_s)
 
 
-def offer_of(offered: Offered | None, believed: Callable[[Mapping[str, float]], ControlModel]) -> Offer | None:
+def offer_of(offered: Offered | None, believed: Callable[[Theta], ControlModel]) -> Offer | None:
     """For a controller, whose models `believed` makes from values."""
     return None if offered is None else Offer(believed(offered.values), Acceptance(), offered.at_s)
 

@@ -11,6 +11,7 @@ from hil.app.scenario.scenario import TrackScenario
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,14 @@ class Options:
         name = scenario.control.controller if self.controller is None else self.controller
         return name, scenario.seed if self.seed is None else self.seed
 
-    def values(self, kind: str) -> tuple[dict[str, float], str]:
+    def values(self, kind: str) -> tuple[Theta, str]:
         """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
         if self.stage is not None:
             check_word(self.stage, "--stage", STAGES)
         if self.model is None:
             if self.stage not in (None, "nominal"):
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
-            return {}, "nominal"
+            return Theta(), "nominal"
         stage = self.stage or "augmented"
         model = read_model(self.model, *(DRIVES[kind].models or (kind,)))
         if stage in model.cautions:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from models.theta import Theta
 
 
 def sil(path: Path, asked: Options) -> int:
@@ -77,7 +78,7 @@ def sil(path: Path, asked: Options) -> int:
 
 
 @contextmanager
-def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) -> Iterator[Learning | None]:
+def _learning(scenario: SilScenario, values: Theta, wanted: bool) -> Iterator[Learning | None]:
     """What makes the learner of a run, with its process in the background, where `wanted`."""
     if not wanted:
         yield None
@@ -95,7 +96,7 @@ def _log(
     scenario: SilScenario,
     text: str,
     name: str,
-    values: Mapping[str, float],
+    values: Theta,
     seed: int,
     offered: Offered | None,
 ) -> AbstractContextManager[LockstepLog | None]:

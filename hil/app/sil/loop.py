@@ -7,7 +7,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -33,6 +33,7 @@ from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
 from hil.nodes.plant_node import SLOT_S
+from models.theta import Theta
 
 _REPORTS: Final = 50  # of the progress
 LEAST_S: Final = 60.0
@@ -42,7 +43,7 @@ LEARNING_S: Final = 7200.0
 Learning = Callable[[ControllerNode], Learner]
 
 
-def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) -> Learning:
+def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
     """What makes the learner of a run of `scenario` that begins with the `values` of a model's parameters."""
     return lambda node: Learner(
         node.estimator,

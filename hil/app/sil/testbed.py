@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import random
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +33,7 @@ from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
 from hil.nodes.simulated_drives import simulated_drive
+from models.theta import Theta
 from plant.session import Session
 
 PHASE_S = 0.2e-3
@@ -45,7 +46,7 @@ _ERRORS = 15
 """Errors by which a receiver gets passive: 8 counts each to 128."""
 
 
-def believed_on_bus(scenario: SilScenario, values: Mapping[str, float]) -> ControlModel:
+def believed_on_bus(scenario: SilScenario, values: Theta) -> ControlModel:
     """The control model of what the scenario's controller believes; on the bus a coil is commanded by its current."""
     return control_model(scenario.loop.belief, values, scenario.loop.control.tick_s)
 

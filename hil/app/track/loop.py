@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
 from typing import Any, Self
@@ -27,6 +27,7 @@ from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
+from models.theta import Theta
 from plant.drives.kinds import TrueMagnetPair
 from plant.rig import Truth
 from plant.session import Session
@@ -109,9 +110,7 @@ def _contradiction(
     return reason
 
 
-def believed_model(
-    scenario: TrackScenario, values: Mapping[str, float], before: ControlModel | None = None
-) -> ControlModel:
+def believed_model(scenario: TrackScenario, values: Theta, before: ControlModel | None = None) -> ControlModel:
     """The control model of what the scenario's controller believes, with the `values` of one stage of a model file;
     those of a `vibro_table` are turned into a drive's in time.
     """
@@ -123,7 +122,7 @@ def believed_model(
     return control_model(belief, numbers, scenario.control.tick_s, driven=drive.simulated)
 
 
-def _height_m(scenario: TrackScenario, values: Mapping[str, float], before: ControlModel | None) -> float | None:
+def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | None) -> float | None:
     """The height in m that is asked for where it is a command: that of the model `before`, else a new choice."""
     if before is not None and before.rig.magnets is not None:
         return before.rig.magnets.height_m

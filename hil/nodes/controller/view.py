@@ -36,10 +36,8 @@ def force_values(model: ControlModel, estimate: Estimate, command: float, now: f
     """The signals of BelievedForces in N, with `command` in the drive's unit in force at `now` in s; None where one is
     no number, for the frame cannot say so.
     """
-    names = (q.name for q in model.symbols.parameters)
-    p = dict(zip(names, model.values.tolist(), strict=True))
     x, v = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
-    drive = model.drive.force(x, v, command / model.drive.command_unit, p)
+    drive = model.drive.force(x, v, command / model.drive.command_unit, model.theta.base)
     wall = model.symbols.wall_force(estimate.state, now, model.values)
     forces = {"Drive_N": drive, "Wall_N": wall, "Lacking_N": estimate.disturbance_N}
     if not all(math.isfinite(float(force)) for force in forces.values()):

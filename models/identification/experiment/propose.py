@@ -103,7 +103,7 @@ def words_of(proposal: Proposal | None) -> str | None:
 
 def _candidate(kind: Kind, effect: str, model: FittedModel) -> Candidate:
     """A fitted model in question."""
-    return Candidate(effect, model.effects, {p.name: p.value for p in kind.base} | model.thetas[0])
+    return Candidate(effect, model.effects, kind.nominal() | model.thetas[0])
 
 
 def _beginnings(records: Sequence[Record], seconds: float) -> list[Record]:

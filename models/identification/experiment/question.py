@@ -9,10 +9,11 @@ import numpy as np
 
 from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Axis, Fit, Problem, axes, descend, evaluate
-from models.identification.kind import Array, Kind, Theta
+from models.identification.kind import Array, Kind
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ def question(
         more = float(left[1] @ left[1]) - float(left[0] @ left[0])
         apart[record.name] = float(np.sqrt(max(more, 0.0) / told))
     return Question(
-        Candidate(truth.effect, truth.effects, {**truth.theta, **own.theta}),
-        Candidate(rival.effect, rival.effects, {**rival.theta, **other.theta}),
+        Candidate(truth.effect, truth.effects, truth.theta | own.theta),
+        Candidate(rival.effect, rival.effects, rival.theta | other.theta),
         _root(kind, other, rival.effects, told),
         tuple(likely),
         told,
@@ -115,8 +116,8 @@ def _root(kind: Kind, fit: Fit, effects: Sequence[str], told: float) -> Array:
     return np.asarray(scale[:, None] * vectors / np.sqrt(values))
 
 
-def _moved(kind: Kind, model: Candidate, theta: Theta, step: Array) -> dict[str, float]:
+def _moved(kind: Kind, model: Candidate, theta: Theta, step: Array) -> Theta:
     """`theta` moved by `step` (p,) in the order of the model's axes, within the bounds."""
     fitted: list[Axis] = axes(kind, model.effects)
     ends = [(axis.name, axis.parameter, theta[axis.name] + s) for axis, s in zip(fitted, step, strict=True)]
-    return {**model.theta, **theta, **{name: float(np.clip(x, p.lower, p.upper)) for name, p, x in ends}}
+    return model.theta | theta | {name: float(np.clip(x, p.lower, p.upper)) for name, p, x in ends}

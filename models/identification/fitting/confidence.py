@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +11,17 @@ from models.identification.finding import Estimate
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind
 from models.identification.settings import SET
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 
 
-Part = tuple[float, Mapping[str, float]]
+Part = tuple[float, Theta]
 """Share of the records' rows that a fit was made on, and its values."""
 
 
-def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[str, Estimate]:
+def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[Name, Estimate]:
     """95 % intervals: the widest of least squares' own from the Jacobian, widened for the residual beyond chance and
     for residuals that are not independent, of the sandwich with the scores' scatter from block to block, which holds
     for a model that is not quite right, and of the jackknife, by which the fits on `parts` of the records differ from
@@ -60,8 +61,8 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
 
 
 def drawn(
-    kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[str] | None = None
-) -> dict[str, float]:
+    kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[Name] | None = None
+) -> Theta:
     """The fit's values, or `only` those named while the others stay, moved as far as noise leaves them uncertain and by
     the models' own numerics (a thousandth of each); within the bounds. What the fit leaves beyond chance does not widen
     this: a misfit would excuse itself.
@@ -69,17 +70,17 @@ def drawn(
     every = axes(kind, effects)
     moving = [k for k, axis in enumerate(every) if only is None or axis.name in only]
     fitted = [every[k] for k in moving]
-    theta = dict(fit.theta)
     if not fitted:
-        return theta
+        return fit.theta
     scale = np.array([a.scale for a in fitted])
-    values, vectors = np.linalg.eigh(_by_noise(fit.jacobian[:, moving] * scale))
-    moved = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(fitted))) * scale
+    variances, vectors = np.linalg.eigh(_by_noise(fit.jacobian[:, moving] * scale))
+    moved = vectors @ (np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(len(fitted))) * scale
+    values: dict[Name, float] = {}
     for axis, step in zip(fitted, moved, strict=True):
-        value = theta[axis.name]
+        value = fit.theta[axis.name]
         own = SET.numerics * abs(value) * float(rng.choice((-1, 1)))
-        theta[axis.name] = float(np.clip(value + step + own, axis.parameter.lower, axis.parameter.upper))
-    return theta
+        values[axis.name] = float(np.clip(value + step + own, axis.parameter.lower, axis.parameter.upper))
+    return fit.theta | values
 
 
 def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1") -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -11,13 +11,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from models.assembly.model import effect_parameters
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
 from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.kind import Kind
 from models.identification.settings import SET
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
 from models.records.record import Record
+from models.theta import Theta
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
@@ -27,18 +29,22 @@ _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 
 @dataclass(frozen=True)
 class Axis:
-    """One fitted parameter: full name, declaration, and the scale on which the criterion is looked at."""
+    """One fitted parameter, and the scale on which the criterion is looked at."""
 
-    name: str
     parameter: Parameter
     scale: float
+
+    @property
+    def name(self) -> Name:
+        """What its value is found by."""
+        return self.parameter.key
 
 
 @dataclass(frozen=True)
 class Fit:
     """A fitted point: values, cost (sum of squares), number of residuals, Jacobian in the axes' order."""
 
-    theta: dict[str, float]
+    theta: Theta
     cost: float
     count: int
     jacobian: Array
@@ -54,13 +60,12 @@ def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
     """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's
     probe.
     """
-    result = [Axis(p.name, p, _scale(p)) for p in kind.base if p.fit]
+    result = [Axis(p, _scale(p)) for p in kind.base if p.fit]
     known = {effect.id: effect for effect in _declared(kind)}
     for effect in (known[name] for name in effects):
-        name = effect.id
-        for p in (q for q in effect.parameters() if q.fit):
-            scale = effect.probe if p.name == effect.amplitude().name else _scale(p)
-            result.append(Axis(f"{name}.{p.name}", p, scale))
+        size = effect.amplitude().name
+        own = (p for p in effect_parameters([effect]) if p.fit)
+        result += [Axis(p, effect.probe if p.name == size else _scale(p)) for p in own]
     return result
 
 
@@ -78,14 +83,12 @@ def parallel(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
     return list(_POOL.map(function, items)) if len(items) > 1 else [function(item) for item in items]
 
 
-def evaluate(kind: Kind, records: Sequence[Record], theta: Mapping[str, float], criterion: int) -> Array:
+def evaluate(kind: Kind, records: Sequence[Record], theta: Theta, criterion: int) -> Array:
     """The residuals of all records at `theta`, one after the other."""
     return evaluate_all(kind, records, [theta], criterion)[0]
 
 
-def evaluate_all(
-    kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], criterion: int
-) -> list[Array]:
+def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], criterion: int) -> list[Array]:
     """`evaluate` at each of `thetas`, on all processors and in all their lanes."""
     groups = [thetas[i : i + kind.lanes] for i in range(0, len(thetas), kind.lanes)]
     tasks = [(record, group) for group in groups for record in records]
@@ -96,9 +99,7 @@ def evaluate_all(
     return rows
 
 
-def costs_of(
-    kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], criterion: int
-) -> list[float]:
+def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], criterion: int) -> list[float]:
     """Sum of squares of the residuals at each of `thetas`."""
     return [float(r @ r) for r in evaluate_all(kind, records, thetas, criterion)]
 
@@ -139,11 +140,11 @@ class Problem:
         """The Gauss-Newton search on these residuals."""
         return GaussNewton(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
 
-    def theta(self, x: Array) -> dict[str, float]:
+    def theta(self, x: Array) -> Theta:
         """The parameters by name at the point `x` (n,)."""
-        return {a.name: float(v) for a, v in zip(self.axes, x, strict=True)}
+        return Theta.of((a.name, float(v)) for a, v in zip(self.axes, x, strict=True))
 
-    def start(self, theta: Mapping[str, float]) -> Array:
+    def start(self, theta: Theta) -> Array:
         """The point (n,) of `theta`, within the bounds; declared values where it has none."""
         return self.valley.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
 
@@ -176,24 +177,21 @@ class Problem:
         return np.array(columns).T
 
 
-def descend(problem: Problem, start: Mapping[str, float], secant: float, steps: int) -> Fit:
+def descend(problem: Problem, start: Theta, secant: float, steps: int) -> Fit:
     """Least squares within bounds at one criterion in at most `steps` rounds, derivatives as secants `secant` wide that
     look across the jags.
     """
     x0 = problem.start(start)
     if not len(x0):
         r = problem.at(x0)
-        return Fit({}, float(r @ r), len(r), np.zeros((len(r), 0)), r)
+        return Fit(Theta(), float(r @ r), len(r), np.zeros((len(r), 0)), r)
     end = problem.valley.descend(x0, secant, steps)
     return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
 
-def narrowing(
-    problem: Problem, start: Mapping[str, float], widths: Sequence[float] = SET.narrow, steps: int = 12
-) -> Fit:
+def narrowing(problem: Problem, start: Theta, widths: Sequence[float] = SET.narrow, steps: int = 12) -> Fit:
     """Descents at one criterion, one after the other, with secants of `widths`."""
-    theta = dict(start)
     for width in widths:
-        fit = descend(problem, theta, width, steps)
-        theta = fit.theta
+        fit = descend(problem, start, width, steps)
+        start = fit.theta
     return fit

@@ -7,11 +7,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
+from models.assembly.model import effect_parameters
 from models.checks.instrument.usable import cleaned
 from models.checks.one_clock import on_one_clock
 from models.effects import REFINEMENTS
-from models.effects.effect import Effect
-from models.identification.kind import Theta
 from models.identification.kinds.axis import report as axis_report
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.zero_phase import evened
@@ -25,18 +24,17 @@ from models.identification.kinds.series import report as series_report
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.kind import VibroTableKind
-from models.parameter import Parameter, nearest
+from models.parameter import Name, Parameter, nearest
 from models.records.record import USED, Record, named
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
 
 
-Known = Mapping[str, tuple[float, float]]
-"""Values by name, each with its standard deviation: of base parameters, and of effects (`effect.parameter`) that a
-model has already.
-"""
+Known = Mapping[Name, tuple[float, float]]
+"""Values by name, each with its standard deviation: of base parameters, and of effects that a model has already."""
 NOTHING_KNOWN: Final[Known] = MappingProxyType({})
 
 
@@ -93,15 +91,10 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
     if not (rig.prior or known):
         return kind
     base = tuple(_held(p, rig.prior.get(p.name, p.spread), known.get(p.name)) for p in kind.base)
-    had = [e for e in (*kind.effects, *REFINEMENTS) if any(name.startswith(f"{e.id}.") for name in known)]
-    more = tuple(_own(effect, p, known) for effect in had for p in effect.parameters())
+    ids = {name[0] for name in known if not isinstance(name, str)}
+    had = [e for e in (*kind.effects, *REFINEMENTS) if e.id in ids]
+    more = tuple(_held(p, p.spread, known.get(p.key)) for p in effect_parameters(had))
     return replace(kind, base=(*base, *more), effects=tuple(effect for effect in kind.effects if effect not in had))
-
-
-def _own(effect: type[Effect], p: Parameter, known: Known) -> Parameter:
-    """The parameter `p` of an `effect` as one of a base."""
-    name = f"{effect.id}.{p.name}"
-    return _held(replace(p, name=name), p.spread, known.get(name))
 
 
 def _held(p: Parameter, spread: float, known: tuple[float, float] | None) -> Parameter:

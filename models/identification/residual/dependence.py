@@ -10,13 +10,14 @@ import numpy as np
 from scipy.signal import welch
 
 from models.identification.finding import Curve, Dependence, Surface, Tone
-from models.identification.kind import Array, Kind, Theta
+from models.identification.kind import Array, Kind
 from models.identification.residual.curve import curve_of, ranked, surface_of
 from models.identification.residual.left import Left, left_of
 from models.identification.residual.term import SYMBOLS, term_of
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
+from models.theta import Theta
 
 WAYS: Final = ("-v", "+x")
 

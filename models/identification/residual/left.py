@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification.kind import Array, Kind, Theta
+from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 @dataclass(frozen=True)

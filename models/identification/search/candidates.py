@@ -26,7 +26,9 @@ from models.identification.search.validation import (
     judged_cost,
 )
 from models.identification.settings import SET
+from models.parameter import Name
 from models.records.record import Record
+from models.theta import Theta
 
 Moved = Callable[[str, float], None]
 
@@ -46,11 +48,11 @@ class Trial:
     """
 
     effect: str
-    thetas: tuple[dict[str, float], ...]
+    thetas: tuple[Theta, ...]
     gain: float
     drop: float
     blocks: np.ndarray
-    refinements: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
+    refinements: Mapping[tuple[str, ...], list[Theta]] = field(default_factory=dict)
 
 
 def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved = _quiet) -> list[Trial]:
@@ -76,7 +78,7 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
         moved(name, 0.8 + 0.2 * k / len(finalists))
         trials.append(_judge(model, name, fitted[name].theta))
     refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > SET.near
-    helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else {}) for trial in trials]
+    helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else None) for trial in trials]
     trials = from_the_best(model, trials, helped) if model.kind.beginnings_s else helped
     trials = [_as_called(model, trial) for trial in trials]
     return sorted(trials, key=lambda trial: -trial.gain)
@@ -102,10 +104,10 @@ def _refinements(kind: Kind, name: str) -> list[str]:
     ]
 
 
-def _with_refinements(so_far: FittedModel, trial: Trial, sought: Mapping[str, float]) -> Trial:
+def _with_refinements(so_far: FittedModel, trial: Trial, sought: Theta | None) -> Trial:
     """`trial` as its refinements would leave it, also from where its elimination round `sought` it, where that is
     better: of two candidates of which neither is quite right, the one that its refinements complete. It has none
-    where `sought` is empty. One without refinements is looked for from more places where it leaves more than the
+    where nothing was `sought`. One without refinements is looked for from more places where it leaves more than the
     noise.
     """
     kind, splits = so_far.kind, so_far.splits
@@ -115,7 +117,7 @@ def _with_refinements(so_far: FittedModel, trial: Trial, sought: Mapping[str, fl
     model = [*so_far.effects, trial.effect, *refinements]
     fits = []
     for (part, _), theta in zip(splits, trial.thetas, strict=True):
-        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if refinements else []))]
+        ends = [refit(kind, part, model, start) for start in (theta, *([sought] if refinements and sought else []))]
         fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
     again = against(so_far.blocks, trial.effect, tuple(fits), block_costs(kind, splits, fits))
     if not refinements:
@@ -140,7 +142,7 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
         starts = [
-            {**_only(kind, base, effects), **_numbers(own, name)}
+            base.only({*effects, *had(kind)}).with_(name, own.effects[name])
             for base, own in zip(both or best.thetas, owns, strict=True)
         ]
         fits = tuple(
@@ -154,16 +156,6 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
         ):
             rows[best.effect] = next(trial for trial in alone if trial.effect == best.effect)
     return list(rows.values())
-
-
-def _only(kind: Kind, theta: Mapping[str, float], effects: Sequence[str]) -> dict[str, float]:
-    """The base of `theta` and the numbers of `effects`."""
-    kept = {*effects, *had(kind)}
-    return {name: value for name, value in theta.items() if "." not in name or name.split(".")[0] in kept}
-
-
-def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
-    return {name: value for name, value in theta.items() if name.startswith(f"{effect}.")}
 
 
 def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
@@ -180,20 +172,20 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
             place
             for base in begins(kind, model.thetas[0])
             for start in row.starts
-            for place in with_each({**base, **start}, beside)
+            for place in with_each(base.with_(row.effect, start), beside)
         ]
         effects = [*model.effects, row.effect, *beside]
         climbs[row.effect] = GrowingHorizon(kind, effects, starts, effort, row.effect)
     return eliminate(model.part, climbs, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
 
 
-def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, dict[str, float]]:
+def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Theta]:
     """Where the fit of each candidate may start, the best candidate first: one round of descent from its best opening
     at the kind's first criterion, and a few more of those candidates that came lowest by it.
     """
     kind, bases = model.kind, begins(model.kind, model.thetas[0])
 
-    def descended(name: str, start: Mapping[str, float], rounds: int) -> Fit:
+    def descended(name: str, start: Theta, rounds: int) -> Fit:
         return descend(Problem.of(kind, model.part, [*model.effects, name], 0), start, SET.narrow[0], rounds)
 
     fits = {}
@@ -208,11 +200,11 @@ def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> 
     return {name: fits[name].theta for name in sorted(fits, key=lambda name: fits[name].cost)}
 
 
-def _first(row: tuple[float, dict[str, float]]) -> float:
+def _first(row: tuple[float, Theta]) -> float:
     return row[0]
 
 
-def _survivors(model: FittedModel, entries: Mapping[str, dict[str, float]], moved: Moved) -> dict[str, Fit]:
+def _survivors(model: FittedModel, entries: Mapping[str, Theta], moved: Moved) -> dict[str, Fit]:
     """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by."""
     kind = model.kind
     fits = {}
@@ -229,27 +221,25 @@ def shared_by(kind: Kind, name: str) -> list[str]:
     return [c for c in _refinements(kind, name) if BY_ID[c] in REFINEMENTS]
 
 
-def with_each(start: dict[str, float], refinements: Sequence[str]) -> list[dict[str, float]]:
+def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
     """`start`, and with each shape on the refinements' grids."""
-    grid = {f"{c}.{name}": values for c in refinements for name, values in BY_ID[c].grid.items()}
-    return [
-        start,
-        *({**start, **dict(zip(grid, row, strict=True))} for row in itertools.product(*grid.values()) if row),
-    ]
+    grid: dict[Name, tuple[float, ...]]
+    grid = {(c, name): values for c in refinements for name, values in BY_ID[c].grid.items()}
+    rows = itertools.product(*grid.values())
+    return [start, *(start | dict(zip(grid, row, strict=True)) for row in rows if row)]
 
 
 def opening(
-    kind: Kind, part: Sequence[Record], bases: Sequence[Mapping[str, float]], name: str, start: Mapping[str, float]
-) -> tuple[float, dict[str, float]]:
+    kind: Kind, part: Sequence[Record], bases: Sequence[Theta], name: str, start: Mapping[str, float]
+) -> tuple[float, Theta]:
     """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a
     calibration may have bent the base to make up for what was missing).
     """
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
-    key = f"{effect.id}.{amplitude.name}"
-    wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
+    wanted = [start[amplitude.name], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
-    points = [{**base, **start, key: value} for base in bases for value in values]
+    points = [base.with_(name, {**start, amplitude.name: value}) for base in bases for value in values]
     costs = costs_of(kind, part, points, free_run(kind))
     return min(zip(costs, points, strict=True), key=_first)
 
@@ -265,13 +255,11 @@ def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
     return wanted
 
 
-def _judge(model: FittedModel, name: str, start: Mapping[str, float]) -> Trial:
+def _judge(model: FittedModel, name: str, start: Theta) -> Trial:
     """`model` with the effect `name` fitted on every split from `start`, and judged."""
-    kind, own = model.kind, _numbers(start, name)
+    kind, own = model.kind, start.effects[name]
     starts = [
-        min(({**theta, **own}, dict(start)), key=lambda point: float(judged(kind, part, point).sum()))
-        if i
-        else dict(start)
+        min((theta.with_(name, own), start), key=lambda point: float(judged(kind, part, point).sum())) if i else start
         for i, (part, theta) in enumerate(model.parts)
     ]
     effects = [*model.effects, name]
@@ -279,7 +267,7 @@ def _judge(model: FittedModel, name: str, start: Mapping[str, float]) -> Trial:
     return against(model.blocks, name, fits, block_costs(kind, model.splits, fits))
 
 
-def against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], after: np.ndarray) -> Trial:
+def against(before: np.ndarray, name: str, fits: tuple[Theta, ...], after: np.ndarray) -> Trial:
     """The trial of the effect `name` with `fits`: validation costs by block `before` it and `after`."""
     gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
     return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
@@ -289,17 +277,12 @@ def better_without(model: FittedModel, further: str, others: Fits) -> FittedMode
     """The better on the training records of `model` and of the same begun where `others`, fits with one `further`
     effect, have their base and the effects.
     """
-    starts = [without(theta, further) for theta in others]
+    starts = [theta.without(further) for theta in others]
     again = [
         step_on(model.kind, part, model.effects, start).theta
         for (part, _), start in zip(model.splits, starts, strict=True)
     ]
     return min(model, model.fitted(again), key=lambda choice: choice.training_cost)
-
-
-def without(theta: Mapping[str, float], effect: str) -> dict[str, float]:
-    """`theta` without the numbers of one effect."""
-    return {name: value for name, value in theta.items() if not name.startswith(f"{effect}.")}
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:

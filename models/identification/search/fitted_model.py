@@ -4,7 +4,7 @@ these fit the held-out parts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,8 +13,9 @@ import numpy as np
 from models.identification.kind import Kind
 from models.identification.search.validation import Array, Split, block_costs, training_cost
 from models.records.record import Record
+from models.theta import Theta
 
-Fits = Sequence[Mapping[str, float]]
+Fits = Sequence[Theta]
 
 
 @dataclass(frozen=True)
@@ -24,18 +25,18 @@ class FittedModel:
     kind: Kind
     splits: Sequence[Split]
     effects: tuple[str, ...]
-    thetas: tuple[dict[str, float], ...]
+    thetas: tuple[Theta, ...]
 
     @classmethod
     def of(cls, kind: Kind, splits: Sequence[Split], effects: Sequence[str], thetas: Fits) -> FittedModel:
         """The model from any sequences."""
-        return cls(kind, splits, tuple(effects), tuple(dict(theta) for theta in thetas))
+        return cls(kind, splits, tuple(effects), tuple(thetas))
 
     def fitted(self, thetas: Fits, effects: Sequence[str] | None = None) -> FittedModel:
         """The same model with other fits, of other effects where these are given."""
         return replace(
             self,
-            thetas=tuple(dict(theta) for theta in thetas),
+            thetas=tuple(thetas),
             effects=self.effects if effects is None else tuple(effects),
         )
 
@@ -45,7 +46,7 @@ class FittedModel:
         return self.splits[0][0]
 
     @property
-    def parts(self) -> Iterator[tuple[list[Record], dict[str, float]]]:
+    def parts(self) -> Iterator[tuple[list[Record], Theta]]:
         """Each split's training records with the fit to them."""
         return zip((part for part, _ in self.splits), self.thetas, strict=True)
 

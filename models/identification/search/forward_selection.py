@@ -15,7 +15,7 @@ from models.checks.instrument.usable import counted
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Kind
-from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each, without
+from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
@@ -115,7 +115,7 @@ def search(
         task.clock.note("rivals", found)
         progress("fitting the model on all records", 0.85)
         reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
-        start = {**base.theta, **model.thetas[0]}
+        start = base.theta | model.thetas[0]
         found.augmented = whole(kind, train, found.model, start, max(SET.near, reached))
         added, found.augmented = refined_at_last(
             kind, train, found.effects, found.refinements, found.augmented, found.known
@@ -196,7 +196,7 @@ def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: 
     """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
     finer, fits = [*effects, *beside], []
     for part, theta in model.parts:
-        starts = with_each(without(theta, dropped), beside)
+        starts = with_each(theta.without(dropped), beside)
         ends = [refit(model.kind, part, finer, start) for start in starts]
         fits.append(min(ends, key=lambda end: judged_cost(model.kind, part, end)))
     return model.fitted(fits, finer)

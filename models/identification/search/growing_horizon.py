@@ -13,10 +13,11 @@ from scipy.stats import chi2, qmc
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
 from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of, narrowing
-from models.identification.kind import Kind
+from models.identification.kind import Kind, had
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1), 3)
 
 def base_known(kind: Kind) -> bool:
     """Whether a prior holds the base so well that it cannot be a slip event beside the right one."""
-    fitted = [p for p in kind.base if p.fit and "." not in p.name]
+    fitted = [p for p in kind.base if p.fit and not p.effect]
     return bool(fitted) and all(SET.near_start * p.spread <= SET.settled * abs(p.value) for p in fitted)
 
 
@@ -51,7 +52,7 @@ class GrowingHorizon:
 
     kind: Kind
     effects: Sequence[str]
-    starts: Sequence[Mapping[str, float]]
+    starts: Sequence[Theta]
     effort: Effort
     fresh: str = ""
     seed: int = 0
@@ -59,7 +60,7 @@ class GrowingHorizon:
 
     def on(self, number: int, length: float, records: Sequence[Record]) -> None:
         """To the next `length` in s, `records` being the beginnings number `number`."""
-        places = [dict(start) for start in self.starts]
+        places = list(self.starts)
         if self.fits:
             found = [fit.theta for fit in self.fits]
             points = found + places + self._redrawn(found[: SET.bases])
@@ -77,30 +78,24 @@ class GrowingHorizon:
         ]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
 
-    def _scattered(self) -> list[dict[str, float]]:
+    def _scattered(self) -> list[Theta]:
         """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one
         that is fresh.
         """
         return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, self.seed)
 
-    def _redrawn(self, found: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+    def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
         """Each base of `found` with effects from around their declared values: a drift does not show in the first few
         slip events.
         """
-        moved = [axis for axis in axes(self.kind, self.effects) if axis.name.split(".")[0] in self.effects]
-        own = {p.name for p in self.kind.base}
-        bases = [{name: value for name, value in theta.items() if name in own} for theta in found]
+        moved = [axis for axis in axes(self.kind, self.effects) if axis.parameter.effect in self.effects]
+        bases = [theta.only(had(self.kind)) for theta in found]
         return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
-    def _drawn(
-        self, starts: Sequence[Mapping[str, float]], moved: Sequence[Axis], count: int, seed: int
-    ) -> list[dict[str, float]]:
+    def _drawn(self, starts: Sequence[Theta], moved: Sequence[Axis], count: int, seed: int) -> list[Theta]:
         shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
         return [
-            {
-                **start,
-                **{axis.name: _place(axis, start, share, self.fresh) for axis, share in zip(moved, row, strict=True)},
-            }
+            start | {axis.name: _place(axis, start, share, self.fresh) for axis, share in zip(moved, row, strict=True)}
             for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
         ]
 
@@ -109,7 +104,7 @@ def grow_horizon(
     kind: Kind,
     records: Sequence[Record],
     effects: Sequence[str],
-    starts: Sequence[Mapping[str, float]],
+    starts: Sequence[Theta],
     effort: Effort = THOROUGH,
     fresh: str = "",
     seed: int = 0,
@@ -172,15 +167,14 @@ def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
-def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> float:
+def _place(axis: Axis, start: Theta, share: float, fresh: str) -> float:
     """The value of one parameter for a number `share` between 0 and 1."""
     p = axis.parameter
-    effect, _, name = axis.name.rpartition(".")
-    if not effect:
+    if not p.effect:
         value = p.value + min(SET.base_off * abs(p.value), SET.near_start * p.spread) * (2 * share - 1)
-    elif effect == fresh and name == BY_ID[effect].amplitude().name:
+    elif p.effect == fresh and p.name == BY_ID[fresh].amplitude().name:
         sign, size = np.sign(share - 0.5) or 1.0, abs(2 * share - 1)
-        value = sign * BY_ID[effect].probe * 2 ** (SET.doublings * size)
+        value = sign * BY_ID[fresh].probe * 2 ** (SET.doublings * size)
         value = value if p.lower <= value <= p.upper else -value
     else:
         value = start.get(axis.name, p.value)

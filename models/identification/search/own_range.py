@@ -5,7 +5,7 @@ own range a parameter keeps the size from which on its effect is what it is call
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from models.effects import BY_ID
@@ -15,11 +15,12 @@ from models.identification.search.fitted_model import Fits
 from models.identification.search.validation import Split, free_run
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 def within(
     kind: Kind, splits: Sequence[Split], effects: Sequence[str], effect: str, fits: Fits
-) -> tuple[dict[str, float], ...] | None:
+) -> tuple[Theta, ...] | None:
     """The `fits`, one a split, of a model with `effects`, moved to where its `effect` is what it is called; None where
     they are there already.
     """
@@ -28,13 +29,11 @@ def within(
     return tuple(_fitted(kind, part, effects, effect, theta) for (part, _), theta in zip(splits, fits, strict=True))
 
 
-def _is_there(effect: str, theta: Mapping[str, float]) -> bool:
-    return all(abs(theta.get(f"{effect}.{p.name}", p.value)) >= p.least for p in BY_ID[effect].parameters())
+def _is_there(effect: str, theta: Theta) -> bool:
+    return all(abs(theta.get((effect, p.name), p.value)) >= p.least for p in BY_ID[effect].parameters())
 
 
-def _fitted(
-    kind: Kind, part: list[Record], effects: Sequence[str], effect: str, theta: Mapping[str, float]
-) -> dict[str, float]:
+def _fitted(kind: Kind, part: list[Record], effects: Sequence[str], effect: str, theta: Theta) -> Theta:
     """The better of the fits on either side of zero."""
     problem = Problem.of(kind, part, effects, free_run(kind))
     sides = [replace(problem, axes=[_side(axis, effect, sign) for axis in problem.axes]) for sign in (1.0, -1.0)]
@@ -46,7 +45,7 @@ def _fitted(
 def _side(axis: Axis, effect: str, sign: float) -> Axis:
     """The axis within its parameter's own range on one side of zero."""
     p = axis.parameter
-    if not p.least or axis.name != f"{effect}.{p.name}":
+    if not p.least or p.effect != effect:
         return axis
     lower, upper = (p.least, p.upper) if sign > 0 else (p.lower, -p.least)
     begin = math.copysign(max(abs(p.value), p.least), sign)

@@ -4,7 +4,7 @@ runs soon tell nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,11 +13,10 @@ from models.identification.search.growing_horizon import prefixes
 from models.identification.search.validation import Split, judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
-def sensitivity_cost(
-    kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator
-) -> float:
+def sensitivity_cost(kind: Kind, splits: Sequence[Split], theta: Theta, rng: np.random.Generator) -> float:
     """Validation cost that the model leaves of itself, with noise, where the base's numbers are 0.1 % off: what
     no fit can do better than.
     """
@@ -26,7 +25,7 @@ def sensitivity_cost(
 
 
 def predictable(
-    kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], most: float, rng: np.random.Generator
+    kind: Kind, splits: Sequence[Split], theta: Theta, most: float, rng: np.random.Generator
 ) -> tuple[float, list[Split]]:
     """The longest beginnings of the records, in s (inf: whole ones), over which the model leaves less than `most` of
     itself, and the splits cut to them.
@@ -40,17 +39,15 @@ def predictable(
     return length, [(prefixes(part, length), prefixes(rest, length)) for part, rest in splits]
 
 
-def _moved(
-    kind: Kind, held: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
-) -> list[list[Record]]:
+def _moved(kind: Kind, held: Sequence[Record], theta: Theta, rng: np.random.Generator) -> list[list[Record]]:
     """Imitations of the records `held` on the model with each base number 0.1 % up or down."""
-    fitted = {p.name for p in kind.base if p.fit}
+    fitted = {p.key for p in kind.base if p.fit}
     moved = (
-        {name: v * (1 + SET.thousandth * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}
+        theta | {name: theta[name] * (1 + SET.thousandth * rng.choice((-1, 1))) for name in theta if name in fitted}
         for _ in range(SET.self_imitations)
     )
     return [[kind.imitate(record, point, rng) for record in held] for point in moved]
 
 
-def _of_itself(kind: Kind, imitated: Sequence[Sequence[Record]], theta: Mapping[str, float]) -> float:
+def _of_itself(kind: Kind, imitated: Sequence[Sequence[Record]], theta: Theta) -> float:
     return max(judged_cost(kind, records, theta) for records in imitated)

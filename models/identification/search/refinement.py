@@ -9,14 +9,15 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind, had
-from models.identification.search.candidates import better_without, without
+from models.identification.search.candidates import better_without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
 from models.identification.search.validation import fewest
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
-Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
+Known = MutableMapping[tuple[str, ...], list[Theta]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
 
 
@@ -32,7 +33,9 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
         finer = (*model.effects, *curves[: k + 1])
         fit = mend if BY_ID[curve] in REFINEMENTS else refit
         if finer not in known:
-            known[finer] = [fit(model.kind, part, finer, {**theta, **_begin(curve)}) for part, theta in rows[-1].parts]
+            known[finer] = [
+                fit(model.kind, part, finer, theta.with_(curve, _begin(curve))) for part, theta in rows[-1].parts
+            ]
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
     number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])
@@ -57,7 +60,7 @@ def refined_at_last(
         if floors < SET.close:
             break
         model = [*effects, *taken, *added, curve]
-        starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
+        starts = [fit.theta.with_(curve, _begin(curve)), *known.get(tuple(model), ())]
         costs = costs_of(kind, records, starts, kind.final)
         if min(fit.cost, *costs) > SET.behind * fit.count:
             break
@@ -66,7 +69,7 @@ def refined_at_last(
         )
         left = _floors(kind, records, finer)
         if finer.chi2 < SET.near and _clearly(finer, left, fit, floors):
-            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), without(finer.theta, curve), SET.fine)
+            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), finer.theta.without(curve), SET.fine)
             if again.cost < fit.cost:
                 fit, floors = again, _floors(kind, records, again)
             if _clearly(finer, left, fit, floors):
@@ -95,4 +98,4 @@ def _begin(curve: str) -> dict[str, float]:
     """Where a refinement's shape begins: first on its grid. An effect that mends another begins as it is declared."""
     if BY_ID[curve] not in REFINEMENTS:
         return {}
-    return {f"{curve}.{name}": values[0] for name, values in BY_ID[curve].grid.items()}
+    return {name: values[0] for name, values in BY_ID[curve].grid.items()}

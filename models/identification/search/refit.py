@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import qmc
@@ -14,24 +14,24 @@ from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOR
 from models.identification.search.validation import free_run, judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 def refit(
     kind: Kind,
     records: Sequence[Record],
     effects: Sequence[str],
-    start: Mapping[str, float],
+    start: Theta,
     enough: float = SET.near,
-) -> dict[str, float]:
+) -> Theta:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; and, where this leaves
     more than `enough` (about the noise) of a time series, on ever longer beginnings from where it is and from the
     nominal base, there also with the newest effect as it is declared.
     """
     if not kind.beginnings_s:
-        theta = dict(start)
         for criterion in range(kind.criteria):
-            theta = narrowing(Problem.of(kind, records, effects, criterion), theta).theta
-        return theta
+            start = narrowing(Problem.of(kind, records, effects, criterion), start).theta
+        return start
     fits = [step_on(kind, records, effects, start).theta]
     costs = [judged_cost(kind, records, fits[0])]
     if costs[0] > enough:
@@ -40,7 +40,7 @@ def refit(
     return fits[int(np.argmin(costs))]
 
 
-def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta) -> Theta:
     """The best fit with one more free curve: from close by; where that leaves more than the noise to a hundredth of a
     time series, on ever longer beginnings too; and from more places where these leave `SET.near`.
     """
@@ -57,7 +57,7 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
     return fits[int(np.argmin(costs))]
 
 
-def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
+def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta) -> Fit:
     """A fit to the free run from where the start is."""
     return narrowing(
         Problem.of(kind, records, effects, free_run(kind)),
@@ -67,23 +67,21 @@ def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start
     )
 
 
-def _lengthened(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], seed: int = 0
-) -> dict[str, float]:
+def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta, seed: int = 0) -> Theta:
     """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as
     it is declared.
     """
     starts = begins(kind, start)
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
-        starts.append({**starts[-1], **BY_ID[newest].start()})
+        starts.append(starts[-1].with_(newest, BY_ID[newest].start()))
     effort = FROM_CLOSE if base_known(kind) else THOROUGH
     return grow_horizon(kind, records, effects, starts, effort, newest, seed).theta
 
 
-def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
+def begins(kind: Kind, theta: Theta) -> list[Theta]:
     """`theta`, and the same at the nominal base: one fitted without an effect may be bent to make up for it."""
-    return [dict(theta), {**theta, **{p.name: p.value for p in kind.base if p.fit}}]
+    return [theta, theta | Theta.declared(p for p in kind.base if p.fit)]
 
 
 def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
@@ -92,7 +90,7 @@ def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
     would pass for one that lacks an effect. One that a prior holds is not.
     """
     problem = Problem.of(kind, records, [], free_run(kind))
-    fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), SET.fine)
+    fit = narrowing(problem, refit(kind, records, [], kind.nominal()), SET.fine)
     if kind.beginnings_s and fit.chi2 > SET.near and not base_known(kind):
         fit = min(fit, _from_other_places(problem, [], fit.theta), key=_cost)
     return fit
@@ -102,7 +100,7 @@ def whole(
     kind: Kind,
     records: Sequence[Record],
     effects: Sequence[str],
-    start: Mapping[str, float],
+    start: Theta,
     enough: float = SET.near,
 ) -> Fit:
     """The best of several ways to a fit on `records` (`refit`), finished. Where that leaves more than `enough`
@@ -117,7 +115,7 @@ def whole(
     return fit
 
 
-def _from_other_places(problem: Problem, effects: Sequence[str], theta: Mapping[str, float]) -> Fit:
+def _from_other_places(problem: Problem, effects: Sequence[str], theta: Theta) -> Fit:
     """A fit by ever longer beginnings from places that no search before has drawn."""
     begun = _lengthened(problem.kind, problem.records, effects, theta, SET.other_places)
     return narrowing(problem, begun, SET.fine)
@@ -150,7 +148,7 @@ def _cost(fit: Fit) -> float:
     return fit.cost
 
 
-def _close_by(problem: Problem, theta: Mapping[str, float]) -> list[dict[str, float]]:
+def _close_by(problem: Problem, theta: Theta) -> list[Theta]:
     """The best of many places around `theta`, within a few percent of each fitted value."""
     x = problem.start(theta)
     shares = qmc.Sobol(len(x), seed=2).random(SET.near_by) if len(x) else np.zeros((0, 0))

@@ -10,8 +10,8 @@ import numpy as np
 from models.effects import BY_ID
 from models.effects.effect import Effect
 from models.identification.fitting.fit import Problem, costs_of, descend
-from models.identification.kind import effects_in, had
-from models.identification.search.candidates import Trial, opening, without
+from models.identification.kind import had
+from models.identification.search.candidates import Trial, opening
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.own_range import within
@@ -83,7 +83,7 @@ def _imitation(
     """
     kind, effects, fits, differs = model.kind, [*rest, other.id], [], []
     for (part, theta), predicted in zip(model.parts, made, strict=True):
-        base = {key: value for key, value in theta.items() if key.partition(".")[0] not in own}
+        base = theta.without(*own)
         _, start = opening(kind, prefixes(predicted[:1], kind.beginnings_s[-1]), [base], other.id, other.start())
         near = step_on(kind, predicted, effects, start)
         differs.append(judged_cost(kind, predicted, near.theta))
@@ -107,7 +107,7 @@ def _screened_rivals(
     """
     kind, criterion = model.kind, free_run(model.kind)
     part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.beginnings_s else model.part
-    bases = [{k: v for k, v in theta.items() if k.partition(".")[0] not in own} for theta in model.thetas]
+    bases = [theta.without(*own) for theta in model.thetas]
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     near = [
         row for row in screened if row.effect not in (*own, *rest) and row.starts and row.share >= SET.rival_has * share
@@ -120,8 +120,7 @@ def _screened_rivals(
         if fit.cost <= limit:
             begun.append((fit.cost, row.effect, fit.theta))
     for _, name, theta in sorted(begun, key=lambda entry: entry[0])[: 2 * SET.final]:
-        numbers = {key: value for key, value in theta.items() if key.startswith(f"{name}.")}
-        starts = [theta, *({**base, **numbers} for base in bases[1:])]
+        starts = [theta, *(base.with_(name, theta.effects[name]) for base in bases[1:])]
         ends = [
             step_on(kind, records, [*rest, name], start).theta
             for (records, _), start in zip(model.splits, starts, strict=True)
@@ -134,7 +133,7 @@ def _tried_rivals(
 ) -> Iterator[tuple[str, FittedModel]]:
     """Fits that the search made of candidates beside the same other effects, also with their refinements."""
     for trial in trials:
-        if set(rest) == effects_in(without(trial.thetas[0], trial.effect)) - had(model.kind):
+        if set(rest) == set(trial.thetas[0].effects) - {trial.effect, *had(model.kind)}:
             yield trial.effect, model.fitted(trial.thetas, [*rest, trial.effect])
             for effects, fits in trial.refinements.items():
                 yield trial.effect, model.fitted(fits, effects)

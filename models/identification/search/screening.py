@@ -18,6 +18,7 @@ from models.identification.search.validation import free_run, judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 
@@ -41,14 +42,12 @@ class _View:
     kind: Kind
     records: Sequence[Record]
     criterion: int
-    theta: Mapping[str, float]
+    theta: Theta
     residual: Array
     basis: Array
 
     @classmethod
-    def at(
-        cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], criterion: int
-    ) -> _View:
+    def at(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, criterion: int) -> _View:
         problem = Problem(kind, records, axes(kind, effects), criterion)
         x = problem.start(theta)
         jacobian = problem.jacobian(x, SET.screened_secant)
@@ -60,17 +59,11 @@ class _View:
 
     def explained(self, effect: type[Effect], shapes: Sequence[Mapping[str, float]]) -> list[Screened]:
         """`effect` in each of `shapes`, all evaluated together."""
-        amplitude, head = effect.amplitude(), f"{effect.id}."
-        starts = []
-        for shape in shapes:
-            start = effect.start() | {head + k: v for k, v in shape.items()}
-            start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
-            starts.append(start)
-        phase = effect.of_role("phase")
-        phases: tuple[dict[str, float], ...] = ({},)
-        if phase is not None:
-            phases = ({head + phase: 0.0}, {head + phase: np.pi / 2})
-        thetas = [{**self.theta, **start, **at} for start in starts for at in phases]
+        amplitude, phase = effect.amplitude(), effect.of_role("phase")
+        size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
+        starts = [{**effect.start(), **shape, **size} for shape in shapes]
+        phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
+        thetas = [self.theta.with_(effect.id, {**start, **at}) for start in starts for at in phases]
         seen = evaluate_all(self.kind, self.records, thetas, self.criterion)
         n = len(phases)
         return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
@@ -79,7 +72,7 @@ class _View:
         """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against the residual
         itself.
         """
-        amplitude, head = effect.amplitude(), f"{effect.id}."
+        amplitude, phase = effect.amplitude(), effect.of_role("phase")
         beliefs = np.zeros(
             len(self.residual) - len(seen[0])
         )  # rows that hold fitted parameters to what is believed of them
@@ -91,13 +84,13 @@ class _View:
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
         share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
         size *= 1 / np.sqrt(len(seen))
-        if len(factor) == 2:
-            start[f"{head}{effect.of_role('phase')}"] = float(np.arctan2(factor[1], factor[0]))
+        if phase is not None:
+            start[phase] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
         reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
-        wanted = start[head + amplitude.name] * scale
-        start[head + amplitude.name] = float(np.clip(wanted, *reach))
-        if not reach[0] <= wanted <= reach[1] and wanted * start[head + amplitude.name] <= 0:
+        wanted = start[amplitude.name] * scale
+        start[amplitude.name] = float(np.clip(wanted, *reach))
+        if not reach[0] <= wanted <= reach[1] and wanted * start[amplitude.name] <= 0:
             share = 0.0
         return Screened(effect.id, share, (start,), abs(effect.probe) * float(np.sqrt(power)) / size)
 
@@ -140,7 +133,7 @@ def screen(
     kind: Kind,
     records: Sequence[Record],
     effects: Sequence[str],
-    theta: Mapping[str, float],
+    theta: Theta,
     dropped: Sequence[str] = (),
 ) -> list[Screened]:
     """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the
@@ -173,7 +166,7 @@ def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
 
 
 def null_distribution(
-    kind: Kind, records: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
+    kind: Kind, records: Sequence[Record], theta: Theta, rng: np.random.Generator
 ) -> tuple[float, dict[str, float], float]:
     """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude
     of each that would stand out from it, and the mean square of their residuals. Where a slip event of an imitation

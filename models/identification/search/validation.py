@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from models.identification.fitting.fit import evaluate
 from models.identification.kind import Kind
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
@@ -23,14 +24,14 @@ def free_run(kind: Kind) -> int:
     return kind.criteria - 1
 
 
-def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> Array:
+def judged(kind: Kind, records: Sequence[Record], theta: Theta) -> Array:
     """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block
     suits better.
     """
     return np.asarray(np.min([_blocks(evaluate(kind, records, theta, criterion)) for criterion in kind.judges], axis=0))
 
 
-def judged_cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:
+def judged_cost(kind: Kind, records: Sequence[Record], theta: Theta) -> float:
     """Mean of the blocks."""
     return float(judged(kind, records, theta).mean())
 
@@ -41,12 +42,12 @@ def _blocks(residual: Array) -> Array:
     )
 
 
-def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> Array:
+def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Theta]) -> Array:
     """Validation cost for each residual by blocks of neighbours (at most forty a split), as `judged`."""
     return np.concatenate([judged(kind, held, theta) for (_, held), theta in zip(splits, thetas, strict=True)])
 
 
-def training_cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
+def training_cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Theta]) -> float:
     """Sum of the judged blocks over the training parts."""
     return sum(float(judged(kind, part, theta).sum()) for (part, _), theta in zip(splits, thetas, strict=True))
 

@@ -19,6 +19,7 @@ from controller.model.linear import PHASES, Linear, linearise
 from models.rigs.parts import surface_of
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
+from models.theta import Theta
 from tests.conftest import RIG
 
 TICK, DELAY = 0.002, 0.015
@@ -26,7 +27,7 @@ TICK, DELAY = 0.002, 0.015
 
 @pytest.fixture(scope="module")
 def magnetic() -> ControlModel:
-    return control_model(parse_rig(tomllib.loads(RIG)), {}, TICK)
+    return control_model(parse_rig(tomllib.loads(RIG)), Theta(), TICK)
 
 
 @pytest.fixture(scope="module")

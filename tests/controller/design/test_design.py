@@ -18,6 +18,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise
 from controller.signals import Array, Estimate
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 from tests.conftest import RIG
 
 MAGNET = 'kind = "magnetic"\nmagnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02'
@@ -33,7 +34,7 @@ TICK, DELAY = 0.002, 0.015
 
 
 def model(text: str = RIG, driven: str = "") -> ControlModel:
-    return control_model(parse_rig(tomllib.loads(text)), {}, TICK, driven=driven)
+    return control_model(parse_rig(tomllib.loads(text)), Theta(), TICK, driven=driven)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +89,7 @@ def test_the_linear_plant_predicts_small_deviations_of_the_model(
 
 def test_a_coil_behind_its_winding_keeps_the_current_as_a_state() -> None:
     plant = linearise(model(COIL, "coil_voltage_V"), "slip")
-    assert plant.states == ("x", "v", "coil.current_A")
+    assert plant.states == ("x", "v", ("coil", "current_A"))
     assert abs(plant.rates()[0]) < 1e-6
     assert plant.command == pytest.approx(10.0 * linearise(model(COIL), "slip").command, rel=0.02)
 

@@ -177,7 +177,9 @@ def test_a_coil_is_followed_too(kind: type[Estimator]) -> None:
         off.append(estimate.state[0] - session.plant.state[at.S_X])
     assert session.plant.state[at.S_X] > 1e-3
     assert np.sqrt(np.mean(np.square(off[1000:]))) < 0.3e-3
-    assert estimate.state[model.index("coil.current_A")] == pytest.approx(session.plant.state[at.S_CURRENT], rel=0.05)
+    assert estimate.state[model.index(("coil", "current_A"))] == pytest.approx(
+        session.plant.state[at.S_CURRENT], rel=0.05
+    )
 
 
 def test_impossible_noise_is_refused() -> None:

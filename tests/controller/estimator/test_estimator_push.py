@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import hil
 from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
 from hil.app.track.loop import Trace, believed_model, run_loop
+from models.theta import Theta
 from plant import layout as at
 
 SCENARIOS = Path(hil.__file__).parent / "scenarios"
@@ -25,7 +26,7 @@ def estimate_error(trace: Trace) -> NDArray[np.float64]:
 def test_a_push_of_80_mN_is_followed() -> None:
     """Within 0.4 mm rms by the estimate, where the localisation alone has 0.5 mm."""
     scenario = parse_track_scenario(tomllib.loads(RAMP + PUSH))
-    trace = run_loop(scenario, believed_model(scenario, {}), "feedforward", 1)
+    trace = run_loop(scenario, believed_model(scenario, Theta()), "feedforward", 1)
     assert np.sqrt(np.mean(estimate_error(trace) ** 2)) < 0.4e-3
     assert not trace.lost[trace.time_s > 1.0].any()
 
@@ -35,7 +36,7 @@ def test_pushes_against_a_coil_are_followed() -> None:
     does, the capsule no more.
     """
     scenario = load_track_scenario(SCENARIOS / "track_coil_push_12.toml")
-    trace = run_loop(scenario, believed_model(scenario, {}), "feedforward", 1)
+    trace = run_loop(scenario, believed_model(scenario, Theta()), "feedforward", 1)
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
     assert np.sqrt(np.mean(estimate_error(trace) ** 2)) < 0.4e-3
     assert np.sqrt(np.mean((x - scenario.reference.position(t))[t > 1.0] ** 2)) < 0.5e-3

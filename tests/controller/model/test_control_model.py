@@ -15,16 +15,19 @@ from models.identification.model import HELD_OUT
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from models.theta import Theta
 from tests.conftest import RIG
 from tests.models.running import Array, run
 
 TICK_S = 1e-3
-EFFECTS = {
-    "actuator_lag.time_s": 0.01,
-    "directional_asymmetry.asymmetry": 0.2,
-    "sensor_bias.bias": 1e-4,
-    "sensor_delay.delay_s": 4e-3,
-}
+EFFECTS = Theta.of(
+    {
+        ("actuator_lag", "time_s"): 0.01,
+        ("directional_asymmetry", "asymmetry"): 0.2,
+        ("sensor_bias", "bias"): 1e-4,
+        ("sensor_delay", "delay_s"): 4e-3,
+    }
+)
 PLATE = """
 [capsule]
 mass_kg = 0.02
@@ -55,7 +58,7 @@ def rig_of(kind: str) -> Rig:
 
 @pytest.fixture(scope="module")
 def magnetic() -> ControlModel:
-    return control_model(rig_of("magnetic"), {}, TICK_S)
+    return control_model(rig_of("magnetic"), Theta(), TICK_S)
 
 
 def path(model: ControlModel, command: Array) -> Array:
@@ -76,7 +79,7 @@ def test_it_follows_the_exact_stick_and_slip_ever_closer_with_less_smoothing() -
     exact = run(assemble(surface_of(rig), drive_of(rig)), 8e-3 * times, fine)
     errors = []
     for smoothing in (2e-4, 5e-5, 1e-5):
-        model = control_model(rig, {}, TICK_S, smoothing)
+        model = control_model(rig, Theta(), TICK_S, smoothing)
         x = path(model, 8e-3 * TICK_S * (np.arange(round(seconds / TICK_S) - 1) + 0.5))
         errors.append(float(np.sqrt(np.mean((x - np.interp(TICK_S * np.arange(1, x.size + 1), times, exact)) ** 2))))
     assert errors[0] > errors[1] > errors[2]
@@ -85,24 +88,29 @@ def test_it_follows_the_exact_stick_and_slip_ever_closer_with_less_smoothing() -
 
 
 def test_states_are_cut_to_what_matters() -> None:
-    assert control_model(rig_of("magnetic"), {}, TICK_S).states == ("x", "v", "u", "slip")
-    rich = control_model(rig_of("magnetic"), EFFECTS | {"preconditioning.fall": 0.2}, TICK_S)
-    assert rich.states == ("x", "v", "u", "slip", "direction", "travelled", "actuator_lag.command")
+    assert control_model(rig_of("magnetic"), Theta(), TICK_S).states == ("x", "v", "u", "slip")
+    rich = control_model(rig_of("magnetic"), EFFECTS | {("preconditioning", "fall"): 0.2}, TICK_S)
+    assert rich.states == ("x", "v", "u", "slip", "direction", "travelled", ("actuator_lag", "command"))
     assert rich.modes == ("slip", "direction")
-    assert control_model(rig_of("coil"), {}, TICK_S, driven="coil_voltage_V").states == (
+    assert control_model(rig_of("coil"), Theta(), TICK_S, driven="coil_voltage_V").states == (
         "x",
         "v",
         "u",
         "slip",
-        "coil.current_A",
+        ("coil", "current_A"),
     )
-    assert control_model(rig_of("vibro"), {}, TICK_S).states == ("x", "v", "vibro.stretch_m", "vibro.rate_m_s")
+    assert control_model(rig_of("vibro"), Theta(), TICK_S).states == (
+        "x",
+        "v",
+        ("vibro", "stretch_m"),
+        ("vibro", "rate_m_s"),
+    )
 
 
 @pytest.mark.parametrize("kind", ["magnetic", "coil", "vibro"])
 @pytest.mark.parametrize("speed", [0.0, 3e-3, -3e-3])
 def test_jacobians_are_the_slopes_of_the_step(kind: str, speed: float) -> None:
-    model = control_model(rig_of(kind), {}, TICK_S)
+    model = control_model(rig_of(kind), Theta(), TICK_S)
     x, command, scale = (
         model.initial(),
         {"magnetic": 2e-3, "coil": 0.08, "vibro": 0.4}[kind],
@@ -200,7 +208,7 @@ def test_the_sensor_is_not_the_motion() -> None:
     model = control_model(rig_of("magnetic"), EFFECTS, TICK_S)
     assert model.delay_s == pytest.approx(4e-3)
     assert float(model.measured(model.initial(2e-3), 0.0)) == pytest.approx(2.1e-3)
-    smooth = control_model(rig_of("magnetic"), {"sensor_lowpass.time_s": 0.05}, TICK_S)
+    smooth = control_model(rig_of("magnetic"), Theta.of({("sensor_lowpass", "time_s"): 0.05}), TICK_S)
     assert float(smooth.measured(smooth.initial(2e-3), 0.0)) == pytest.approx(2e-3)
 
 
@@ -227,8 +235,8 @@ def test_above_20_mm_s_the_regime_of_the_rig_file_holds(regime: str, force_N: fl
     ("values", "said"),
     [
         ({"magnet_stifness_N_per_m": 25.0}, "magnet_stiffness_N_per_m"),
-        ({"stribek.excess": 1.0}, "stribeck"),
-        ({"string_compliance.compliance_m_per_N": 1e-3}, "must name effects of a magnetic rig"),
+        ({("stribek", "excess"): 1.0}, "stribeck"),
+        (Theta.of({("string_compliance", "compliance_m_per_N"): 1e-3}), "must name effects of a magnetic rig"),
         ({"friction_coefficient": float("nan")}, "finite"),
     ],
 )
@@ -239,13 +247,15 @@ def test_values_that_do_not_fit_are_refused(values: dict[str, float], said: str)
 
 def test_a_free_curve_over_speed_is_left_out_and_with_it_what_its_model_proved() -> None:
     """It zigzags from knot to knot, and an inverse would follow it."""
-    named = {
-        "directional_asymmetry.asymmetry": 0.2,
-        "level_at_creep.odd": 0.2,
-        "level_at_creep.even": 0.1,
-        HELD_OUT: 1e-5,
-    }
-    curve = {f"level_over_speed.{side}_{k}": 0.08 * (-1) ** k for side in ("even", "odd") for k in range(1, 9)}
+    named = Theta.of(
+        {
+            ("directional_asymmetry", "asymmetry"): 0.2,
+            ("level_at_creep", "odd"): 0.2,
+            ("level_at_creep", "even"): 0.1,
+            HELD_OUT: 1e-5,
+        }
+    )
+    curve = {("level_over_speed", f"{side}_{k}"): 0.08 * (-1) ** k for side in ("even", "odd") for k in range(1, 9)}
     corrected, plain = (control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named))
     assert [p.name for p in corrected.symbols.parameters] == [p.name for p in plain.symbols.parameters]
     assert plain.held_out_error == 1e-5
@@ -255,9 +265,11 @@ def test_a_free_curve_over_speed_is_left_out_and_with_it_what_its_model_proved()
 def test_a_carriage_takes_its_play_along() -> None:
     """A soft seat follows as the carriage goes: in one tick or two, in a straight line or by a jump, as far."""
     model = control_model(
-        rig_of("magnetic"), {"carriage_backlash.play_m": 2e-3, "carriage_backlash.sharpness": 1.0}, TICK_S
+        rig_of("magnetic"),
+        Theta.of({("carriage_backlash", "play_m"): 2e-3, ("carriage_backlash", "sharpness"): 1.0}),
+        TICK_S,
     )
-    seat, ways = model.index("carriage_backlash.position_m"), []
+    seat, ways = model.index(("carriage_backlash", "position_m")), []
     for commands, seconds in (((0.0, 0.8e-3), 2e-3), ((0.0, 0.4e-3, 0.8e-3), 1e-3), ((0.0, 0.8e-3), 1e-7)):
         states = model.initial().reshape(1, -1)
         for before, after in itertools.pairwise(commands):
@@ -271,6 +283,6 @@ def test_a_pull_cannot_be_controlled() -> None:
     raw = tomllib.loads(RIG)
     raw["rig"] = {"kind": "pull"}
     with pytest.raises(ValueError, match="capsule is free"):
-        control_model(parse_rig(raw), {}, TICK_S)
+        control_model(parse_rig(raw), Theta(), TICK_S)
     with pytest.raises(ValueError, match="tick_s must lie"):
-        control_model(rig_of("magnetic"), {}, 0.0)
+        control_model(rig_of("magnetic"), Theta(), 0.0)

@@ -8,6 +8,7 @@ import pytest
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.model.inverse import Inverse
+from models.theta import Theta
 from tests.controller.loops import believed, model_of
 
 PLAY_M, ZONE_A = 1e-3, 0.02
@@ -26,7 +27,7 @@ def inverted(model: ControlModel, speed: float) -> float:
 @pytest.mark.parametrize("speed", [2e-3, -2e-3])
 def test_the_inverse_crosses_the_play(speed: float) -> None:
     """Half the play beyond the command without it, to whichever side the capsule is to go."""
-    loose = control_model(believed(), {"carriage_backlash.play_m": PLAY_M}, 1e-3)
+    loose = control_model(believed(), Theta.of({("carriage_backlash", "play_m"): PLAY_M}), 1e-3)
     ahead = inverted(loose, speed) - inverted(model_of(), speed)
     assert ahead == pytest.approx(np.sign(speed) * 0.5 * PLAY_M, rel=0.05)
 
@@ -34,7 +35,7 @@ def test_the_inverse_crosses_the_play(speed: float) -> None:
 @pytest.mark.parametrize("speed", [2e-3, -2e-3])
 def test_the_inverse_crosses_the_dead_zone(speed: float) -> None:
     """The zone's width on top of the current that the wall takes, either way."""
-    dead = control_model(believed("coil"), {"actuator_dead_zone.zone": ZONE_A}, 1e-3)
-    plain = control_model(believed("coil"), {}, 1e-3)
+    dead = control_model(believed("coil"), Theta.of({("actuator_dead_zone", "zone"): ZONE_A}), 1e-3)
+    plain = control_model(believed("coil"), Theta(), 1e-3)
     beyond = inverted(dead, speed) - inverted(plain, speed)
     assert beyond == pytest.approx(np.sign(speed) * ZONE_A, rel=0.05)

@@ -13,6 +13,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Adapted, Estimate
+from models.theta import Theta
 from plant.drives.kinds import TrueMagnet
 from plant.layout import S_SLIP, S_U, S_V, S_X
 from plant.rig import Plant, Truth
@@ -50,7 +51,7 @@ class Run:
 
 @pytest.fixture(scope="module")
 def model() -> ControlModel:
-    return control_model(rig_of("magnetic"), {}, TICK_S)
+    return control_model(rig_of("magnetic"), Theta(), TICK_S)
 
 
 def closed(
@@ -248,7 +249,7 @@ def test_the_deadline_cuts_the_steps_short(model: ControlModel) -> None:
 
 
 def test_a_coil_is_led_by_its_voltage() -> None:
-    model = control_model(rig_of("coil"), {}, TICK_S, driven="coil_voltage_V")
+    model = control_model(rig_of("coil"), Theta(), TICK_S, driven="coil_voltage_V")
     run = closed(MPC(model, horizon=PATIENT, weights=Weights()), model, Line(5e-3), 0.3)
     assert {a.status for a in run.actions} == {"ok"}
     assert np.sqrt(np.mean(error(run, Line(5e-3), 50) ** 2)) < 0.1e-3
@@ -256,7 +257,7 @@ def test_a_coil_is_led_by_its_voltage() -> None:
 
 def test_what_it_cannot_lead_is_refused() -> None:
     with pytest.raises(ValueError, match="magnetic or coil"):
-        MPC(control_model(rig_of("vibro"), {}, TICK_S))
+        MPC(control_model(rig_of("vibro"), Theta(), TICK_S))
     with pytest.raises(ValueError, match="stages must lie"):
         Horizon(stages=0)
     with pytest.raises(ValueError, match="hold_s must lie"):

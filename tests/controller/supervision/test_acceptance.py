@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import pytest
 
 from controller.supervision.acceptance import AcceptanceTest
 from models.identification.model import Model
+from models.parameter import Name
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from models.theta import Theta, spelled
 
-BASE = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.09, "magnet_stiffness_N_per_m": 26.0}
-FOLDS = {"fold_periodic.depth": 0.2, "fold_periodic.wavelength_m": 0.0073}
+BASE = Theta({"hoop_stress_factor": 1.1, "friction_coefficient": 0.09, "magnet_stiffness_N_per_m": 26.0})
+FOLDS = Theta.of({("fold_periodic", "depth"): 0.2, ("fold_periodic", "wavelength_m"): 0.0073})
 
 
-def model(**changes: float) -> Model:
-    return Model("magnetic", {"nominal": dict(BASE), "calibrated": dict(BASE), "augmented": BASE | changes})
+def model(changes: Mapping[Name, float] = MappingProxyType({})) -> Model:
+    return Model("magnetic", {"nominal": BASE, "calibrated": BASE, "augmented": BASE | changes})
 
 
 def report(
@@ -36,7 +40,7 @@ def rig(rig_text: str) -> Rig:
 
 
 def test_a_better_model_within_bounds_passes(rig: Rig) -> None:
-    verdict = AcceptanceTest().judge(report(), model(**FOLDS), rig)
+    verdict = AcceptanceTest().judge(report(), model(FOLDS), rig)
     assert verdict.passed, verdict.sentence
 
 
@@ -64,14 +68,14 @@ def test_a_model_that_did_not_show_it_does_not_pass(rig: Rig, numbers: dict[str,
     [
         {"hoop_stress_factor": 9.0},
         {"friction_coefficient": math.nan},
-        {"fold_periodic.wavelength_m": -1.0},
+        Theta.of({("fold_periodic", "wavelength_m"): -1.0}),
         {"no_such": 1.0},
     ],
 )
-def test_parameters_out_of_bounds_do_not_pass(rig: Rig, changes: dict[str, float]) -> None:
-    verdict = AcceptanceTest().judge(report(), model(**changes), rig)
+def test_parameters_out_of_bounds_do_not_pass(rig: Rig, changes: Mapping[Name, float]) -> None:
+    verdict = AcceptanceTest().judge(report(), model(changes), rig)
     assert not verdict.passed
-    assert next(iter(changes)) in verdict.sentence
+    assert spelled(next(iter(changes))) in verdict.sentence
 
 
 def test_the_current_model_may_be_given_by_its_error_on_the_same_records(rig: Rig) -> None:

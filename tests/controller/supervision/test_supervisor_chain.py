@@ -19,6 +19,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.signals import Action, Array, Estimate, Reference
 from controller.supervision.supervisor import Supervisor
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 from tests.conftest import RIG
 
 COIL = RIG.replace("magnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02", "force_constant_N_per_A = 0.5").replace(
@@ -69,7 +70,7 @@ def run(model: ControlModel) -> tuple[LoopRun, Supervisor]:
 
 @pytest.mark.parametrize("text", [RIG, COIL], ids=["magnetic", "coil"])
 def test_failures_are_bridged_without_a_jump_and_tracking_comes_back(text: str) -> None:
-    model = control_model(parse_rig(tomllib.loads(text)), {}, TICK)
+    model = control_model(parse_rig(tomllib.loads(text)), Theta(), TICK)
     done, supervisor = run(model)
     error, magnetic = np.abs(done.position - done.reference), model.drive.name == "magnetic"
     names = [event.after for event in supervisor.events]
@@ -91,7 +92,7 @@ def test_failures_are_bridged_without_a_jump_and_tracking_comes_back(text: str) 
 
 
 def test_a_whole_run_keeps_every_limit() -> None:
-    model = control_model(parse_rig(tomllib.loads(RIG)), {}, TICK)
+    model = control_model(parse_rig(tomllib.loads(RIG)), Theta(), TICK)
     done, supervisor = run(model)
     speed = np.diff(done.command) / TICK
     limits = supervisor.envelope.limits

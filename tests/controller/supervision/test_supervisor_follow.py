@@ -17,6 +17,7 @@ from controller.supervision.fallback import Rules
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
+from models.theta import Theta
 from plant import layout as at
 from tests.controller.supervision.supervisor_stubs import DT, Stub, magnetic, run, steady
 
@@ -30,7 +31,7 @@ RAMP = (
 @pytest.mark.parametrize(("fault", "seed"), [("gaps_s", 1), ("gaps_s", 2), ("nan_s", 3)])
 def test_the_mpc_tracks_again_a_second_after_one_without_localisation(fault: str, seed: int) -> None:
     scenario = parse_track_scenario(tomllib.loads(f"{RAMP}\n[localisation]\n{fault} = [3.0, 1.0]\n"))
-    trace = run_loop(scenario, believed_model(scenario, {}), "mpc", seed)
+    trace = run_loop(scenario, believed_model(scenario, Theta()), "mpc", seed)
     times = trace.rows[:, at.O_T]
     error = (trace.rows[:, at.O_X] - scenario.reference.position(times))[times > 5.0]
     assert np.sqrt(np.mean(error**2)) < 0.15e-3
@@ -84,4 +85,4 @@ def test_the_magnet_keeps_a_capsule_that_a_narrow_place_holds_back(controller: s
         RAMP.replace("duration_s = 7.0", "duration_s = 8.0") + "\n[effects.stenosis]\nexcess = 1.0\ncentre_m = 0.006\n"
     )
     scenario = parse_track_scenario(tomllib.loads(narrow))
-    assert score(scenario, run_loop(scenario, believed_model(scenario, {}), controller, 1)).hard_violations == 0
+    assert score(scenario, run_loop(scenario, believed_model(scenario, Theta()), controller, 1)).hard_violations == 0

@@ -19,6 +19,7 @@ from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
+from models.theta import Theta
 from plant import layout as at
 from tests.controller.supervision.supervisor_stubs import DT, Ramp, Stub, estimate, magnetic, run, steady
 
@@ -75,7 +76,7 @@ def test_who_swings_is_calmed_and_has_failed_where_it_cannot() -> None:
 
 def test_feedforward_calms_down_to_a_sixteenth_of_its_pace() -> None:
     scenario = load_track_scenario(RAMP)
-    model = believed_model(scenario, {})
+    model = believed_model(scenario, Theta())
     loop = Feedforward(model, envelope_of(model.drive, scenario.limits))
     assert [loop.calm() for _ in range(5)] == [True] * 4 + [False]
     assert loop.loop.pace_1_s == COIL.correction.pace_1_s / 16
@@ -95,7 +96,7 @@ def test_a_coil_whose_localisation_is_later_than_it_knows_comes_to_swing_less(mo
     )
 
     def late_rms() -> float:
-        trace = run_loop(scenario, believed_model(scenario, {}), "feedforward", 1)
+        trace = run_loop(scenario, believed_model(scenario, Theta()), "feedforward", 1)
         t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
         error = (x - scenario.reference.position(t))[t > seconds - 8]
         assert score(scenario, trace).hard_violations == 0

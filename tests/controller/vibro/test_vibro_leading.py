@@ -13,6 +13,7 @@ from controller.vibro.cycles import VibroModel
 from controller.vibro.gears import DriveMap
 from models.identification.model import Model
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 from tests.places import CAPSUBOT_MODEL
 
 TABLES = {
@@ -45,21 +46,21 @@ def test_the_values_of_an_identified_model_reach_the_map(designs: list[tuple[Vib
     assert [c.name for c in chain] == ["vibro"]
     seen = designs[0][0]
     assert seen.force_N == 3.16
-    assert seen.values["spring_damping.damping_N_s_per_m"] == 2.349
+    assert seen.values["spring_damping", "damping_N_s_per_m"] == 2.349
     assert {e.id for e in seen.effects} == {"spring_damping", "coil_lag"}
 
 
 def test_the_baselines_go_without_the_least_energy_cycles_and_without_the_loop(
     designs: list[tuple[VibroModel, bool]],
 ) -> None:
-    model = control_model(parse_rig(TABLES), {}, 2e-3)
+    model = control_model(parse_rig(TABLES), Theta(), 2e-3)
     chains = [build(name, model, envelope_of(model.drive)) for name in ("vibro", "vibro_square", "vibro_map")]
     assert [optimise for _, optimise in designs] == [True, False, True]
     assert [c[0].tuning.feedback for c in chains if isinstance(c[0], VibroController)] == [True, True, False]
 
 
 def test_each_controller_leads_its_own_drives() -> None:
-    model = control_model(parse_rig(TABLES), {}, 1e-3)
+    model = control_model(parse_rig(TABLES), Theta(), 1e-3)
     assert leads("vibro") == leads("vibro_square") == leads("vibro_map") == ("vibro",)
     with pytest.raises(ValueError, match="rig must be magnetic or coil for the controller 'pid'; got 'vibro'"):
         build("pid", model, envelope_of(model.drive))

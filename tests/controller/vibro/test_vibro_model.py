@@ -15,6 +15,7 @@ from controller.vibro.design.speed_map import best_square, free_period, speed_ma
 from controller.vibro.gears import gear_of
 from controller.vibro.waveform import Waveform
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 from plant import layout as at
 from plant.experiments.excitation import pulse_width
 from plant.rig import Plant
@@ -79,7 +80,7 @@ def test_an_optimal_cycle_beats_the_squares_of_the_map_on_the_exact_model(gut: C
 
 
 def test_an_optimal_cycle_is_found_where_a_lag_owns_a_state() -> None:
-    values = {"spring_damping.damping_N_s_per_m": 1.0, "coil_lag.time_s": 2.0e-3, "force_N": 2.5}
+    values = Theta.of({("spring_damping", "damping_N_s_per_m"): 1.0, ("coil_lag", "time_s"): 2.0e-3, "force_N": 2.5})
     cycles = Cycles(plate_model(values))
     guess = Waveform.square(0.09, 0.2, 0.8)
     before = cycles.pace(guess)
@@ -144,10 +145,10 @@ def test_the_model_comes_from_a_rig_file_and_refuses_what_it_cannot_be() -> None
         "rig": {"kind": "vibro_table"},
     }
     rig = parse_rig(tables)
-    values = {"body_mass_kg": 0.193, "mirror": -1.0, "spring_damping.damping_N_s_per_m": 0.5}
+    values = Theta.of({"body_mass_kg": 0.193, "mirror": -1.0, ("spring_damping", "damping_N_s_per_m"): 0.5})
     model = VibroModel.from_rig(rig, values)
     assert (model.mirror, model.force_N, [e.id for e in model.effects]) == (-1.0, 1.25, ["spring_damping"])
     with pytest.raises(ValueError, match="effect must be one of the catalogue"):
-        VibroModel.from_rig(rig, {"spring_dampin.damping": 1.0})
+        VibroModel.from_rig(rig, {("spring_dampin", "damping"): 1.0})
     with pytest.raises(ValueError, match="value must be of a parameter"):
         VibroModel.from_rig(rig, {"forc_N": 1.0})

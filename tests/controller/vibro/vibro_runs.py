@@ -15,6 +15,7 @@ from models.drives.vibro import Stop, Vibro
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
+from models.theta import Theta
 from plant import layout as at
 from plant.drives.kinds import TrueVibro
 from plant.rig import TruePlate, Truth
@@ -35,17 +36,17 @@ def gut_model() -> VibroModel:
     return believed(GUT_DRIVE, Wall.around(Capsule(), Tissue()))
 
 
-def plate_model(values: dict[str, float] | None = None) -> VibroModel:
+def plate_model(values: Theta | None = None) -> VibroModel:
     """What the controller believes of the capsubot on a plate."""
     return believed(PLATE_DRIVE, Plate(PLATE_BODY_KG, PLATE_MU), values)
 
 
-def believed(drive: TrueVibro, surface: Wall | Plate, values: dict[str, float] | None = None) -> VibroModel:
+def believed(drive: TrueVibro, surface: Wall | Plate, values: Theta | None = None) -> VibroModel:
     """The control model with the same numbers as a plant's drive."""
     front = Stop(drive.front_gap_m, drive.front_stiffness_N_per_m) if drive.front_stiffness_N_per_m else None
     rear = Stop(drive.rear_gap_m, drive.rear_stiffness_N_per_m) if drive.rear_stiffness_N_per_m else None
     numbers = (drive.inner_mass_kg, drive.spring_stiffness_N_per_m, drive.spring_damping_N_s_per_m, drive.force_N)
-    return VibroModel.of(surface, Vibro(*numbers, drive.reaction_on_body, front, rear), values or {})
+    return VibroModel.of(surface, Vibro(*numbers, drive.reaction_on_body, front, rear), values or Theta())
 
 
 def gut_plant(

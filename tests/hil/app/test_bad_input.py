@@ -18,6 +18,7 @@ from models.identification.model import sealed
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from tests.rig_texts import GUT, PLATE
 
 TABLES = {
@@ -218,8 +219,8 @@ def model(tmp_path: Path, rig: Callable[[str], str]) -> Callable[[str], Path]:
         values = np.array(columns[1:], dtype=float).T
         work = kind_for(belief, [Record("r", kind, dict(zip(columns[0], values, strict=True)))])
         effect = work.effects[0]
-        fitted = {f"{effect.id}.{p.name}": bound(p) for p in effect.parameters() if p.fit}
-        base = {p.name: bound(p) for p in work.base}
+        fitted = Theta.of({(effect.id, p.name): bound(p) for p in effect.parameters() if p.fit})
+        base = Theta.of((p.key, bound(p)) for p in work.base)
         path = tmp_path / "model.toml"
         path.write_text(
             Model(kind, {"nominal": work.nominal(), "calibrated": base, "augmented": base | fitted}).to_toml()

@@ -24,6 +24,7 @@ from models.rigs.parts import drive_of, surface_of
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
+from models.theta import Theta
 from tests.models.running import Array, pulses, run
 
 BIG = (Plate(0.193, 0.29), Vibro(0.074, 256.23, force_N=1.25))
@@ -121,7 +122,7 @@ def test_a_resting_body_breaks_away_against_the_friction_of_the_way_it_is_pushed
     cycle = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * GRAVITY, asymmetry=asymmetry)
     expected = float(mean_velocities(0.06, 0.3, 100, cycle, 100, 1e-4)[()])
     model, dt = assemble(*BIG, [DirectionalAsymmetry]), 0.06 / STEPS
-    x = run(model, pulses(0.06, 0.3, 200, dt), dt, values={"directional_asymmetry.asymmetry": asymmetry})
+    x = run(model, pulses(0.06, 0.3, 200, dt), dt, values=Theta.of({("directional_asymmetry", "asymmetry"): asymmetry}))
     assert (x[200 * STEPS] - x[100 * STEPS]) / 6.0 == pytest.approx(expected, rel=2e-3)
 
 
@@ -146,7 +147,7 @@ def test_energy_of_the_capsubot_balances() -> None:
     dt, (surface, drive) = 2e-5, BIG
     on = pulses(0.097, 0.14, 20, dt)
     model = assemble(surface, drive)
-    x, v, r, w = (run(model, on, dt, watch=name) for name in ("x", "v", "vibro.stretch_m", "vibro.rate_m_s"))
+    x, v, r, w = (run(model, on, dt, watch=name) for name in ("x", "v", ("vibro", "stretch_m"), ("vibro", "rate_m_s")))
     energy = 0.5 * 0.193 * v**2 + 0.5 * drive.inner_mass_kg * (v + w) ** 2 + 0.5 * drive.spring_stiffness_N_per_m * r**2
     work = np.sum(drive.force_N * on[:-1] * np.diff(r))
     friction = 0.29 * (0.193 + 0.074) * GRAVITY * np.sum(np.abs(np.diff(x)))
@@ -168,7 +169,7 @@ def test_a_blocked_coil_follows_its_time_constant() -> None:
     coil = VoltageCoil(0.02, winding=Winding(10.0, 0.05, 0.3, 1.0))
     model = assemble(gut(), coil)
     for dt in (1e-4, 4e-3):
-        current = run(model, np.full(round(0.04 / dt), 5.0), dt, watch="coil.current_A")
+        current = run(model, np.full(round(0.04 / dt), 5.0), dt, watch=("coil", "current_A"))
         t = dt * np.arange(1, current.size + 1)
         assert current == pytest.approx(np.minimum(0.5 * (1 - np.exp(-t / 5e-3)), 0.3), abs=1e-12)
     assert not run(model, np.full(400, 5.0), 1e-4).any()
@@ -196,7 +197,7 @@ def test_a_pull_has_no_plate() -> None:
 @pytest.mark.parametrize("drive", [Pull(), Magnetic(), Coil(), VoltageCoil(), Vibro()], ids=lambda d: type(d).__name__)
 def test_an_assembly_declares_what_it_holds(drive: Coil) -> None:
     model = assemble(gut(), drive)
-    assert model.states == BASE_STATES + tuple(f"{drive.name}.{name}" for name in drive.states)
+    assert model.states == BASE_STATES + tuple((drive.name, name) for name in drive.states)
     assert set(model.initial) == set(model.states)
     assert all(p.lower <= p.value <= p.upper and p.unit and p.source for p in model.parameters)
     assert len({p.name for p in model.parameters}) == len(model.parameters) == model.step.numel_in(5)

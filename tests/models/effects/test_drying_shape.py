@@ -10,17 +10,18 @@ from models.assembly.effects import Active
 from models.effects.effect import Signals
 from models.effects.friction.tissue_drying import TissueDrying
 from models.effects.refinements.drying_shape import DryingShape
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 TIME = np.linspace(0.0, 45.0, 200)
 EXCESS, SETTLES_S = 0.5, 20.0
-NAMES = [f"{e.id}.{p.name}" for e in (TissueDrying, DryingShape) for p in e.parameters()]
+NAMES = [(e.id, p.name) for e in (TissueDrying, DryingShape) for p in e.parameters()]
 
 
 def level(values: Array) -> Array:
     """Of both effects, at the first few of `NAMES`, the others absent."""
     p = dict.fromkeys(NAMES, 0.0) | dict(zip(NAMES, map(float, values), strict=False))
-    return np.asarray(Active((TissueDrying, DryingShape), p, {}).product("level", Signals(t=TIME)))
+    return np.asarray(Active((TissueDrying, DryingShape), Theta.of(p)).product("level", Signals(t=TIME)))
 
 
 def left(count: int, power: float = 1.0) -> float:

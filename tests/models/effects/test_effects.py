@@ -27,6 +27,7 @@ from models.laws.geometry import Capsule, Tissue
 from models.parameter import Parameter
 from models.rigs.kinds import KINDS
 from models.surfaces.gut import Wall
+from models.theta import Theta
 from tests.models.running import Array, pulses, stepped
 from tests.places import ROOT
 
@@ -97,7 +98,7 @@ def model(kind: str, effect: str = "", smoothing: float = 0.0) -> Assembly:
 
 @cache
 def output(kind: str, effect: str = "", amplitude: float = 0.0) -> Array:
-    values = {f"{effect}.{BY_ID[effect].amplitude().name}": amplitude} if effect else {}
+    values = Theta.of({(effect, BY_ID[effect].amplitude().name): amplitude}) if effect else {}
     return stepped(model(kind, effect), COMMANDS[kind][1], STEP_S, values)
 
 
@@ -181,7 +182,7 @@ def test_its_probe_shows_in_the_output(effect: type[Effect], kind: str) -> None:
 def test_a_smooth_model_with_it_has_finite_derivatives(effect: type[Effect], kind: str) -> None:
     assembly = model(kind, effect.id, 1e-4)
     slopes = jacobians(assembly)
-    q = assembly.vector({f"{effect.id}.{effect.amplitude().name}": effect.probe})
+    q = assembly.vector(Theta.of({(effect.id, effect.amplitude().name): effect.probe}))
     state = assembly.start()
     for k, (c0, c1) in enumerate([(0.0, 0.0), (0.0, 0.0), (0.0, 1e-5), (1e-5, 2e-5)]):
         assert all(np.isfinite(np.array(j)).all() for j in slopes(state, c0, c1, k * STEP_S, STEP_S, q))

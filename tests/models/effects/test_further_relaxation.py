@@ -11,6 +11,7 @@ from models.effects.force.stress_relaxation import StressRelaxation
 from models.effects.refinements.further_relaxation import FurtherRelaxation
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
+from models.theta import Theta
 from tests.models.running import run
 
 DT, SPEED, STOPS = 1e-3, 4e-3, 1.5
@@ -23,12 +24,14 @@ def test_a_held_force_relaxes_as_the_sum_of_two_exponentials() -> None:
     """A ramp of speed v for T charges each branch to `k v tau (1 - exp(-T/tau))`, of which a hold leaves the share
     `exp(-t/tau)`.
     """
-    values = {
-        f"{name}.{key}": value
-        for name, pair in BRANCHES.items()
-        for key, value in zip(("stiffness_N_per_m", "time_s"), pair, strict=True)
-    }
-    values |= {f"{name}.slip_per_m": 0.0 for name in BRANCHES}
+    values = Theta.of(
+        {
+            (name, key): value
+            for name, pair in BRANCHES.items()
+            for key, value in zip(("stiffness_N_per_m", "time_s"), pair, strict=True)
+        }
+    )
+    values |= {(name, "slip_per_m"): 0.0 for name in BRANCHES}
     path = SPEED * np.minimum(TIME, STOPS)
     base = run(assemble(WALL, Pull(), []), path, DT)
     both = run(assemble(WALL, Pull(), [StressRelaxation, FurtherRelaxation]), path, DT, values=values)
@@ -44,11 +47,13 @@ def test_a_held_force_relaxes_as_the_sum_of_two_exponentials() -> None:
 def test_a_branch_that_thins_saturates_with_speed_and_relaxes_as_before(speed: float) -> None:
     """A long ramp charges it to `k v tau/(1 + b |v|)`, and a hold leaves the share `exp(-t/tau)` of that."""
     k, tau, thinning = 12.0, 0.2, 400.0
-    values = {
-        "stress_relaxation.stiffness_N_per_m": k,
-        "stress_relaxation.time_s": tau,
-        "stress_relaxation.thinning_s_per_m": thinning,
-    }
+    values = Theta.of(
+        {
+            ("stress_relaxation", "stiffness_N_per_m"): k,
+            ("stress_relaxation", "time_s"): tau,
+            ("stress_relaxation", "thinning_s_per_m"): thinning,
+        }
+    )
     path = speed * np.minimum(TIME, STOPS)
     base = run(assemble(WALL, Pull(), []), path, DT)
     force = run(assemble(WALL, Pull(), [StressRelaxation]), path, DT, values=values) - base

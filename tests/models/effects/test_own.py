@@ -14,6 +14,7 @@ from models.effects import BY_ID, effects_for, use_effects
 from models.identification.kinds.dma.kind import DmaKind
 from models.identification.model import Model, own_effects_of
 from models.records.record import Record
+from models.theta import Theta
 from tests.places import ROOT
 
 EXAMPLE = ROOT / "examples" / "own_effect" / "soft_bump.py"
@@ -191,8 +192,8 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path, name: str) -> None:
 
 def test_a_model_file_asks_for_the_same_file(tmp_path: Path) -> None:
     use_effects([EXAMPLE])
-    values = {"friction_coefficient": 0.08, "soft_bump.force_N": 0.01}
-    thetas = {"nominal": {}, "calibrated": {}, "augmented": values}
+    values = Theta.of({"friction_coefficient": 0.08, ("soft_bump", "force_N"): 0.01})
+    thetas = {"nominal": Theta(), "calibrated": Theta(), "augmented": values}
     text = Model("pull", thetas, own_effects=own_effects_of(thetas)).to_toml()
     assert Model.from_toml(text).stages == thetas
     use_effects([])

@@ -21,6 +21,7 @@ from models.identification.settings import SET
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.surfaces.plate import Plate
+from models.theta import Theta
 from plant.experiments.series import make_series
 from plant.hidden.registry import hidden
 
@@ -49,13 +50,13 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     assert trials[0].effect == hidden(name).answer
     assert all(ahead(trials[0].blocks, trial.blocks) > SET.apart for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
-    assert trials[0].refinements[model][0]["level_at_onset.spared"] == pytest.approx(SPARED[name], abs=0.15)
+    assert trials[0].refinements[model][0]["level_at_onset", "spared"] == pytest.approx(SPARED[name], abs=0.15)
 
 
 def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
-    theta = {"level_at_onset.spared": -0.97, "level_at_onset.kept": 0.2}
+    theta = Theta.of({("level_at_onset", "spared"): -0.97, ("level_at_onset", "kept"): 0.2})
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
     assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
-    law = equations(SeriesKind.build(Plate(0.1), Pull(), 1e-3), {"friction_coefficient": 0.3, **theta})[-1]
+    law = equations(SeriesKind.build(Plate(0.1), Pull(), 1e-3), Theta.of({"friction_coefficient": 0.3, **theta}))[-1]
     assert law.startswith("level_at_onset: factor on F_e = nose - 0.97*(nose - 1); ")
     assert "factor on mu m g = weight - 0.2*(weight - 1); " in law

@@ -16,11 +16,18 @@ from models.effects.refinements.level_at_creep import LevelAtCreep
 from models.effects.refinements.level_at_onset import LevelAtOnset
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.surfaces.gut import Wall
+from models.theta import Theta
 from tests.models.running import run
 
 DT = 2e-3
 WALL = Wall.around(Capsule(), Tissue())
-CREEP = {"directional_asymmetry.asymmetry": -0.29, "level_at_creep.odd": 0.28, "level_at_creep.even": 0.09}
+CREEP = Theta.of(
+    {
+        ("directional_asymmetry", "asymmetry"): -0.29,
+        ("level_at_creep", "odd"): 0.28,
+        ("level_at_creep", "even"): 0.09,
+    }
+)
 
 
 def test_friction_that_rises_steeply_with_speed_is_that_of_the_steps_own_speed() -> None:

@@ -11,15 +11,18 @@ from models.assembly.effects import Active
 from models.effects.effect import Signals
 from models.effects.refinements.viscosity_thinning import ViscosityThinning
 from models.effects.wall.wall_viscosity import WallViscosity
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 RATES = np.linspace(-0.02, 0.02, 201)
-NAMES = [f"{e.id}.{p.name}" for e in (WallViscosity, ViscosityThinning) for p in e.parameters()]
+NAMES = [(e.id, p.name) for e in (WallViscosity, ViscosityThinning) for p in e.parameters()]
 
 
 def force(viscosity: float, power: float, rate: float, at: Array = RATES) -> Array:
     p = dict(zip(NAMES, (viscosity, power, rate), strict=True))
-    return np.asarray(Active((WallViscosity, ViscosityThinning), p, {}).total("wall_force", Signals(drag_rate=at)))
+    return np.asarray(
+        Active((WallViscosity, ViscosityThinning), Theta.of(p)).total("wall_force", Signals(drag_rate=at))
+    )
 
 
 def test_with_no_power_it_is_the_viscous_wall_alone() -> None:

@@ -11,6 +11,7 @@ from models.assembly.effects import Active
 from models.effects.effect import Signals
 from models.effects.force.peristaltic_wave import PeristalticWave
 from models.effects.refinements.wave_harmonics import WaveHarmonics
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 SIZE_N, RATE_HZ, PER_M, PHASE = 0.03, 0.2, 25.0, 0.4
@@ -24,7 +25,7 @@ def coefficient(order: int) -> float:
     return -4 / np.pi / (order**2 - 1) if order % 2 == 0 else 0.0
 
 
-def wave(*orders: tuple[str, int]) -> dict[str, float]:
+def wave(*orders: tuple[str, int]) -> Theta:
     values = {p.name: p.value for p in PeristalticWave.parameters()}
     values |= {
         "force_N": SIZE_N / 2,
@@ -34,19 +35,19 @@ def wave(*orders: tuple[str, int]) -> dict[str, float]:
         "offset": 2 / np.pi,
     }
     values |= {f"{name}_cos": coefficient(k) for name, k in orders}
-    return {f"peristaltic_wave.{name}": float(value) for name, value in values.items()}
+    return Theta(effects={"peristaltic_wave": values})
 
 
-def finer(*orders: tuple[str, int]) -> dict[str, float]:
+def finer(*orders: tuple[str, int]) -> Theta:
     values = {p.name: p.value for p in WaveHarmonics.parameters()} | {
         f"{name}_cos": coefficient(k) for name, k in orders
     }
-    return {f"wave_harmonics.{name}": float(value) for name, value in values.items()}
+    return Theta(effects={"wave_harmonics": values})
 
 
-def left_of_half_a_sine(p: dict[str, float]) -> Array:
+def left_of_half_a_sine(p: Theta) -> Array:
     """What the chosen effects leave of contractions `F max(0, sin q)` that travel, in units of F."""
-    active = Active((PeristalticWave, WaveHarmonics), p, {})
+    active = Active((PeristalticWave, WaveHarmonics), p)
     left = SIZE_N * np.maximum(0.0, np.sin(TURN)) - active.total("force", Signals(t=TIME, x=PLACE))
     return np.asarray(left / SIZE_N)
 
@@ -58,6 +59,6 @@ def test_with_it_a_wave_of_half_sines_leaves_only_what_lies_beyond_the_eighth_ha
 
 
 def test_without_the_wave_it_does_nothing() -> None:
-    absent = wave(("second", 2)) | {"peristaltic_wave.force_N": 0.0} | finer(("sixth", 6), ("eighth", 8))
-    force = Active((PeristalticWave, WaveHarmonics), absent, {}).total("force", Signals(t=TIME, x=PLACE))
+    absent = wave(("second", 2)) | {("peristaltic_wave", "force_N"): 0.0} | finer(("sixth", 6), ("eighth", 8))
+    force = Active((PeristalticWave, WaveHarmonics), absent).total("force", Signals(t=TIME, x=PLACE))
     assert np.all(force == 0)

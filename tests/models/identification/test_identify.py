@@ -19,6 +19,7 @@ from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
 from models.sets import measured_path
+from models.theta import Theta
 from tests.rig_texts import GUT
 
 
@@ -98,7 +99,7 @@ def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: 
     blank = Record("pull", "pull", {"t_s": t, "position_m": position, "force_N": np.zeros_like(t)})
     kind = SeriesKind.from_rig(parse_rig(PULL), [blank])
     rng = np.random.default_rng(seed)
-    truth = {"hoop_stress_factor": hoop, "friction_coefficient": mu}
+    truth = Theta({"hoop_stress_factor": hoop, "friction_coefficient": mu})
     return rig, [kind.imitate(blank, truth, rng), kind.imitate(blank, truth, rng)]
 
 
@@ -133,8 +134,8 @@ def test_a_prediction_never_sees_the_measurement() -> None:
 
 
 def test_a_model_survives_its_file() -> None:
-    stage = {"hoop_stress_factor": 1.0 / 3, "stribeck.excess": 0.1, "stribeck.speed_m_s": 1e-3}
-    stages, told = {"nominal": {}, "calibrated": {}, "augmented": stage}, {"records": 'a "b"'}
+    stage = Theta.of({"hoop_stress_factor": 1.0 / 3, ("stribeck", "excess"): 0.1, ("stribeck", "speed_m_s"): 1e-3})
+    stages, told = {"nominal": Theta(), "calibrated": Theta(), "augmented": stage}, {"records": 'a "b"'}
     for held_out in ({}, {"nominal": 1e-3, "augmented": 1e-6 / 3}):
         model = Model("pull", stages, "named", told, held_out)
         assert Model.from_toml(model.to_toml()) == model
@@ -180,8 +181,8 @@ def test_what_is_missing_beside_an_effect_with_held_parameters_is_screened() -> 
     _, records = short_pull()
     kind = SeriesKind.from_rig(parse_rig(PULL), records)
     values = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.075}
-    stribeck = {f"stribeck.{p.name}": p.value for p in BY_ID["stribeck"].parameters()} | {"stribeck.excess": 0.1}
-    rows = screen(kind, records[:1], ["stribeck"], {**values, **stribeck})
+    stribeck = {**BY_ID["stribeck"].start(), "excess": 0.1}
+    rows = screen(kind, records[:1], ["stribeck"], Theta(values, {"stribeck": stribeck}))
     assert {row.effect for row in rows} == {effect.id for effect in kind.effects} - {"stribeck"}
     assert all(0 <= row.share <= 1 for row in rows)
 

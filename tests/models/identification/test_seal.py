@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from models.identification.model import Model, read_model, sealed
 from models.identification.seal import main
+from models.theta import Theta
 from tests.places import ROOT
 
-VALUES = {"hoop_stress_factor": 1.25, "friction_coefficient": 0.0875}
+VALUES = Theta({"hoop_stress_factor": 1.25, "friction_coefficient": 0.0875})
 STAGES = {
     "nominal": VALUES,
     "calibrated": VALUES | {"friction_coefficient": 0.09125},
-    "augmented": VALUES | {"fold_periodic.depth": 0.25, "fold_periodic.wavelength_m": 0.0075},
+    "augmented": VALUES | {("fold_periodic", "depth"): 0.25, ("fold_periodic", "wavelength_m"): 0.0075},
 }
 TEXT = Model("magnetic", STAGES, "named", {"when": "now"}, {"augmented": 1e-3}).to_toml()
 

@@ -21,12 +21,13 @@ from models.identification.verdict import at_bounds, model_checks, setback_findi
 from models.records.record import Record
 from models.rigs.reader import Noise
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 KIND = AxisKind.around(1.0, 2.0, 3.0, 0.1)
-THETA = {p.name: p.value for p in KIND.base}
+THETA = KIND.nominal()
 TOLD = {name: Estimate(value, (0.9 * value, 1.1 * value)) for name, value in THETA.items()}
-FOUND = {**THETA, **Stribeck.start(), "stribeck.excess": 0.5}
-AMPLITUDE = {"stribeck.excess": Estimate(0.5, (0.4, 0.6))}
+FOUND = THETA.with_(Stribeck.id, Stribeck.start()) | {("stribeck", "excess"): 0.5}
+AMPLITUDE = Theta.of({("stribeck", "excess"): Estimate(0.5, (0.4, 0.6))})
 HELD = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1}
 
 
@@ -43,7 +44,7 @@ def said(
 ) -> tuple[str, set[str]]:
     names = [effect.id] if effect else []
     theta = FOUND if effect else THETA
-    given = {"spread": {**TOLD, **AMPLITUDE} if effect else TOLD, "held_out": HELD, "findings": (), **changed}
+    given = {"spread": Theta.of({**TOLD, **AMPLITUDE}) if effect else TOLD, "held_out": HELD, "findings": (), **changed}
     whole = fit(theta, float(given.pop("left", after)))  # type: ignore[arg-type]
     found = Search(whole, whole, effects=names, after=after, null_cost=chance, sensitivity=sensitivity)
     chance_of_held = float(given.get("chance_error", np.nan))  # type: ignore[arg-type]
@@ -79,7 +80,7 @@ def test_motion_that_is_sensitive_to_the_told_parameters_excuses_what_is_left() 
 
 
 def test_an_effect_whose_size_is_not_told_or_that_helps_no_held_out_record_is_not_named() -> None:
-    vague = {**TOLD, "stribeck.excess": Estimate(0.5, (0.0, 3.0), told=False)}
+    vague = Theta.of({**TOLD, ("stribeck", "excess"): Estimate(0.5, (0.0, 3.0), told=False)})
     assert said(1.0, effect=Stribeck, spread=vague) == ("unknown", {"effects_told"})
     worse = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.67}
     assert said(1.0, effect=Stribeck, held_out=worse) == ("unknown", {"held_out"})
@@ -91,8 +92,8 @@ def test_the_size_of_an_effect_about_an_axis_must_be_told_too() -> None:
     t = np.arange(0, 4, 2e-3)
     turning = Record("r", "axis", {"t_s": t, "angle_rad": np.sin(t), "torque_N_m": np.cos(t)})
     kind = AxisKind.from_rig(Rig("axis"), [turning])
-    size = "viscous_drag.coefficient_N_m"
-    theta = {**{p.name: p.value for p in kind.base}, size: 0.3, "viscous_drag.exponent": 0.5}
+    size = ("viscous_drag", "coefficient_N_m")
+    theta = Theta.of({**kind.nominal(), size: 0.3, ("viscous_drag", "exponent"): 0.5})
     whole = fit(theta)
     for told in (True, False):
         spread = {name: Estimate(value, (0.0, 1.0)) for name, value in theta.items()} | {
@@ -111,30 +112,34 @@ def test_records_that_weaken_a_verdict_or_tell_no_parameter_never_end_in_none() 
 
 def test_a_parameter_at_its_bound_is_told_but_the_zero_of_a_law_is_none() -> None:
     assert at_bounds(KIND, fit(THETA), []) == []
-    assert at_bounds(KIND, fit({**THETA, "viscous_friction_N_s_per_m": 0.0}), []) == []
-    assert at_bounds(KIND, fit({**THETA, "mass_kg": 1e3}), []) == ["mass_kg"]
+    assert at_bounds(KIND, fit(Theta.of({**THETA, "viscous_friction_N_s_per_m": 0.0})), []) == []
+    assert at_bounds(KIND, fit(Theta.of({**THETA, "mass_kg": 1e3})), []) == ["mass_kg"]
     pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
-    relaxing = {**pull.nominal(), **StressRelaxation.start(), "stress_relaxation.thinning_s_per_m": 5e-6}
+    relaxing = pull.nominal().with_(StressRelaxation.id, StressRelaxation.start()) | {
+        ("stress_relaxation", "thinning_s_per_m"): 5e-6
+    }
     assert at_bounds(pull, fit(relaxing), ["stress_relaxation"]) == []
-    lagging = {**pull.nominal(), "sensor_lowpass.time_s": 0.0}
+    lagging = pull.nominal() | {("sensor_lowpass", "time_s"): 0.0}
     assert at_bounds(pull, fit(lagging), ["sensor_lowpass"]) == ["sensor_lowpass.time_s"]
 
 
 def test_a_form_that_ends_as_it_is_declared_is_at_no_bound() -> None:
     """Play with an order of 1, the least, is play as it is declared; at the other end it would have gone further."""
     pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
-    theta = {**pull.nominal(), **CarriageBacklash.start(), "carriage_backlash.play_m": 1e-3}
-    assert at_bounds(pull, fit({**theta, "carriage_backlash.order": 1.0}), ["carriage_backlash"]) == []
-    stiff = at_bounds(pull, fit({**theta, "carriage_backlash.order": 4.0}), ["carriage_backlash"])
+    theta = pull.nominal().with_(CarriageBacklash.id, CarriageBacklash.start()) | {
+        ("carriage_backlash", "play_m"): 1e-3
+    }
+    assert at_bounds(pull, fit(Theta.of({**theta, ("carriage_backlash", "order"): 1.0})), ["carriage_backlash"]) == []
+    stiff = at_bounds(pull, fit(Theta.of({**theta, ("carriage_backlash", "order"): 4.0})), ["carriage_backlash"])
     assert stiff == ["carriage_backlash.order"]
 
 
 def test_a_curve_that_mends_a_shape_may_end_at_its_bound() -> None:
     pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
-    curve = {"level_at_onset.kept": 1.5, "level_at_onset.spared": 0.0}
-    theta = {**pull.nominal(), **FoldPeriodic.start(), "fold_periodic.depth": 0.3, **curve}
+    curve = Theta.of({("level_at_onset", "kept"): 1.5, ("level_at_onset", "spared"): 0.0})
+    theta = pull.nominal().with_(FoldPeriodic.id, FoldPeriodic.start()) | {("fold_periodic", "depth"): 0.3, **curve}
     found = Search(fit(theta), fit(theta), effects=["fold_periodic"], refinements=["level_at_onset"], after=1.0)
-    depth = {"fold_periodic.depth": Estimate(0.3, (0.2, 0.4))}
+    depth = Theta.of({("fold_periodic", "depth"): Estimate(0.3, (0.2, 0.4))})
     checks = model_checks(pull, found, depth, HELD, ())
     assert next(check.value for check in checks if check.id == "bounds") == 0
     assert at_bounds(pull, found.augmented, found.model) == ["level_at_onset.kept"]
@@ -162,9 +167,12 @@ def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told()
 
 def test_a_period_that_no_record_shows_twice_is_not_named() -> None:
     pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
-    theta = {**pull.nominal(), **Respiration.start(), "respiration.force_N": 0.01, "respiration.frequency_Hz": 0.1}
+    theta = pull.nominal().with_(Respiration.id, Respiration.start()) | {
+        ("respiration", "force_N"): 0.01,
+        ("respiration", "frequency_Hz"): 0.1,
+    }
     found = Search(fit(theta), fit(theta), effects=["respiration"], after=1.0)
-    size = {"respiration.force_N": Estimate(0.01, (0.009, 0.011))}
+    size = Theta.of({("respiration", "force_N"): Estimate(0.01, (0.009, 0.011))})
     assert failed(*model_checks(pull, found, size, HELD, (), longest_s=12.0)) == {"periods"}
     assert not failed(*model_checks(pull, found, size, HELD, (), longest_s=25.0))
 

@@ -13,6 +13,7 @@ from models.assembly.model import Assembly
 from models.effects import followed_by
 from models.files.units import unit_at_end
 from models.identification.kinds.series.drive_input import drifts, internal_step
+from models.theta import spelled
 
 _CORE: Final = Path(__file__).with_name("model_core.c")
 _STATES: Final = {
@@ -33,7 +34,7 @@ def model_unit(name: str, found: Found) -> Unit:
         Variable(drive.measured, "output", _unit(drive.measured), "what the rig measures, as predicted"),
         *(Variable(n, "output", unit, why) for n, unit, why in shown.values()),
         *(
-            Variable(p.name, "parameter", p.unit or "1", p.source or p.name, values[p.name])
+            Variable(spelled(p.key), "parameter", p.unit or "1", p.source or spelled(p.key), values[p.key])
             for p in assembly.parameters
         ),
     ]
@@ -51,7 +52,7 @@ def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: 
     function, drive = assembly.step, found.drive
     generator = ca.CodeGenerator("step.c")
     generator.add(function)
-    parameters = [p.name for p in assembly.parameters]
+    parameters = [spelled(p.key) for p in assembly.parameters]
     follows = [
         followed_by(name) == "command" or (k == 0 and not drifts(drive)) for k, name in enumerate(assembly.states)
     ]

@@ -18,7 +18,7 @@ from models.effects.friction.stribeck import Stribeck
 from models.effects.sensor.sensor_delay import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.variant import Range, variant
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
 from models.rigs.axis import AXIS
 
 
@@ -87,31 +87,27 @@ def candidates(c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
     return tuple(_variant(e, c, ranges, grids.get(e.id), probes.get(e.id)) for e in declared)
 
 
-def _wider(effect: type[Effect], ranges: Mapping[str, Range]) -> Mapping[str, Range]:
+def _wider(effect: type[Effect], ranges: Mapping[Name, Range]) -> Mapping[Name, Range]:
     """A stage's ranges: those declared in metres and newtons, wider where its records ask for more."""
-    names = {p.name: f"{effect.id}.{p.name}" for p in effect.parameters()}
-    return {
-        names[p.name]: (p.value, min(p.lower, ranges[names[p.name]][1]), max(p.upper, ranges[names[p.name]][2]))
-        for p in effect.parameters()
-        if names[p.name] in ranges and p.role == ""
-    }
+    own = ((p, ranges.get((effect.id, p.name))) for p in effect.parameters() if p.role == "")
+    return {(effect.id, p.name): (p.value, min(p.lower, told[1]), max(p.upper, told[2])) for p, told in own if told}
 
 
-def _ranges(size: Size) -> Mapping[str, Range]:
+def _ranges(size: Size) -> Mapping[Name, Range]:
     v, f, s = size.speed, size.force, size.travel
     middle = 0.5 * (size.low + size.high)
     return {
-        "stribeck.speed_m_s": (0.02 * v, 5e-4 * v, 0.7 * v),
-        "viscous_drag.coefficient_N": (0.0, -3 * f, 3 * f),
-        "fold_periodic.wavelength_m": (s / 5, s / 20, s),
-        "lumen_taper.slope_per_m": (0.0, -5 / s, 5 / s),
-        "lumen_taper.bend_per_m2": (0.0, -20 / s**2, 20 / s**2),
-        "lumen_taper.curl_per_m3": (0.0, -60 / s**3, 60 / s**3),
-        "lumen_taper.reach_m": (s, 0.1 * s, 10 * s),
-        "lumen_taper.middle_m": (middle, size.low, size.high),
-        "gravity_over_angle.torque_N_m": (0.0, -10 * f, 10 * f),
-        "spring_over_position.stiffness_N_per_m": (0.0, -20 * f / s, 20 * f / s),
-        "load_dependent_friction.growth_per_load": (0.0, -1 / size.load, 50 / size.load),
+        ("stribeck", "speed_m_s"): (0.02 * v, 5e-4 * v, 0.7 * v),
+        ("viscous_drag", "coefficient_N"): (0.0, -3 * f, 3 * f),
+        ("fold_periodic", "wavelength_m"): (s / 5, s / 20, s),
+        ("lumen_taper", "slope_per_m"): (0.0, -5 / s, 5 / s),
+        ("lumen_taper", "bend_per_m2"): (0.0, -20 / s**2, 20 / s**2),
+        ("lumen_taper", "curl_per_m3"): (0.0, -60 / s**3, 60 / s**3),
+        ("lumen_taper", "reach_m"): (s, 0.1 * s, 10 * s),
+        ("lumen_taper", "middle_m"): (middle, size.low, size.high),
+        ("gravity_over_angle", "torque_N_m"): (0.0, -10 * f, 10 * f),
+        ("spring_over_position", "stiffness_N_per_m"): (0.0, -20 * f / s, 20 * f / s),
+        ("load_dependent_friction", "growth_per_load"): (0.0, -1 / size.load, 50 / size.load),
     }
 
 
@@ -140,7 +136,7 @@ def _probes(size: Size) -> Mapping[str, float]:
 def _variant(
     effect: type[Effect],
     c: Coordinates,
-    ranges: Mapping[str, Range],
+    ranges: Mapping[Name, Range],
     grid: Mapping[str, tuple[float, ...]] | None,
     probe: float | None,
 ) -> type[Effect]:
@@ -154,8 +150,8 @@ def _variant(
     return variant(effect, parameters, told, probe, **hooks)
 
 
-def _parameter(effect: type[Effect], p: Parameter, name: str, turns: bool, ranges: Mapping[str, Range]) -> Parameter:
-    value, lower, upper = ranges.get(f"{effect.id}.{p.name}", (p.value, p.lower, p.upper))
+def _parameter(effect: type[Effect], p: Parameter, name: str, turns: bool, ranges: Mapping[Name, Range]) -> Parameter:
+    value, lower, upper = ranges.get((effect.id, p.name), (p.value, p.lower, p.upper))
     spread = p.spread * (upper - lower) / (p.upper - p.lower) if np.isfinite(p.spread) else p.spread
     unit = turned_unit(p.unit) if turns else p.unit
     return replace(p, name=name, value=value, lower=lower, upper=upper, spread=spread, unit=unit)

@@ -17,7 +17,7 @@ import numpy as np
 
 from models.checks.instrument.usable import used
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
@@ -30,6 +30,7 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.axis import AXIS
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
@@ -143,10 +144,6 @@ class AxisKind(OneByOne):
         word = self.coordinates.names[3]
         cut = f"{2 * self.band:g} Hz"
         return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
-
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
 
     def measured(self, record: Record) -> Array:
         """The measured column."""

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import about_axis, lines_of
-from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.ripple import Ripple, find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 def equations(kind: AxisKind, theta: Theta) -> list[str]:
@@ -31,18 +31,18 @@ def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Seq
     """Sentences on what these data cannot tell and what remains."""
     theta = theta_by_stage.get("augmented") or theta_by_stage["calibrated"]
     out = [_what_is_left(kind, theta, records), _where_it_remains(kind, theta, records)]
-    if "directional_asymmetry.asymmetry" in theta:
+    if ("directional_asymmetry", "asymmetry") in theta:
         out.append(_asymmetry(kind, theta))
     ripples = [found for r in records if (found := find_ripple(kind, r, theta)) is not None]
     if ripples:
         out.append(_ripples(kind, ripples))
-    if "sensor_delay.delay_s" in theta:
-        late = 1e3 * theta["sensor_delay.delay_s"]
+    if ("sensor_delay", "delay_s") in theta:
+        late = 1e3 * theta["sensor_delay", "delay_s"]
         out.append(
             f"A position read {late:.2f} ms late and a drive that lags by {late:.2f} ms (actuator_lag) are the same "
             f"below 40 Hz to {100 * (2 * np.pi * 40 * late * 1e-3) ** 2 / 2:.1f} %."
         )
-    if theta.get("viscous_drag.exponent", 1.0) < SET.sublinear:
+    if theta.get(("viscous_drag", "exponent"), 1.0) < SET.sublinear:
         out.append(
             "The extra drag grows ever slower with speed, as a lubricant that thins with shear does: near rest the "
             "stage resists less, not more, the opposite of Stribeck."
@@ -53,15 +53,15 @@ def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Seq
 def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str | None:
     """What to measure to tell equivalents apart."""
     wishes = []
-    if "directional_asymmetry.asymmetry" in theta:
+    if ("directional_asymmetry", "asymmetry") in theta:
         wishes.append(
             "hold the stage still at several places in both directions (a constant offset stays, an asymmetry does not)"
         )
-    if "sensor_delay.delay_s" in theta:
+    if ("sensor_delay", "delay_s") in theta:
         wishes.append(
             "log the motor current with the position (a lag of the drive shows there, a late reading does not)"
         )
-    if "viscous_drag.exponent" in theta:
+    if ("viscous_drag", "exponent") in theta:
         wishes.append(
             f"sweep slowly from 0.1 to 20 m{kind.coordinates.speed_unit} at constant speeds (film friction or an"
             " elastic start of sliding)"
@@ -107,7 +107,7 @@ def _ripples(kind: AxisKind, found: Sequence[Ripple]) -> str:
 
 def _asymmetry(kind: AxisKind, theta: Theta) -> str:
     c = kind.coordinates
-    share, viscous = theta["directional_asymmetry.asymmetry"], theta[c.viscous]
+    share, viscous = theta["directional_asymmetry", "asymmetry"], theta[c.viscous]
     constant = theta[c.offset] + share * theta[c.coulomb]
     unit = c.units[1]
     return (

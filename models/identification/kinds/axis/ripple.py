@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 from scipy.stats import f as f_distribution
 
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array
 from models.identification.kinds.dma.kind import DmaKind
 from models.laws.dynamic_modulus import springpot_modulus
 from models.records.record import Record
+from models.theta import Theta
 
 
 @dataclass(frozen=True)

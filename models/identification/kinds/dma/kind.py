@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.identification.settings import SET
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
@@ -23,6 +23,7 @@ from models.parameter import Parameter, load_set
 from models.records.record import Record
 from models.rigs.dma import DMA
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 NAMES = ("E1", "E2", "E3", "tau1", "tau2")
 COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
@@ -68,10 +69,6 @@ class DmaKind(OneByOne):
             ),
             modulus_std_Pa,
         )
-
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
 
     def measured(self, record: Record) -> Array:
         """Storage and loss modulus in Pa, one row a reading."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from models.effects.equation import lines_of
 from models.identification.fitting.confidence import near
-from models.identification.kind import Theta
 from models.identification.kinds.dma.common_residual import (
     CommonResidual,
     best_relaxation,
@@ -18,6 +17,7 @@ from models.identification.kinds.dma.common_residual import (
 from models.identification.kinds.dma.kind import DmaKind
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 
 def equations(kind: DmaKind, theta: Theta) -> list[str]:
@@ -81,7 +81,7 @@ def _stopped(kind: DmaKind, theta_by_stage: Mapping[str, Theta]) -> list[str]:
     """Moduli and times that a fit moved to a bound, where they would have gone further."""
     out = []
     for stage in ("calibrated", "augmented"):
-        theta = theta_by_stage.get(stage, {})
+        theta = theta_by_stage.get(stage, Theta())
         at = [
             f"{p.name.removeprefix('log10_')} at {10**bound:.3g} {p.unit.removeprefix('log10 ')}"
             for p in kind.base

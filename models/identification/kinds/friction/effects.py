@@ -11,7 +11,7 @@ from models.effects import effects_for
 from models.effects.effect import Effect
 from models.identification.kinds.variant import Range, variant
 from models.identification.settings import SET
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
 from models.rigs.friction import FRICTION
 
 
@@ -65,17 +65,17 @@ def cannot_show(extent: Extent) -> dict[str, str]:
     }
 
 
-def _ranges(x: Extent) -> Mapping[str, Range]:
-    """Value and bounds of parameters that follow from the extent, by `effect.parameter`."""
+def _ranges(x: Extent) -> Mapping[Name, Range]:
+    """Value and bounds of parameters that follow from the extent, by effect and parameter."""
     drag = 3 * x.friction * max(1.0, SET.drag_reference_m_s / x.fast) ** SET.drag_steepest
     return {
-        "stribeck.excess": (0.0, 0.0, 10.0),
-        "stribeck.speed_m_s": (float(np.sqrt(x.slow * x.fast)), 0.3 * x.slow, 3 * x.fast),
-        "viscous_drag.coefficient_N": (0.0, 0.0, drag),
-        "viscous_drag.exponent": (0.5, 0.1, SET.drag_steepest),
-        "load_dependent_friction.growth_per_load": (0.0, -0.95 / x.heavy, 20 / x.heavy),
-        "hertzian_contact.reference_N": (float(np.sqrt(x.light * x.heavy)), 1e-6, 1e9),
-        "adhesive_contact.load_N": (0.0, -0.9 * x.light, 5 * x.heavy),
+        ("stribeck", "excess"): (0.0, 0.0, 10.0),
+        ("stribeck", "speed_m_s"): (float(np.sqrt(x.slow * x.fast)), 0.3 * x.slow, 3 * x.fast),
+        ("viscous_drag", "coefficient_N"): (0.0, 0.0, drag),
+        ("viscous_drag", "exponent"): (0.5, 0.1, SET.drag_steepest),
+        ("load_dependent_friction", "growth_per_load"): (0.0, -0.95 / x.heavy, 20 / x.heavy),
+        ("hertzian_contact", "reference_N"): (float(np.sqrt(x.light * x.heavy)), 1e-6, 1e9),
+        ("adhesive_contact", "load_N"): (0.0, -0.9 * x.light, 5 * x.heavy),
     }
 
 
@@ -87,10 +87,10 @@ def _grids(x: Extent) -> Mapping[str, Mapping[str, tuple[float, ...]]]:
 
 
 def _ranged(
-    effect: type[Effect], ranges: Mapping[str, Range], grids: Mapping[str, Mapping[str, tuple[float, ...]]]
+    effect: type[Effect], ranges: Mapping[Name, Range], grids: Mapping[str, Mapping[str, tuple[float, ...]]]
 ) -> type[Effect]:
     """The same law with other ranges."""
-    parameters = tuple(_parameter(p, ranges.get(f"{effect.id}.{p.name}")) for p in effect.parameters())
+    parameters = tuple(_parameter(p, ranges.get((effect.id, p.name))) for p in effect.parameters())
     return variant(effect, parameters, grids.get(effect.id), min(effect.probe, 0.05 * parameters[0].upper))
 
 

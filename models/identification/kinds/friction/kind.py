@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.identification.kinds.friction.effects import Extent, candidates
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.settings import SET
@@ -23,6 +23,7 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.friction import FRICTION
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
 _BELIEF = "rig file; without it only a start for the calibration"
@@ -93,17 +94,13 @@ class FrictionKind(OneByOne):
         """N, or 1 for a coefficient."""
         return "N" if self.quantity == FORCE else "1"
 
-    def nominal(self) -> dict[str, float]:
-        """The base parameter as believed."""
-        return {p.name: p.value for p in self.base}
-
     def measured(self, record: Record) -> Array:
         """The measured column."""
         return record[self.quantity]
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N that keeps the sliding up, along it, or its ratio to the load; one value a row."""
-        values = {**self.nominal(), **theta}
+        values = self.nominal() | theta
         v, load = record[SPEED], _loads(record, self.load)
         way = np.sign(v)
         s = Signals(v=v, direction=way, load=load)

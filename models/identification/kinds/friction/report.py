@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.identification.kind import Theta
 from models.identification.kinds.friction.effects import cannot_show
 from models.identification.kinds.friction.kind import FORCE, SPEED, FrictionKind, conditions
 from models.records.record import Record
 from models.rigs.friction import FRICTION
+from models.theta import Theta
 
 
 def equations(kind: FrictionKind, theta: Theta) -> list[str]:
     """The law with its numbers, SI units: the base, then what each effect adds."""
-    values = {**kind.nominal(), **theta}
+    values = kind.nominal() | theta
     if "friction_N" in values:
         base = f"F = {values['friction_N']:.4g} sgn(v)"
     elif kind.quantity == FORCE:

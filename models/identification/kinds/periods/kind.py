@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
@@ -26,6 +26,7 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.periods import PERIODS
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 COLUMNS = ("period_s", "valley_N", "peak_N")
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
@@ -119,10 +120,6 @@ class PeriodsKind(OneByOne):
         )
         length = stretched_length(capsule) if length_m is None else length_m
         return cls(capsule, tissue, abs(velocity_m_s), base, length, return_speed_m_s, period_std_s=period_std_s)
-
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
 
     def measured(self, record: Record) -> Array:
         """Period in s, valley and peak in N, one row a period."""

@@ -12,10 +12,11 @@ from scipy.optimize import brentq
 
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array
 from models.identification.kinds.periods.kind import PeriodsKind
 from models.identification.settings import SET
 from models.records.record import Record, named
+from models.theta import Theta
 
 
 def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
@@ -149,7 +150,7 @@ def _off(kind: PeriodsKind, theta: Theta, records: Sequence[Record], speed: floa
 
 
 def _period(kind: PeriodsKind, limit: float, speed: float) -> float:
-    return kind.tooth(limit, speed, {}).period_s
+    return kind.tooth(limit, speed, Theta()).period_s
 
 
 def _stiffer_by(kind: PeriodsKind, limit: float, period: float, speed: float) -> float:

@@ -17,7 +17,7 @@ from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
@@ -28,6 +28,7 @@ from models.rigs.kinds import KINDS
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
+from models.theta import Theta
 
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
@@ -113,9 +114,9 @@ class SeriesKind:
         """The observer that forgives slip events out of step but little else, and the free run."""
         return (0, 1)
 
-    def nominal(self) -> dict[str, float]:
+    def nominal(self) -> Theta:
         """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
+        return Theta.declared(self.base)
 
     def measured(self, record: Record) -> Array:
         """The measured column."""
@@ -240,7 +241,7 @@ class SeriesKind:
         if not self.drive.anchored:
             return None
         command = record[self.drive.commanded] / self.drive.command_unit
-        there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta)) for x in (measured, predicted))
+        there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta.base)) for x in (measured, predicted))
         return foreseen - there, there
 
     def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:

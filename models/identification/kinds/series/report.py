@@ -12,22 +12,22 @@ from models.drives.drive import Drive
 from models.effects import BY_ID
 from models.effects.equation import lines_of
 from models.effects.refinements.level_at_onset import LevelAtOnset
-from models.identification.kind import Theta
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
 from models.records.record import Record
+from models.theta import Theta
 
 _FORESIGHTS = (  # memory of the observer in s, and what it makes of an error
     (0.03, "one step ahead of an observer that forgets within 0.03 s"),
     (0.5, "ahead of an observer that forgets within half a second"),
     (None, "in a free run"),
 )
-_SPARED = f"{LevelAtOnset.id}.spared"
+_SPARED = (LevelAtOnset.id, "spared")
 
 
 def equations(kind: SeriesKind, theta: Theta) -> list[str]:
     """The model in words and numbers."""
-    p = {**kind.nominal(), **theta}
+    p = {**kind.nominal().base, **theta.base}
     lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
     return [*lines, *lines_of([BY_ID[name] for name in active_effects(theta)], theta)]
 

@@ -13,7 +13,7 @@ from models.checks.instrument.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
-from models.identification.kind import Array, Theta, effects_in
+from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
     SWITCH_DELAY,
@@ -26,6 +26,7 @@ from models.identification.kinds.series.drive_input import (
 from models.identification.settings import SET
 from models.records.record import USED, Record
 from models.surfaces.surface import Surface
+from models.theta import Theta
 
 
 @cache
@@ -36,7 +37,7 @@ def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Asse
 
 def active_effects(theta: Theta) -> tuple[str, ...]:
     """Ids of the effects that have an entry in `theta`, sorted."""
-    return tuple(sorted(effects_in(theta)))
+    return tuple(sorted(theta.effects))
 
 
 def _each_lane(values: Array) -> Array:
@@ -45,11 +46,8 @@ def _each_lane(values: Array) -> Array:
 
 def _late(theta: Theta) -> float:
     """Time in s by which the clock and the effects in `theta` make the measurement late."""
-    own = (
-        (BY_ID[e](), {k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")})
-        for e in active_effects(theta)
-    )
-    return theta.get(CLOCK_OFFSET, 0.0) + sum(float(effect.delay(values)) for effect, values in own)
+    delays = (float(BY_ID[e]().delay(theta.effects[e])) for e in active_effects(theta))
+    return theta.get(CLOCK_OFFSET, 0.0) + sum(delays)
 
 
 @dataclass(frozen=True)

@@ -4,20 +4,15 @@ saw.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from models.identification.fitting.fit import Problem, descend
-from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
-
-
-def effects_in(theta: Theta) -> list[str]:
-    """Ids of the effects that have entries in `theta`, in their order there."""
-    return list(dict.fromkeys(name.split(".")[0] for name in theta if "." in name))
+from models.theta import Theta
 
 
 def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> dict[str, float]:
@@ -30,24 +25,19 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
     splits = kind.splits(records)
     if sum(len(_pairs(held)) for _, held in splits) < SET.table_fewest:
         return {}
-    names = effects_in(theta)
     out = {}
-    for left_out in ("", *names):
-        kept = [name for name in names if name != left_out]
-        start = {k: v for k, v in theta.items() if "." not in k or k.split(".")[0] in kept}
+    for left_out in ("", *theta.effects):
+        start = theta.without(left_out)
         secants = (0.3, 0.1) if left_out else (0.1,)
-        squares = [_squared(kind, held, _fitted(kind, training, kept, start, secants)) for training, held in splits]
+        squares = [_squared(kind, held, _fitted(kind, training, start, secants)) for training, held in splits]
         out[left_out] = float(np.sqrt(np.mean(np.concatenate(squares))))
     return out
 
 
-def _fitted(
-    kind: VibroTableKind, records: Sequence[Record], effects: Sequence[str], start: Theta, secants: Sequence[float]
-) -> dict[str, float]:
-    theta: Mapping[str, float] = start
+def _fitted(kind: VibroTableKind, records: Sequence[Record], theta: Theta, secants: Sequence[float]) -> Theta:
     for secant in secants:
-        theta = descend(Problem.of(kind, records, effects, 0), theta, secant, SET.table_steps).theta
-    return dict(theta)
+        theta = descend(Problem.of(kind, records, list(theta.effects), 0), theta, secant, SET.table_steps).theta
+    return theta
 
 
 def _pairs(records: Sequence[Record]) -> set[tuple[float, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -13,10 +14,10 @@ from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
 from models.effects.friction.stribeck import Stribeck
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
 from models.effects.inner_mass.spring_hardening import SpringHardening
-from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
-from models.parameter import Parameter
+from models.parameter import Name, Parameter
 from models.rigs.vibro_table import VIBRO_TABLE
+from models.theta import Theta, spelled
 
 _LEVEL = "directional friction of dry contacts: tens of percent"
 
@@ -74,25 +75,25 @@ class PlateAsymmetry(DirectionalAsymmetry):
 
 VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)
 
-FIELDS = MappingProxyType(
+FIELDS: Final[Mapping[Name, str]] = MappingProxyType(
     {
-        "spring_damping.damping_N_s_per_m": "damping",
-        "guide_friction.friction_N": "dry_N",
-        "coil_lag.time_s": "current_lag_s",
-        "actuator_lag.time_s": "force_lag_s",
-        "coil_reach.gain_per_m": "reach_per_m",
-        "spring_hardening.cubic_N_per_m3": "cubic",
-        "spring_hardening.power": "cubic_power",
-        "end_stop_impact.stiffness_N_per_m": "stop_stiffness",
-        "end_stop_impact.gap_m": "stop_gap_m",
-        "end_stop_impact.loss_s": "stop_loss_s",
-        "stribeck.excess": "stribeck",
-        "stribeck.speed_m_s": "stribeck_speed",
-        "stribeck.exponent": "stribeck_power",
-        "viscous_drag.coefficient_N": "drag_N",
-        "viscous_drag.exponent": "drag_power",
-        "directional_asymmetry.asymmetry": "asymmetry",
-        "incline_gravity.force_N": "incline_N",
+        ("spring_damping", "damping_N_s_per_m"): "damping",
+        ("guide_friction", "friction_N"): "dry_N",
+        ("coil_lag", "time_s"): "current_lag_s",
+        ("actuator_lag", "time_s"): "force_lag_s",
+        ("coil_reach", "gain_per_m"): "reach_per_m",
+        ("spring_hardening", "cubic_N_per_m3"): "cubic",
+        ("spring_hardening", "power"): "cubic_power",
+        ("end_stop_impact", "stiffness_N_per_m"): "stop_stiffness",
+        ("end_stop_impact", "gap_m"): "stop_gap_m",
+        ("end_stop_impact", "loss_s"): "stop_loss_s",
+        ("stribeck", "excess"): "stribeck",
+        ("stribeck", "speed_m_s"): "stribeck_speed",
+        ("stribeck", "exponent"): "stribeck_power",
+        ("viscous_drag", "coefficient_N"): "drag_N",
+        ("viscous_drag", "exponent"): "drag_power",
+        ("directional_asymmetry", "asymmetry"): "asymmetry",
+        ("incline_gravity", "force_N"): "incline_N",
     }
 )
 """Field of `VibroCycle` that carries an effect's parameter."""
@@ -105,14 +106,13 @@ def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
     """
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     extra: dict[str, float] = {"reaction": 1.0 if reaction_on_body else 0.0}
-    for name, value in theta.items():
-        if "." in name:
-            if name not in FIELDS:
-                raise ValueError(
-                    f"effect must be one that acts on a body with an inner mass; got {name!r}; known:"
-                    f" {', '.join(FIELDS)}"
-                )
-            extra[FIELDS[name]] = float(value)
+    for name, value in Theta(effects=theta.effects).items():
+        if name not in FIELDS:
+            raise ValueError(
+                f"effect must be one that acts on a body with an inner mass; got {spelled(name)!r}; known:"
+                f" {', '.join(map(spelled, FIELDS))}"
+            )
+        extra[FIELDS[name]] = float(value)
     scale = theta.get("load_scale", 1.0)
     coulomb = theta["friction_coefficient"] * (body + inner) * GRAVITY
     return VibroCycle(

@@ -14,7 +14,7 @@ import numpy as np
 from models.compiled.residuals import less_in_the_tail
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.identification.kind import Array, OneByOne, Theta
+from models.identification.kind import Array, OneByOne
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
 from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
@@ -23,6 +23,7 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.rig import Rig
 from models.rigs.vibro_table import VIBRO_TABLE
+from models.theta import Theta
 
 _BELIEF = "rig file"
 _SCALE = (
@@ -108,10 +109,6 @@ class VibroTableKind(OneByOne):
             reaction_on_body,
         )
 
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
-
     def measured(self, record: Record) -> Array:
         """The measured column."""
         return record[self.quantity]
@@ -124,22 +121,19 @@ class VibroTableKind(OneByOne):
         scale = 2 * float(np.sqrt(self.nominal()["spring_stiffness_N_per_m"] * self.nominal()["inner_mass_kg"]))
         lost = {}
         for mirror in (1.0, -1.0):
-            trials = [{"mirror": mirror, "spring_damping.damping_N_s_per_m": ratio * scale} for ratio in ratios]
-            lost[mirror] = min(
-                self.error(records, [self.predict(r, {**self.nominal(), **t}) for r in records]) for t in trials
-            )
+            trials = [Theta({"mirror": mirror}, {"spring_damping": {"damping_N_s_per_m": r * scale}}) for r in ratios]
+            lost[mirror] = min(self.error(records, [self.predict(r, t) for r in records]) for t in trials)
         best = min(lost, key=lambda mirror: lost[mirror])
         return replace(self, base=tuple(p.at(best) if p.name == "mirror" else p for p in self.base))
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""
-        values = {**self.nominal(), **theta}
-        mirror = values.pop("mirror")
+        values = self.nominal() | theta
         runs, index = _conditions(record)
         speeds = mean_velocities(
             runs[:, 0], runs[:, 1], runs[:, 2], vibro_cycle(values, self.reaction_on_body), step=self.step_s
         )
-        return np.asarray(mirror * speeds[index], dtype=float)
+        return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Difference of each condition's mean from the model in units of its standard deviation; there is one

@@ -7,20 +7,21 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.kinds.vibro_table.numbers import GRAVITY
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.vibro_table import VIBRO_TABLE
+from models.theta import Theta
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
     """The model in words and numbers, SI units; `xi` is the inner mass's displacement against the body. The base, then
     what each effect adds to it.
     """
-    theta = {**kind.nominal(), **theta}
+    theta = kind.nominal() | theta
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
     return [
@@ -71,13 +72,13 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
             " load_scale, scales every speed by it and little else, so these data hardly tell it from a scale error of"
             " the displacement; the ratio of force to friction is what they fix."
         )
-    if "coil_reach.gain_per_m" in theta:
-        at = [scale * theta["force_N"] * np.exp(theta["coil_reach.gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
+    if ("coil_reach", "gain_per_m") in theta:
+        at = [scale * theta["force_N"] * np.exp(theta["coil_reach", "gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
         out.append(
             f"The coil pushes with {at[0]:.2f} N on the inner mass at rest, with {at[1]:.2f} N at 10 mm and {at[2]:.2f}"
             f" N at 20 mm; the nominal {nominal['force_N']:.3g} N must not be compared with the first of these alone."
         )
-    if "coil_lag.time_s" in theta or "actuator_lag.time_s" in theta:
+    if ("coil_lag", "time_s") in theta or ("actuator_lag", "time_s") in theta:
         out.append(
             "The measured speeds at duty D and 1 - D are not mirrored: the drive acts for less time than it is switched"
             " on. A lagging current whose square makes the force does this; a lagging force by itself does not."
@@ -153,12 +154,12 @@ def _sessions(records: Sequence[Record]) -> str:
 def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str | None:
     """What to measure to tell equivalents apart."""
     wishes = []
-    if "spring_damping.damping_N_s_per_m" in theta or "guide_friction.friction_N" in theta:
+    if ("spring_damping", "damping_N_s_per_m") in theta or ("guide_friction", "friction_N") in theta:
         wishes.append(
             "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction of its"
             " guide"
         )
-    if "coil_lag.time_s" in theta or "actuator_lag.time_s" in theta or "coil_reach.gain_per_m" in theta:
+    if ("coil_lag", "time_s") in theta or ("actuator_lag", "time_s") in theta or ("coil_reach", "gain_per_m") in theta:
         wishes.append("the coil's current on an oscilloscope and its static force over the inner mass's displacement")
     if wishes:
         wishes.append(

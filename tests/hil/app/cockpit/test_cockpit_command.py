@@ -18,6 +18,7 @@ from hil.log.blf_file import RECEIVED, Logged
 from hil.log.log import LockstepLog
 from hil.log.recorder import log_record
 from hil.nodes.frame_map import frames
+from models.theta import Theta
 from tests.hil.app.cockpit.story import story
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.log.test_log_record import blf
@@ -58,7 +59,7 @@ def test_a_port_out_of_range(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_log_with_its_record_says_what_the_model_is_made_of(tmp_path: Path) -> None:
-    values = {"friction_coefficient": 0.09, "fold_periodic.depth": 0.2}
+    values = Theta.of({"friction_coefficient": 0.09, ("fold_periodic", "depth"): 0.2})
     text = deployment()
     parsed = parse_deployment(text, values)
     record = log_record({"deployment": text}, "feedforward", values, parsed.limits, frames())

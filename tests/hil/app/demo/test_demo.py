@@ -36,11 +36,15 @@ from models.identification import Model
 from models.identification.finding import STAGES, Finding
 from models.records.record import read_record
 from models.rigs.reader import parse_rig, read_rig
+from models.theta import Theta
 from tests.hil.findings import pull_finding
 
-FOLDS = {"fold_periodic.depth": 0.29, "fold_periodic.wavelength_m": 0.0073, "fold_periodic.phase_rad": 0.4,
-         "fold_periodic.second_sin": 0.2, "fold_periodic.second_cos": 0.2}  # fmt: skip
-TRUTH = {"friction_coefficient": 0.088, "hoop_stress_factor": 1.09, "magnet_stiffness_N_per_m": 24.2}
+FOLDS = Theta(
+    effects={
+        "fold_periodic": {"depth": 0.29, "wavelength_m": 0.0073, "phase_rad": 0.4, "second_sin": 0.2, "second_cos": 0.2}
+    }
+)
+TRUTH = Theta({"friction_coefficient": 0.088, "hoop_stress_factor": 1.09, "magnet_stiffness_N_per_m": 24.2})
 VALUES = st.one_of(
     st.integers(-(10**6), 10**6), st.booleans(), st.text(max_size=8), st.floats(allow_nan=False, allow_infinity=False)
 )
@@ -63,10 +67,8 @@ def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:
     """A finding with these held-out errors and a model whose stages are nominal, true but for the effect, and true."""
     finding = replace(pull_finding(), kind="magnetic", quantity="position_m", unit="m")
     finding = replace(finding, error={"train": dict(holdout), "holdout": dict(holdout)})
-    nominal = {"friction_coefficient": 0.082, "hoop_stress_factor": 1.0, "magnet_stiffness_N_per_m": 25.0}
-    return finding, Model(
-        "magnetic", {"nominal": nominal, "calibrated": TRUTH, "augmented": {**TRUTH, **FOLDS}}, "named"
-    )
+    nominal = Theta({"friction_coefficient": 0.082, "hoop_stress_factor": 1.0, "magnet_stiffness_N_per_m": 25.0})
+    return finding, Model("magnetic", {"nominal": nominal, "calibrated": TRUTH, "augmented": TRUTH | FOLDS}, "named")
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +230,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     raw["reference"]["positions_mm"] = raw["reference"]["positions_mm"][:5]
     raw["learning"] = {"gathered_s": 10.0, "answer_s": 1.0, "trial_s": 5.0}
     (tmp_path / "scenario.toml").write_text(toml_text(raw))
-    found = LearningAnswer({**TRUTH, **FOLDS}, ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
+    found = LearningAnswer(Theta.of(TRUTH | FOLDS), ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
     monkeypatch.setattr(identify, "answer", lambda question: found)
     (tmp_path / "out").mkdir()
     one = LearningStory("learning", "a run that learns", tmp_path / "scenario.toml").tell(

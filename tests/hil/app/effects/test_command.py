@@ -12,6 +12,7 @@ from hil.app.main import run
 from models.effects import BY_ID, EFFECTS, use_effects
 from models.effects.conformance import CHECKS
 from models.identification.model import Model, own_effects_of
+from models.theta import Theta
 from tests.places import ROOT, SCENARIOS
 
 BUMP = str(ROOT / "examples" / "own_effect" / "soft_bump.py")
@@ -58,11 +59,11 @@ def test_an_own_file_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_a_model_with_an_own_effect_leads_and_replays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "model.toml"
     use_effects([Path(BUMP)])
-    base = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082, "magnet_stiffness_N_per_m": 25.0}
+    base = Theta({"hoop_stress_factor": 1.0, "friction_coefficient": 0.082, "magnet_stiffness_N_per_m": 25.0})
     stages = {
         "nominal": base,
         "calibrated": base,
-        "augmented": {**base, "soft_bump.force_N": 0.02, "soft_bump.place_m": 3e-3},
+        "augmented": base.with_("soft_bump", {"force_N": 0.02, "place_m": 3e-3}),
     }
     model.write_text(Model("magnetic", stages, own_effects=own_effects_of(stages)).to_toml())
     use_effects([])

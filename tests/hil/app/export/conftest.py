@@ -10,6 +10,7 @@ import pytest
 
 from models.effects import BY_ID
 from models.identification.model import Model
+from models.theta import Theta
 from tests.rig_texts import GUT, PLATE
 
 MAGNET = '[rig]\nkind = "magnetic"\nmagnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02\n'
@@ -34,8 +35,8 @@ kind = "vibro"
 [effects.driver_lag]
 time_s = 4e-3
 """
-BASE = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082}
-FOLDS = BY_ID["fold_periodic"].start() | {"fold_periodic.depth": 0.2, "fold_periodic.wavelength_m": 7.3e-3}
+BASE = Theta({"hoop_stress_factor": 1.0, "friction_coefficient": 0.082})
+FOLDS = Theta(effects={"fold_periodic": {**BY_ID["fold_periodic"].start(), "depth": 0.2, "wavelength_m": 7.3e-3}})
 """Values of a found model on a gut; a magnet's stiffness comes with its rig."""
 
 
@@ -43,7 +44,7 @@ FOLDS = BY_ID["fold_periodic"].start() | {"fold_periodic.depth": 0.2, "fold_peri
 def folder_with(tmp_path: Path) -> Callable[..., Path]:
     """A folder with rig.toml and model.toml of these values in every stage."""
 
-    def made(kind: str, rig: str, values: dict[str, float]) -> Path:
+    def made(kind: str, rig: str, values: Theta) -> Path:
         (tmp_path / "rig.toml").write_text(GUT + rig)
         stages = dict.fromkeys(("nominal", "calibrated", "augmented"), values)
         (tmp_path / "model.toml").write_text(Model(kind, stages).to_toml())

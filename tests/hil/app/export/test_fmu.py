@@ -14,6 +14,7 @@ from models.identification.model import Model
 from models.records.record import record_of
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from plant import layout as at
 from plant.experiments.scenario import parse_truth
 from plant.session import Session
@@ -121,7 +122,7 @@ def test_found_model_of_a_free_body_predicts_as_here(driven: str, tmp_path: Path
     (tmp_path / "rig.toml").write_text(rig)
     believed = read_rig(tmp_path / "rig.toml")
     numbers = (*surface_of(believed).parameters(), *drive_of(believed, driven).parameters())
-    values = {p.name: p.value for p in numbers}
+    values = Theta.declared(numbers)
     model = Model(kind, dict.fromkeys(("nominal", "calibrated", "augmented"), values))
     (tmp_path / "model.toml").write_text(model.to_toml())
     files = ["--model", str(tmp_path / "model.toml"), "--rig", str(tmp_path / "rig.toml")]

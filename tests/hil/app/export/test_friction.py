@@ -67,7 +67,7 @@ def test_what_a_table_cannot_hold_is_said(folder_with: Callable[..., Path], caps
     effects = ("viscous_drag", "tissue_drying", "carriage_backlash", "sensor_delay")
     values = BASE | {"magnet_stiffness_N_per_m": 24.0}
     for name in effects:
-        values |= BY_ID[name].start()
+        values = values.with_(name, BY_ID[name].start())
     missing = exported(folder_with("magnetic", MAGNET, values), "table", "t", capsys)["not_mapped"]
     assert isinstance(missing, dict)
     assert "viscous_drag" not in missing

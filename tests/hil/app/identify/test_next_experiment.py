@@ -18,6 +18,7 @@ from hil.app.scenario.scenario import load_track_scenario
 from models.files.toml import parse_toml
 from models.identification import Model
 from models.identification.finding import NEXT_CSV, NEXT_TOML
+from models.theta import Theta
 from tests.hil.findings import proposal, pull_finding
 
 ROOT = Path(__file__).parents[4]
@@ -32,7 +33,7 @@ def reference(tmp_path: Path) -> Path:
 
 
 def test_files_are_written_where_something_is_proposed() -> None:
-    theta = {"nominal": {}, "calibrated": {}, "augmented": {}}
+    theta = dict.fromkeys(("nominal", "calibrated", "augmented"), Theta())
     finding, model = pull_finding(seconds=2.0), Model("pull", theta)  # type: ignore[arg-type]
     assert NEXT_TOML not in result_files(finding, model)
     assert report_json(finding)["next_experiment_file"] is None

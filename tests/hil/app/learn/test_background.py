@@ -15,9 +15,10 @@ import pytest
 from hil.app.learn import background as module
 from hil.app.learn.background import CLOSED_S, Background
 from hil.app.learn.identify import LearningAnswer, LearningQuestion
+from models.theta import Theta
 from tests.controller.loops import believed
 
-QUESTION = LearningQuestion(believed("magnetic"), {}, 0, {})
+QUESTION = LearningQuestion(believed("magnetic"), {}, 0, Theta())
 UNUSABLE = "nothing could be identified: "
 """What a living learner says to it."""
 LONGEST_S = 60.0
@@ -100,7 +101,7 @@ def test_a_stopped_one_ends_with_the_run(asks: bool) -> None:
     learner.begin()
     process = process_of(learner)
     hit(learner, signal.SIGSTOP)
-    long = LearningQuestion(QUESTION.rig, {"t": [0.0] * 500_000}, 0, {})  # type: ignore[dict-item]
+    long = LearningQuestion(QUESTION.rig, {"t": [0.0] * 500_000}, 0, Theta())  # type: ignore[dict-item]
     future = learner(long) if asks else None
     time.sleep(0.2)
     began = time.monotonic()

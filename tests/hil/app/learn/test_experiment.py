@@ -24,6 +24,7 @@ from hil.log.recorder import Recorder, log_record
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import frames
 from models.files.toml import parse_toml
+from models.theta import Theta
 from plant import layout as at
 
 THERE_AND_BACK = Experiment((0.0, 0.5, 1.0), (0.0, 1.5e-3, 0.0), 1.0)
@@ -67,10 +68,10 @@ class Asks:
 
 def driven(experiment: Experiment, folder: Path, text: str = SCENARIO) -> tuple[SilTrace, Any]:
     scenario = parse_sil_scenario(parse_toml(text, "scenario"))
-    record = log_record({"scenario": text}, "feedforward", {}, scenario.loop.limits, frames(), seed=1)
+    record = log_record({"scenario": text}, "feedforward", Theta(), scenario.loop.limits, frames(), seed=1)
     with LockstepLog(folder / "frames.blf", record) as log:
         learning: Any = lambda node: Asks(node, experiment)  # noqa: E731
-        model = believed_on_bus(scenario, {})
+        model = believed_on_bus(scenario, Theta())
         trace = run_sil(scenario, model, "feedforward", 1, recorder=Recorder(log), learning=learning)
         log.add_to_record(trace.learned)
     return trace, scenario

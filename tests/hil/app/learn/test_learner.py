@@ -22,11 +22,14 @@ from models.identification import Model
 from models.identification.kinds import kind_for, ready
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
+from models.theta import Theta
 from tests.controller.loops import believed, model_of
 
 PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
-FOUND = LearningAnswer({"magnet_stiffness_N_per_m": 24.0}, ("fold_periodic",), "named", "held-out error lower")
-NOTHING = LearningAnswer({}, (), "none", "held-out error must be lower")
+FOUND = LearningAnswer(
+    Theta.of({"magnet_stiffness_N_per_m": 24.0}), ("fold_periodic",), "named", "held-out error lower"
+)
+NOTHING = LearningAnswer(Theta(), (), "none", "held-out error must be lower")
 TICK = 0.01
 
 
@@ -63,7 +66,7 @@ class Story:
         self.learner = Learner(
             self.switch,  # type: ignore[arg-type]
             rig,
-            {},
+            Theta(),
             lambda values: model,
             self.ask,
             self.pace,
@@ -116,7 +119,7 @@ def test_a_model_that_turns_out_worse_is_taken_back() -> None:
     story.run(40.0, 60.0, Health("holds", 40.0, "", 1), 2e-3)
     (lesson,) = story.learner.lessons
     assert lesson.withdrawn_at_s == pytest.approx(50.0, abs=0.1)
-    assert [one.values for one in story.learner.offers] == [FOUND.values, {}]
+    assert [one.values for one in story.learner.offers] == [FOUND.values, Theta()]
     assert len(story.switch.proposed) == 2
 
 
@@ -152,7 +155,7 @@ def test_nothing_is_asked_while_the_model_holds() -> None:
 
 
 def test_records_that_cannot_be_used_are_an_answer() -> None:
-    found = answer(LearningQuestion(believed("magnetic"), {TIME: np.arange(3.0)}, 2, {}))
+    found = answer(LearningQuestion(believed("magnetic"), {TIME: np.arange(3.0)}, 2, Theta()))
     assert not found.passed
     assert found.sentence.startswith("nothing could be identified: ")
 
@@ -165,7 +168,7 @@ def test_a_model_that_explains_a_part_must_gain_more(
     kind = kind_for(rig, [])
     t = np.arange(0.0, 4.0, 0.01)
     columns = {TIME: t, "carriage_position_m": 1e-3 * t, "position_m": 1e-3 * t}
-    nominal = dict(kind.nominal())
+    nominal = kind.nominal()
     seen: dict[str, object] = {}
 
     def found(*given: object, known: dict[str, tuple[float, float]], most: int) -> tuple[object, Model]:
@@ -185,18 +188,18 @@ def test_a_model_that_explains_a_part_must_gain_more(
         return finding, Model("magnetic", stages, verdict)
 
     monkeypatch.setattr(identify, "close", found)
-    in_use = {"friction_coefficient": 0.09, "actuator_lag.time_s": 0.1}
+    in_use = Theta.of({"friction_coefficient": 0.09, ("actuator_lag", "time_s"): 0.1})
     answered = answer(LearningQuestion(rig, columns, 300, in_use))
     assert answered.passed == offered
     assert seen["friction_coefficient"] == (0.09, pytest.approx(9e-4))
-    assert seen["actuator_lag.time_s"] == (0.1, pytest.approx(1e-3))
+    assert seen["actuator_lag", "time_s"] == (0.1, pytest.approx(1e-3))
     assert seen["most"] == 1
     assert "at most 0.5 of the current model's" in answered.sentence or offered
 
 
 def test_a_rig_that_makes_no_record_is_refused() -> None:
     with pytest.raises(ValueError, match="--learn must stand with a rig of kind magnetic or coil; got vibro"):
-        Learner(Switch(), replace(believed(), kind="vibro"), {}, lambda values: model_of(), Story(FOUND).ask)  # type: ignore[arg-type]
+        Learner(Switch(), replace(believed(), kind="vibro"), Theta(), lambda values: model_of(), Story(FOUND).ask)  # type: ignore[arg-type]
 
 
 def test_a_history_keeps_the_newest_in_order() -> None:

@@ -15,13 +15,14 @@ from hil.app.scenario.deployment import parse_deployment
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.simulated import Medium, SimulatedBus
+from models.theta import Theta
 from tests.hil.app.run.deployments import deployment
 from tests.hil.scripted_bus import ScriptedBus
 
 
 def test_rehearsal_runs_every_controller_of_the_rig() -> None:
     for name in ("feedforward", "mpc"):
-        task = parse_deployment(deployment(control=f'controller = "{name}"'), {}).task()
+        task = parse_deployment(deployment(control=f'controller = "{name}"'), Theta()).task()
         took = rehearse(task, load_catalogue(), 120)
         assert 0 < took.quantile(0.5) <= took.longest_s
 

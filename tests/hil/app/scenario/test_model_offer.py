@@ -21,11 +21,21 @@ from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import Trace, believed_model, run_loop
 from models.identification import Model
 from models.identification.kinds import kind_for
+from models.theta import Theta
 from plant import layout as at
 from tests.hil.app.run.deployments import deployment, rig_file
 
-FOLDS = {"fold_periodic.depth": 0.3, "fold_periodic.wavelength_m": 0.0073, "fold_periodic.phase_rad": 0.4,
-         "fold_periodic.second_sin": 0.24, "fold_periodic.second_cos": 0.25}  # fmt: skip
+FOLDS = Theta(
+    effects={
+        "fold_periodic": {
+            "depth": 0.3,
+            "wavelength_m": 0.0073,
+            "phase_rad": 0.4,
+            "second_sin": 0.24,
+            "second_cos": 0.25,
+        }
+    }
+)
 STEPS = """
 [scenario]
 name = "steps over folds"
@@ -66,14 +76,14 @@ def offered(folder: Path, text: str, better: float = 0.5) -> Path:
 
 
 def tracked(scenario: TrackScenario, offer: Offer | None, controller: str) -> Trace:
-    return run_loop(scenario, believed_model(scenario, {}), controller, 1, offer=offer)
+    return run_loop(scenario, believed_model(scenario, Theta()), controller, 1, offer=offer)
 
 
 @pytest.mark.parametrize("controller", ["feedforward", "mpc"])
 def test_a_better_model_takes_over_at_a_rest_without_a_jump_and_tracks_better(tmp_path: Path, controller: str) -> None:
     path = offered(tmp_path, STEPS.replace("4.0, 12.0]", "4.0]").format(seconds=8.0))
     scenario = load_track_scenario(path)
-    found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
+    found = read_offer(scenario.offer, tmp_path, scenario.belief, Theta())
     assert found is not None
     offer = Offer(believed_model(scenario, found.values), Acceptance(), found.at_s)
     with_it, without = tracked(scenario, offer, controller), tracked(scenario, None, controller)
@@ -101,7 +111,7 @@ def test_a_better_model_takes_over_at_a_rest_without_a_jump_and_tracks_better(tm
 def test_the_tick_that_takes_a_model_makes_nothing_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = offered(tmp_path, STEPS.replace("4.0, 12.0]", "4.0]").format(seconds=8.0))
     scenario = load_track_scenario(path)
-    found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
+    found = read_offer(scenario.offer, tmp_path, scenario.belief, Theta())
     assert found is not None
     offer = Offer(believed_model(scenario, found.values), Acceptance(), found.at_s)
     made: list[Estimator] = []

@@ -16,6 +16,7 @@ from hil.app.sil.fault_outcomes import Outcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.nodes.faults.table import KEY, OPERATOR, Fault
+from models.theta import Theta
 
 RIGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
@@ -88,7 +89,7 @@ def scenario_of(kind: str, duration_s: float, *faults: Mapping[str, Any], **tabl
 @cache
 def model_of(kind: str) -> ControlModel:
     """What the controller of such a run believes."""
-    return believed_on_bus(scenario_of(kind, 1.0), {})
+    return believed_on_bus(scenario_of(kind, 1.0), Theta())
 
 
 def run(

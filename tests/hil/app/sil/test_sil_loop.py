@@ -12,6 +12,7 @@ import pytest
 from hil.app.sil.loop import run_sil
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
+from models.theta import Theta
 from tests.hil.app.sil.sil_runs import RIGS, model_of, run, scenario_of
 
 
@@ -32,7 +33,7 @@ def test_tracks_over_the_bus_as_without_it() -> None:
     """One tick's delay is in the model, so that tracking is within a tenth of what it is with none at the same tick."""
     scenario = scenario_of("magnetic", 3.0)
     with_bus = score(scenario.loop, run_sil(scenario, model_of("magnetic"), "feedforward", 1))
-    without = score(scenario.loop, run_loop(scenario.loop, believed_model(scenario.loop, {}), "feedforward", 1))
+    without = score(scenario.loop, run_loop(scenario.loop, believed_model(scenario.loop, Theta()), "feedforward", 1))
     assert with_bus.tracking_rmse_m <= 1.1 * without.tracking_rmse_m + 2e-5
     assert with_bus.hard_violations == 0
 

@@ -16,6 +16,7 @@ from hil.app.sil.command import Watched
 from hil.app.sil.loop import run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.bus.local import LocalBus
+from models.theta import Theta
 from tests.hil.app.sil.test_sil import SHORT
 
 SECONDS = 0.6
@@ -30,7 +31,7 @@ def scenario(tmp_path: Path) -> Path:
 
 def test_a_watched_run_is_the_same_and_takes_its_time(scenario: Path, channel: str) -> None:
     loaded, _ = load_sil_scenario(scenario)
-    model = believed_on_bus(loaded, {})
+    model = believed_on_bus(loaded, Theta())
     alone = run_sil(loaded, model, "pid", 1, digest=True)
     with LocalBus(channel, fd=True) as watcher, Watched(channel) as shown:
         began = time.monotonic()

@@ -16,6 +16,7 @@ from hil.app.scenario.model_offer import Offered
 from hil.app.sil.command import judged
 from hil.app.sil.story import NUMBERS, PAGE, error_by_second, instants, story_files
 from hil.app.sil.testbed import believed_on_bus
+from models.theta import Theta
 from plant import layout as at
 from tests.hil.app.sil.test_sil import SHORT
 
@@ -29,8 +30,11 @@ def learned_pages(folder: Path) -> tuple[SilScenario, dict[str, str]]:
     scenario, _ = load_sil_scenario(path)
     hidden = {"fold_periodic": {"excess": 0.2, "onset_s": 0.05}}
     scenario = replace(scenario, loop=replace(scenario.loop, truth=replace(scenario.loop.truth, hidden=hidden)))
-    found, trace = judged(scenario, believed_on_bus(scenario, {}), None, 1, "nominal")
-    trace.lessons, trace.offers = [TOLD], [Offered({"friction_coefficient": 0.09, "fold_periodic.depth": 0.2}, 0.3)]
+    found, trace = judged(scenario, believed_on_bus(scenario, Theta()), None, 1, "nominal")
+    trace.lessons, trace.offers = (
+        [TOLD],
+        [Offered(Theta.of({"friction_coefficient": 0.09, ("fold_periodic", "depth"): 0.2}), 0.3)],
+    )
     found["learned"] = [TOLD.document()]
     seconds, errors = error_by_second(scenario, trace)
     x, t = trace.rows[:, at.O_X], trace.rows[:, at.O_T]
@@ -66,6 +70,6 @@ def test_the_page_says_what_was_learned_and_the_numbers_stand_beside_it(
 
 def test_a_run_that_held_says_so(story: tuple[SilScenario, dict[str, str]]) -> None:
     scenario = story[0]
-    found, trace = judged(scenario, believed_on_bus(scenario, {}), None, 1, "nominal")
+    found, trace = judged(scenario, believed_on_bus(scenario, Theta()), None, 1, "nominal")
     files = story_files(Path(), scenario, {**found, "learned": []}, trace)
     assert "the model held, nothing was learned" in files[Path(PAGE)]

@@ -13,6 +13,7 @@ from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
 from hil.app.track.verdicts import verdicts
+from models.theta import Theta
 from tests.hil.app.track.track_texts import SHORT
 from tests.places import CAPSUBOT_MODEL, SCENARIOS
 
@@ -120,7 +121,7 @@ def test_bad_scenarios_are_one_sentence(
 def test_the_same_seed_gives_the_same_run(short: Path) -> None:
     """Bit for bit; another seed another one."""
     scenario = replace(load_track_scenario(short), duration_s=1.0)
-    model = believed_model(scenario, {})
+    model = believed_model(scenario, Theta())
     runs = [run_loop(scenario, model, "feedforward", seed) for seed in (1, 1, 2)]
     assert np.array_equal(runs[0].rows, runs[1].rows)
     assert np.array_equal(runs[0].command, runs[1].command)
@@ -161,10 +162,20 @@ def test_belief_is_not_the_truth() -> None:
     [
         (
             {"carriage_backlash": {"width_m": 2.4e-3}},
-            {"carriage_backlash.play_m": 2.4e-3, "carriage_backlash.sharpness": 1.1, "carriage_backlash.order": 1.9},
+            Theta.of(
+                {
+                    ("carriage_backlash", "play_m"): 2.4e-3,
+                    ("carriage_backlash", "sharpness"): 1.1,
+                    ("carriage_backlash", "order"): 1.9,
+                }
+            ),
             0.11,
         ),
-        ({"actuator_lag": {"time_s": 0.03}}, {"actuator_lag.time_s": 0.0165, "further_lag.time_s": 0.012}, 0.12),
+        (
+            {"actuator_lag": {"time_s": 0.03}},
+            Theta.of({("actuator_lag", "time_s"): 0.0165, ("further_lag", "time_s"): 0.012}),
+            0.12,
+        ),
     ],
     ids=["play", "lag"],
 )
@@ -194,7 +205,7 @@ def test_an_mpc_does_not_answer_pushes_of_its_own() -> None:
     scenario = load_track_scenario(next(path for path in FILES if path.stem == "track_magnetic_sine"))
     truth = replace(scenario.truth, hidden={"actuator_lag": {"time_s": 0.1}})
     scenario = replace(scenario, truth=truth, duration_s=8.0)
-    found = score(scenario, run_loop(scenario, believed_model(scenario, {}), "mpc", 101))
+    found = score(scenario, run_loop(scenario, believed_model(scenario, Theta()), "mpc", 101))
     assert found.tracking_rmse_m < 0.5e-3
 
 
@@ -202,7 +213,7 @@ def test_a_nan_sensor_stops_the_drive_and_nothing_breaks(short: Path) -> None:
     """NaN from 1 s on: statuses say lost, commands stay finite and at rest, no limit is broken."""
     short.write_text(SHORT + "[localisation]\nnan_s = [1.0, 1.0]\noutlier_share = 0.02\n", encoding="utf-8")
     scenario = load_track_scenario(short)
-    trace = run_loop(scenario, believed_model(scenario, {}), "feedforward", 0)
+    trace = run_loop(scenario, believed_model(scenario, Theta()), "feedforward", 0)
     assert np.isfinite(trace.command).all()
     assert set(trace.status[1300:]) == {"lost"}
     assert np.ptp(trace.command[1400:]) < 1e-9
@@ -225,7 +236,7 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     assert model.rig.capsule.mass_kg == 0.2
     assert named["force_N"] == pytest.approx(1.58)
     assert named["friction_coefficient"] == pytest.approx(0.33235)
-    assert named["spring_damping.damping_N_s_per_m"] == 2.349
+    assert named["spring_damping", "damping_N_s_per_m"] == 2.349
     with pytest.raises(ValueError, match="model must be one of a magnetic rig; got one of a vibro_table rig"):
         Options(model=path).values("magnetic")
 

@@ -12,6 +12,7 @@ from hil.app.scenario.scenario import TrackScenario, load_track_scenario, parse_
 from hil.app.track.loop import Trace, believed_model, run_loop
 from hil.app.track.score import score
 from hil.app.track.verdicts import verdicts
+from models.theta import Theta
 from plant import layout as at
 from tests.hil.app.track.track_texts import SHORT
 from tests.places import SCENARIOS
@@ -177,6 +178,6 @@ def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]
 def test_quick_scenarios_keep_their_checks(name: str, controller: str) -> None:
     """With the seed that they ship with."""
     scenario = load_track_scenario(FOLDER / f"track_{name}.toml")
-    trace = run_loop(scenario, believed_model(scenario, {}), controller, scenario.seed)
+    trace = run_loop(scenario, believed_model(scenario, Theta()), controller, scenario.seed)
     found = verdicts(scenario, controller, trace, score(scenario, trace))
     assert [one for one in found if not one.passed] == []

@@ -9,6 +9,7 @@ import pytest
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.loop import Trace, believed_model, run_loop
 from hil.app.track.score import score
+from models.theta import Theta
 
 RAMP = {"kind": "ramp", "speed_mm_s": 5.0, "start_s": 0.5}
 
@@ -23,7 +24,7 @@ def led(lag_s: float, controller: str, seconds: float = 6.0) -> tuple[Trace, Any
             "reference": RAMP,
         }
     )
-    trace = run_loop(scenario, believed_model(scenario, {}), controller, 3)
+    trace = run_loop(scenario, believed_model(scenario, Theta()), controller, 3)
     return trace, score(scenario, trace)
 
 

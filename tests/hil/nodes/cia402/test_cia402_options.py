@@ -13,6 +13,7 @@ import pytest
 from hil.app.scenario.deployment import parse_deployment
 from hil.nodes.cia402.setup import set_up
 from hil.nodes.cia402.states import DISABLED, Cia402Table
+from models.theta import Theta
 from tests.hil.app.run.deployments import deployment
 from tests.hil.app.sil.sil_runs import run
 from tests.hil.nodes.cia402.cia402_ends import LIMITS, TABLE, Polled
@@ -93,7 +94,7 @@ def test_led_by_speeds_it_ends_where_places_lead() -> None:
 
 def test_the_table_of_options() -> None:
     text = deployment(more='[cia402]\nmode = "velocity"\n[cia402.options]\n"6083.0" = 5000\n"3005.1f" = -1\n')
-    found = parse_deployment(text, {}).drive
+    found = parse_deployment(text, Theta()).drive
     assert isinstance(found, Cia402Table)
     assert found.options == ((0x6083, 0, 5000), (0x3005, 0x1F, -1))
     for wrong, sentence in (
@@ -102,6 +103,6 @@ def test_the_table_of_options() -> None:
         ('"0.0" = 1', "must have keys as"),
     ):
         with pytest.raises(ValueError, match=rf"cia402\.options .*{sentence}|{sentence}"):
-            parse_deployment(deployment(more=f"[cia402.options]\n{wrong}\n"), {})
+            parse_deployment(deployment(more=f"[cia402.options]\n{wrong}\n"), Theta())
     with pytest.raises(ValueError, match=r"cia402\.mode must be one of position, velocity"):
         Cia402Table(mode="torque")

@@ -13,6 +13,7 @@ import pytest
 from hil.app.scenario.deployment import parse_deployment
 from hil.nodes.cia402.setup import set_up
 from hil.nodes.cia402.states import DISABLED, Cia402Table
+from models.theta import Theta
 from tests.hil.app.run.deployments import deployment
 from tests.hil.nodes.cia402.cia402_ends import LIMITS, TABLE, Polled
 from tests.hil.ticks import TICK
@@ -70,7 +71,7 @@ def test_no_drive_or_no_package_is_one_sentence(
 )
 def test_bad_tables(text: str, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
-        parse_deployment(deployment(more=f"[cia402]\n{text}\n"), {})
+        parse_deployment(deployment(more=f"[cia402]\n{text}\n"), Theta())
 
 
 def test_only_a_carriage_speaks_it() -> None:
@@ -79,4 +80,4 @@ def test_only_a_carriage_speaks_it() -> None:
         "magnet_range_m = 0.02", "force_constant_N_per_A = 0.5"
     )
     with pytest.raises(ValueError, match=r"cia402 must stand with rig\.kind magnetic"):
-        parse_deployment(text, {})
+        parse_deployment(text, Theta())

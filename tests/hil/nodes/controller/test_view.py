@@ -18,11 +18,12 @@ from hil.log.blf_file import SENT
 from hil.log.reader import read_frames
 from hil.nodes.controller.view import VIEW_S, WALL, force_values, motion_values, wanted_values
 from hil.nodes.frame_map import frames
+from models.theta import Theta
 from tests.hil.app.run.test_run_ends import led
 from tests.places import ROOT
 
 RIG = read_deployed_rig(ROOT / "examples" / "deployment" / "deployment.toml")
-MODEL = control_model(RIG, {}, 2e-3)
+MODEL = control_model(RIG, Theta(), 2e-3)
 STATE = MODEL.initial(0.01, 0.012)
 BELIEF = Estimate(1.0, STATE, np.full_like(STATE, 2e-4), 1e-3)
 

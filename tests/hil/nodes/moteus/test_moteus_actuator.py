@@ -24,6 +24,7 @@ from hil.nodes.moteus.actuator import MoteusBus
 from hil.nodes.moteus.drive import BOOT_S, MoteusDrive
 from hil.nodes.moteus.setup import set_up
 from hil.nodes.moteus.table import MoteusTable
+from models.theta import Theta
 from tests.hil.app.run.deployments import deployment
 from tests.hil.nodes.maker_desk import LIMITS, Desk, Running
 from tests.hil.scripted_bus import ScriptedBus
@@ -338,11 +339,11 @@ def test_nothing_that_a_drive_says_raises(data: bytes) -> None:
 
 def test_the_bus_must_be_opened_for_its_frames() -> None:
     with pytest.raises(ValueError, match=r"bus\.fd must be true with \[moteus\]"):
-        parse_deployment(deployment(more="[moteus]\n"), {})
+        parse_deployment(deployment(more="[moteus]\n"), Theta())
     text = deployment(more="[moteus]\n").replace("[bus]\n", "[bus]\nfd = true\n")
-    assert isinstance(parse_deployment(text, {}).drive, MoteusTable)
+    assert isinstance(parse_deployment(text, Theta()).drive, MoteusTable)
     with pytest.raises(ValueError, match="must name one drive"):
-        parse_deployment(f"{text}\n[odrive]\n", {})
+        parse_deployment(f"{text}\n[odrive]\n", Theta())
 
 
 @pytest.mark.parametrize(("key", "value"), [("data_bitrate", 4_500_001), ("sample_point", 0.3)])

@@ -17,6 +17,7 @@ from hil.nodes.odrive.drive import OdriveDrive
 from hil.nodes.odrive.protocol import AXIS_STATES
 from hil.nodes.odrive.setup import set_up
 from hil.nodes.odrive.table import READ_BACK, OdriveTable
+from models.theta import Theta
 from tests.hil.app.run.deployments import deployment
 from tests.hil.nodes.maker_desk import LIMITS, Running
 from tests.hil.ticks import TICK
@@ -191,7 +192,7 @@ def test_endpoints_that_nobody_stated_or_of_another_firmware(running: Running, r
 
 def test_the_table_of_endpoints() -> None:
     table = "[odrive]\n[odrive.endpoints]\n"
-    found = parse_deployment(deployment(more=f'{table}"axis0.controller.config.vel_limit" = 388\n'), {}).drive
+    found = parse_deployment(deployment(more=f'{table}"axis0.controller.config.vel_limit" = 388\n'), Theta()).drive
     assert isinstance(found, OdriveTable)
     assert found.endpoints == (("axis0.controller.config.vel_limit", 388),)
     for wrong, sentence in (
@@ -199,19 +200,19 @@ def test_the_table_of_endpoints() -> None:
         ('"axis0.controller.config.vel_limit" = 0', r"must be an integer in \[1, 65535\]; got 0"),
     ):
         with pytest.raises(ValueError, match=rf"odrive\.endpoints.*{sentence}"):
-            parse_deployment(deployment(more=f"{table}{wrong}\n"), {})
+            parse_deployment(deployment(more=f"{table}{wrong}\n"), Theta())
     with pytest.raises(ValueError, match=r"endpoints must stand in \[odrive\]; got them in \[cia402\]"):
-        parse_deployment(deployment(more="[cia402]\n[cia402.endpoints]\n"), {})
+        parse_deployment(deployment(more="[cia402]\n[cia402.endpoints]\n"), Theta())
 
 
 def test_a_speed_that_its_commands_cannot_carry() -> None:
     """Vel_FF has 16 bits in thousandths of a turn a second: 131 turns/m at 0.25 m/s are 32.75 turns/s."""
-    parse_deployment(deployment(more="[odrive]\nturns_per_m = -131.0\n"), {})
+    parse_deployment(deployment(more="[odrive]\nturns_per_m = -131.0\n"), Theta())
     sentence = r"turns_per_m times limits\.carriage_speed_m_s must be at most 32\.767 turns/s.*; got 33"
     with pytest.raises(ValueError, match=sentence):
-        parse_deployment(deployment(more="[odrive]\nturns_per_m = -132.0\n"), {})
+        parse_deployment(deployment(more="[odrive]\nturns_per_m = -132.0\n"), Theta())
     with pytest.raises(ValueError, match=sentence.replace("33", "32.8")):
-        parse_deployment(deployment(more="[odrive]\n[limits]\ncarriage_speed_m_s = 0.328\n"), {})
+        parse_deployment(deployment(more="[odrive]\n[limits]\ncarriage_speed_m_s = 0.328\n"), Theta())
 
 
 def test_the_node_that_every_drive_hears() -> None:

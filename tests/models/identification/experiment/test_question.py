@@ -23,7 +23,7 @@ KIND = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
 
 def model(effect: str, amplitude: float) -> Candidate:
     name = BY_ID[effect].amplitude().name
-    return Candidate(effect, (effect,), {**KIND.nominal(), **BY_ID[effect].start(), f"{effect}.{name}": amplitude})
+    return Candidate(effect, (effect,), KIND.nominal().with_(effect, {**BY_ID[effect].start(), name: amplitude}))
 
 
 TAPER, DRYING = model("lumen_taper", 15.0), model("tissue_drying", 0.15)

@@ -35,7 +35,7 @@ def test_only_what_is_told_moves_and_by_what_is_left_when_the_others_stay() -> N
     names = [p.name for p in kind.base]
     common = rng.standard_normal(2000)
     columns = [rng.standard_normal(2000), common, common + 0.01 * rng.standard_normal(2000), rng.standard_normal(2000)]
-    theta = {p.name: p.value for p in kind.base}
+    theta = kind.nominal()
     residual = rng.standard_normal(2000)
     fit = Fit(theta, float(residual @ residual), 2000, np.column_stack(columns), residual)
     both = [drawn(kind, fit, [], np.random.default_rng(k)) for k in range(60)]

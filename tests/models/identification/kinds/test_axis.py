@@ -21,15 +21,16 @@ from models.identification.search.refit import refit
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from models.theta import Theta, bare
 
 KIND = AxisKind.around()
-TRUE = {"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0}
-ASYMMETRIC = {**TRUE, "directional_asymmetry.asymmetry": -0.15}
-LATE = {"sensor_delay.delay_s": 3e-4}
-FILM = {"viscous_drag.coefficient_N": 3.0, "viscous_drag.exponent": 0.5}
+TRUE = Theta({"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0})
+ASYMMETRIC = Theta.of({**TRUE, ("directional_asymmetry", "asymmetry"): -0.15})
+LATE = Theta.of({("sensor_delay", "delay_s"): 3e-4})
+FILM = Theta.of({("viscous_drag", "coefficient_N"): 3.0, ("viscous_drag", "exponent"): 0.5})
 
 
-def made(theta: dict[str, float], noise: float = 0.0, seconds: float = 9.0) -> Record:
+def made(theta: Theta, noise: float = 0.0, seconds: float = 9.0) -> Record:
     """Three swings of 3 s with 100 and 40 mm amplitude, measured on the model."""
     t = np.arange(0, seconds, 1e-3)
     x = 0.05 * (1 - np.cos(2 * np.pi * t / 3)) + 0.02 * np.sin(4 * np.pi * t / 3)
@@ -38,21 +39,21 @@ def made(theta: dict[str, float], noise: float = 0.0, seconds: float = 9.0) -> R
     return Record("made", "axis", {"t_s": t, "position_m": x, "force_N": force})
 
 
-def fitted(kind: AxisKind, records: list[Record], theta: dict[str, float]) -> dict[str, float]:
+def fitted(kind: AxisKind, records: list[Record], theta: Theta) -> Theta:
     limits = {p.name: p for p in kind.base}
-    limits |= {f"{e.id}.{p.name}": p for e in kind.effects for p in e.parameters()}
+    limits |= {(e.id, p.name): p for e in kind.effects for p in e.parameters()}
     names = list(theta)
 
     def misfit(q: np.ndarray) -> np.ndarray:
-        return np.concatenate([kind.residual(r, dict(zip(names, q, strict=True))) for r in records])
+        return np.concatenate([kind.residual(r, Theta.of(zip(names, q, strict=True))) for r in records])
 
     bounds = ([limits[n].lower for n in names], [limits[n].upper for n in names])
-    scale = [1e-3 if n.endswith("_s") else max(abs(theta[n]), 0.1) for n in names]
+    scale = [1e-3 if bare(n).endswith("_s") else max(abs(theta[n]), 0.1) for n in names]
     q = least_squares(misfit, list(theta.values()), bounds=bounds, x_scale=scale).x
-    return dict(zip(names, map(float, q), strict=True))
+    return Theta.of(zip(names, map(float, q), strict=True))
 
 
-def error(kind: AxisKind, record: Record, theta: dict[str, float]) -> float:
+def error(kind: AxisKind, record: Record, theta: Theta) -> float:
     return kind.error([record], [kind.predict(record, theta)])
 
 
@@ -89,15 +90,19 @@ def test_calibration_finds_the_parameters_that_made_the_record() -> None:
 @pytest.mark.parametrize(
     ("effect", "value", "grows_with"),
     [
-        ("directional_asymmetry.asymmetry", 0.2, lambda x, v: (200 * np.abs(v) + 20) * 0.2),
-        ("stribeck.excess", 0.5, lambda x, v: (200 * v + 20 * np.sign(v)) * 0.5 * np.exp(-((v / 0.003) ** 2))),
-        ("viscous_drag.coefficient_N", 2.0, lambda x, v: 2.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.01)),
-        ("lumen_taper.slope_per_m", 1.0, lambda x, v: (200 * v + 20 * np.sign(v)) * x / np.sqrt(1 + (x / 0.05) ** 2)),
+        (("directional_asymmetry", "asymmetry"), 0.2, lambda x, v: (200 * np.abs(v) + 20) * 0.2),
+        (("stribeck", "excess"), 0.5, lambda x, v: (200 * v + 20 * np.sign(v)) * 0.5 * np.exp(-((v / 0.003) ** 2))),
+        (("viscous_drag", "coefficient_N"), 2.0, lambda x, v: 2.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.01)),
+        (
+            ("lumen_taper", "slope_per_m"),
+            1.0,
+            lambda x, v: (200 * v + 20 * np.sign(v)) * x / np.sqrt(1 + (x / 0.05) ** 2),
+        ),
     ],
 )
 def test_an_effect_adds_its_own_resistance(effect: str, value: float, grows_with: Callable[..., np.ndarray]) -> None:
     record = made(TRUE)
-    extra = KIND.predict(record, {**TRUE, effect: value}) - KIND.predict(record, TRUE)
+    extra = KIND.predict(record, Theta.of({**TRUE, effect: value})) - KIND.predict(record, TRUE)
     signals = KIND.signals(record)
     assert extra == pytest.approx(grows_with(signals["x_m"], signals["v_m_s"]), abs=1e-9)
 
@@ -105,14 +110,17 @@ def test_an_effect_adds_its_own_resistance(effect: str, value: float, grows_with
 def test_every_effect_is_absent_at_amplitude_zero() -> None:
     record = made(TRUE)
     for effect in KIND.effects:
-        zero = KIND.predict(record, {**TRUE, f"{effect.id}.{effect.amplitude().name}": 0.0})
+        zero = KIND.predict(record, Theta.of({**TRUE, (effect.id, effect.amplitude().name): 0.0}))
         assert zero == pytest.approx(KIND.predict(record, TRUE), abs=1e-12), effect.id
         assert effect.states == (), effect.id
 
 
 def test_a_late_reading_puts_the_force_before_the_motion() -> None:
     record = made(TRUE)
-    prompt, late = KIND.predict(record, TRUE), KIND.predict(record, {**TRUE, "sensor_delay.delay_s": 0.003})
+    prompt, late = (
+        KIND.predict(record, TRUE),
+        KIND.predict(record, Theta.of({**TRUE, ("sensor_delay", "delay_s"): 0.003})),
+    )
     assert late[:-3] == pytest.approx(prompt[3:], abs=1e-6)
 
 
@@ -161,7 +169,7 @@ def test_a_gap_counts_for_nothing_as_far_as_the_filters_reach() -> None:
     assert filled_in[(record["t_s"] > 2.0) & (record["t_s"] < 2.3)].all()
     assert filled_in.sum() == pytest.approx(0.3 / whole["t_s"][1], abs=4)
     assert 0.5 < np.mean(KIND.residual(record, TRUE) ** 2) < 1.5
-    theta = refit(KIND, [record], [], {**TRUE, "coulomb_friction_N": 1.2 * TRUE["coulomb_friction_N"]})
+    theta = refit(KIND, [record], [], Theta.of({**TRUE, "coulomb_friction_N": 1.2 * TRUE["coulomb_friction_N"]}))
     assert theta["coulomb_friction_N"] == pytest.approx(TRUE["coulomb_friction_N"], rel=0.01)
 
 
@@ -202,12 +210,12 @@ def test_measured_stage_is_asymmetric_and_not_stribeck(emps: Callable[[str], Rec
     asymmetric = fitted(KIND, [train], ASYMMETRIC)
     assert error(KIND, train, asymmetric) == pytest.approx(3.06, abs=0.05)
     assert error(KIND, pulses, asymmetric) == pytest.approx(5.34, abs=0.05)
-    share = asymmetric["directional_asymmetry.asymmetry"]
+    share = asymmetric["directional_asymmetry", "asymmetry"]
     assert share == pytest.approx(-0.18, abs=0.01)
     assert (
         abs(asymmetric["offset_N"] + share * asymmetric["coulomb_friction_N"]) < 0.4
     )  # no offset is left: the standard one was this
-    stribeck = fitted(KIND, [train], {**TRUE, "stribeck.excess": 0.1, "stribeck.speed_m_s": 0.01})
+    stribeck = fitted(KIND, [train], Theta.of({**TRUE, ("stribeck", "excess"): 0.1, ("stribeck", "speed_m_s"): 0.01}))
     assert error(KIND, train, stribeck) > 3.9
 
 
@@ -215,13 +223,13 @@ def test_measured_stage_has_a_delay_and_a_shear_thinning_film_that_hold_on_the_p
     emps: Callable[[str], Record],
 ) -> None:
     train, pulses = emps("train"), emps("test_pulses")
-    late = fitted(KIND, [train], {**ASYMMETRIC, **LATE})
-    full = fitted(KIND, [train], {**late, **FILM})
+    late = fitted(KIND, [train], Theta.of({**ASYMMETRIC, **LATE}))
+    full = fitted(KIND, [train], Theta.of({**late, **FILM}))
     assert error(KIND, pulses, late) < 4.3
     assert error(KIND, train, full) < 2.25
     assert error(KIND, pulses, full) < 2.9
-    assert 0.1 < full["viscous_drag.exponent"] < 0.5
-    assert full["sensor_delay.delay_s"] == pytest.approx(0.77e-3, abs=0.1e-3)
+    assert 0.1 < full["viscous_drag", "exponent"] < 0.5
+    assert full["sensor_delay", "delay_s"] == pytest.approx(0.77e-3, abs=0.1e-3)
     ripples = [find_ripple(KIND, r, full) for r in (train, pulses)]
     assert all(r is not None and r.wavelength == pytest.approx(2.5e-3, rel=2e-3) for r in ripples)
     words = report.statements(KIND, {"calibrated": TRUE, "augmented": full}, [train])
@@ -242,12 +250,14 @@ def test_ripple_is_found_where_there_is_one_only() -> None:
 
 
 def test_equations_name_every_effect_present() -> None:
-    theta = {**ASYMMETRIC, **LATE, **FILM, "lumen_taper.slope_per_m": 0.1, "fold_periodic.depth": 0.1}
+    theta = Theta.of(
+        {**ASYMMETRIC, **LATE, **FILM, ("lumen_taper", "slope_per_m"): 0.1, ("fold_periodic", "depth"): 0.1}
+    )
     theta |= {
-        "fold_periodic.wavelength_m": 0.004,
-        "fold_periodic.phase_rad": 0.0,
-        "stribeck.excess": 0.1,
-        "stribeck.speed_m_s": 0.01,
+        ("fold_periodic", "wavelength_m"): 0.004,
+        ("fold_periodic", "phase_rad"): 0.0,
+        ("stribeck", "excess"): 0.1,
+        ("stribeck", "speed_m_s"): 0.01,
     }
     text = " ".join(report.equations(KIND, theta))
     for piece in (

@@ -21,15 +21,18 @@ from models.identification.search.refit import refit
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 RIG = Rig("axis")
-BASE = {
-    "inertia_kg_m2": 0.4,
-    "viscous_friction_N_m_s_per_rad": 1.2,
-    "coulomb_friction_N_m": 2.0,
-    "offset_N_m": 0.2,
-}
-GRAVITY = {"gravity_over_angle.torque_N_m": 8.0, "gravity_over_angle.hanging_rad": 0.4}
+BASE = Theta(
+    {
+        "inertia_kg_m2": 0.4,
+        "viscous_friction_N_m_s_per_rad": 1.2,
+        "coulomb_friction_N_m": 2.0,
+        "offset_N_m": 0.2,
+    }
+)
+GRAVITY = Theta.of({("gravity_over_angle", "torque_N_m"): 8.0, ("gravity_over_angle", "hanging_rad"): 0.4})
 
 
 def swing(seconds: float = 12.0, rate: float = 500.0) -> tuple[np.ndarray, ...]:
@@ -62,7 +65,7 @@ def joint(torque_noise: float = 0.05, angle_noise: float = 0.0, gravity: float =
 def test_the_weight_on_a_joint_is_found_with_the_joints_numbers(angle_noise: float) -> None:
     record = joint(angle_noise=angle_noise)
     kind = AxisKind.from_rig(RIG, [record])
-    start = {name: 1.3 * value for name, value in {**BASE, **GRAVITY}.items()}
+    start = {name: 1.3 * value for name, value in Theta.of({**BASE, **GRAVITY}).items()}
     theta = refit(kind, [record], ["gravity_over_angle"], start)
     assert {name: theta[name] for name in BASE} == pytest.approx(BASE, rel=0.03, abs=0.03)
     assert {name: theta[name] for name in GRAVITY} == pytest.approx(GRAVITY, rel=0.02)
@@ -75,7 +78,7 @@ def test_a_noisy_angle_narrows_the_band_and_its_noise_is_counted() -> None:
     kind = AxisKind.from_rig(RIG, [noisy])
     assert kind.band < 20.0
     assert f"{2 * kind.band:g} Hz" in kind.measure
-    theta = {**BASE, **GRAVITY}
+    theta = Theta.of({**BASE, **GRAVITY})
     imitated = kind.imitate(noisy, theta, np.random.default_rng(3))
     for record in (noisy, imitated):
         assert np.mean(kind.residual(record, theta) ** 2) == pytest.approx(1.0, abs=0.35)
@@ -144,10 +147,18 @@ def test_effects_about_an_axis_have_its_units_and_pass_the_conformance_tests() -
         assert first_failure(effect, set(BY_ID)) is None
         for p in effect.parameters():
             assert not p.name.endswith(("_m", "_m_s", "_per_m")) or "_N_m" in p.name, p.name
-    theta = {**BASE, **GRAVITY, "stribeck.excess": 0.5, "stribeck.speed_rad_s": 0.05, "stribeck.exponent": 2.0}
-    theta |= {"spring_over_position.stiffness_N_m_per_rad": 3.0}
+    theta = Theta.of(
+        {
+            **BASE,
+            **GRAVITY,
+            ("stribeck", "excess"): 0.5,
+            ("stribeck", "speed_rad_s"): 0.05,
+            ("stribeck", "exponent"): 2.0,
+        }
+    )
+    theta |= {("spring_over_position", "stiffness_N_m_per_rad"): 3.0}
     v = kind.signals(record)["v_rad_s"]
-    extra = kind.predict(record, theta) - kind.predict(record, {k: q for k, q in theta.items() if "stribeck" not in k})
+    extra = kind.predict(record, theta) - kind.predict(record, theta.without("stribeck"))
     assert extra == pytest.approx((1.2 * v + 2.0 * np.sign(v)) * 0.5 * np.exp(-((v / 0.05) ** 2)), abs=0.02)
     text = " ".join(report.equations(kind, theta))
     assert "T = 0.4 a" in text
@@ -168,9 +179,11 @@ def test_a_place_where_the_axis_rests_counts_for_nothing() -> None:
         },
     )
     kind = AxisKind.from_rig(RIG, [held])
-    half = len(kind.residual(held, {**BASE, **GRAVITY})) // 2
-    assert np.max(np.abs(kind.residual(held, {**BASE, **GRAVITY})[: half - 80])) < 1e-2  # the tail of the filter
-    assert np.mean(kind.residual(held, {**BASE, **GRAVITY})[half + 80 :] ** 2) < 2
+    half = len(kind.residual(held, Theta.of({**BASE, **GRAVITY}))) // 2
+    assert (
+        np.max(np.abs(kind.residual(held, Theta.of({**BASE, **GRAVITY}))[: half - 80])) < 1e-2
+    )  # the tail of the filter
+    assert np.mean(kind.residual(held, Theta.of({**BASE, **GRAVITY}))[half + 80 :] ** 2) < 2
 
 
 def test_a_logged_load_makes_friction_grow_and_a_logged_speed_is_used_where_it_agrees() -> None:
@@ -178,7 +191,7 @@ def test_a_logged_load_makes_friction_grow_and_a_logged_speed_is_used_where_it_a
     record = joint(torque_noise=0.0, gravity=0.0)
     loaded = record.with_column("load_N_m", 12 + 10 * np.sin(0.3 * t))
     kind = AxisKind.from_rig(RIG, [loaded])
-    theta = {**BASE, "load_dependent_friction.growth_per_load": 0.05}
+    theta = Theta.of({**BASE, ("load_dependent_friction", "growth_per_load"): 0.05})
     extra = kind.predict(loaded, theta) - kind.predict(loaded, BASE)
     assert extra == pytest.approx((1.2 * v + 2 * np.sign(v)) * 0.05 * loaded["load_N_m"], abs=0.1)
     assert "load_N_m" in kind.signals(loaded)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -15,6 +12,7 @@ from models.records.record import Record
 from models.rigs.kind import Record as Columns
 from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 
 SERIES = ("pull", "magnetic", "coil", "vibro")
 """Kinds whose predictions `tests/models/effects/test_effects.py` looks at, effect by effect."""
@@ -55,11 +53,11 @@ def test_every_declared_pair_is_tried(made: tuple[AnyKind, Record]) -> None:
     assert declared
     if kind.name in SERIES:
         return
-    base: Mapping[str, float] = kind.nominal()
+    base = kind.nominal()
     plain = np.asarray(kind.predict(record, base))
     for effect in tried.values():
-        values: dict[str, Any] = {f"{effect.id}.{p.name}": p.value for p in effect.parameters()}
-        shown = {**values, f"{effect.id}.{effect.amplitude().name}": effect.probe}
-        moved = np.abs(np.asarray(kind.predict(record, {**base, **shown})) - plain)
+        values = Theta.of({(effect.id, p.name): p.value for p in effect.parameters()})
+        shown = Theta.of({**values, (effect.id, effect.amplitude().name): effect.probe})
+        moved = np.abs(np.asarray(kind.predict(record, Theta.of({**base, **shown}))) - plain)
         assert np.isfinite(moved).all()
         assert moved.max() > 1e-6 * np.ptp(plain), effect.id

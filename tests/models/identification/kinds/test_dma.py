@@ -15,9 +15,10 @@ from models.identification.kinds.dma.kind import COLUMNS, DmaKind, moduli_of, sa
 from models.parameter import SETS
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 
 KIND = DmaKind.from_rig(parse_rig({"rig": {"kind": "dma"}}))
-BROAD = {"broad_relaxation.stiffness_Pa": 1e5, "broad_relaxation.exponent": 0.3}
+BROAD = Theta.of({("broad_relaxation", "stiffness_Pa"): 1e5, ("broad_relaxation", "exponent"): 0.3})
 
 
 def measured() -> Record:
@@ -26,24 +27,24 @@ def measured() -> Record:
     return Record("paper V Table 2", "dma", {c: np.array([float(r[c]) for r in rows]) for c in rows[0]})
 
 
-def fitted(records: list[Record], theta: dict[str, float]) -> dict[str, float]:
-    limits = {p.name: p for p in KIND.base} | {f"broad_relaxation.{p.name}": p for p in BroadRelaxation.parameters()}
+def fitted(records: list[Record], theta: Theta) -> Theta:
+    limits = {p.name: p for p in KIND.base} | {("broad_relaxation", p.name): p for p in BroadRelaxation.parameters()}
     names = list(theta)
 
     def misfit(q: np.ndarray) -> np.ndarray:
-        return np.concatenate([KIND.residual(r, dict(zip(names, q, strict=True))) for r in records])
+        return np.concatenate([KIND.residual(r, Theta.of(zip(names, q, strict=True))) for r in records])
 
     bounds = ([limits[n].lower for n in names], [limits[n].upper for n in names])
     q = least_squares(misfit, list(theta.values()), bounds=bounds, x_scale=[max(abs(v), 0.3) for v in theta.values()]).x
-    return dict(zip(names, map(float, q), strict=True))
+    return Theta.of(zip(names, map(float, q), strict=True))
 
 
-def error(records: list[Record], theta: dict[str, float]) -> float:
+def error(records: list[Record], theta: Theta) -> float:
     return KIND.error(records, [KIND.predict(r, theta) for r in records])
 
 
 @pytest.fixture(scope="module")
-def calibrated() -> dict[str, float]:
+def calibrated() -> Theta:
     return fitted([measured()], KIND.nominal())
 
 
@@ -54,24 +55,24 @@ def test_nominal_moduli_are_the_paper_s_and_miss_by_99_percent() -> None:
     assert error([measured()], KIND.nominal()) == pytest.approx(99.2, abs=0.1)
 
 
-def test_five_elements_leave_fourteen_percent_and_fifteen_left_out(calibrated: dict[str, float]) -> None:
+def test_five_elements_leave_fourteen_percent_and_fifteen_left_out(calibrated: Theta) -> None:
     assert error([measured()], calibrated) == pytest.approx(14.2, abs=0.1)
     left = [error(validation, fitted(training, calibrated)) for training, validation in KIND.splits([measured()])]
     assert np.sqrt(np.mean(np.square(left))) == pytest.approx(14.6, abs=0.3)
 
 
-def test_a_broad_spectrum_is_no_better(calibrated: dict[str, float]) -> None:
+def test_a_broad_spectrum_is_no_better(calibrated: Theta) -> None:
     record = measured()
     assert springpot_alone(KIND, [record], [record]) == pytest.approx(14.6, abs=0.1)
     folds = KIND.splits([record])
     left = [springpot_alone(KIND, training, validation) for training, validation in folds]
     assert np.sqrt(np.mean(np.square(left))) == pytest.approx(15.0, abs=0.2)
-    both = [error(validation, fitted(training, {**calibrated, **BROAD})) for training, validation in folds]
+    both = [error(validation, fitted(training, Theta.of({**calibrated, **BROAD}))) for training, validation in folds]
     assert np.sqrt(np.mean(np.square(both))) > 14.2
     assert best_relaxation(KIND, [record]) == pytest.approx(13.9, abs=0.1)
 
 
-def test_what_remains_is_common_to_the_samples_and_dips_at_40_hertz(calibrated: dict[str, float]) -> None:
+def test_what_remains_is_common_to_the_samples_and_dips_at_40_hertz(calibrated: Theta) -> None:
     common = common_residual(KIND, [measured()], calibrated)
     assert common is not None
     assert common.p < 1e-10
@@ -84,7 +85,7 @@ def test_what_remains_is_common_to_the_samples_and_dips_at_40_hertz(calibrated: 
         assert piece in words
 
 
-def test_noise_alone_is_not_called_common(calibrated: dict[str, float]) -> None:
+def test_noise_alone_is_not_called_common(calibrated: Theta) -> None:
     rng = np.random.default_rng(2)
     chances, chi = [], []
     for _ in range(30):
@@ -115,13 +116,13 @@ def test_springpot_has_its_angle_and_power() -> None:
     modulus = BroadRelaxation().modulus(np.array([10.0, 40.0]), {"stiffness_Pa": 2e5, "exponent": 0.5})
     assert modulus.storage == pytest.approx(modulus.loss)
     assert np.hypot(modulus.storage, modulus.loss) == pytest.approx([2e5, 4e5])
-    zero = KIND.predict(measured(), {**KIND.nominal(), **BROAD, "broad_relaxation.stiffness_Pa": 0.0})
+    zero = KIND.predict(measured(), KIND.nominal() | BROAD | {("broad_relaxation", "stiffness_Pa"): 0.0})
     assert zero == pytest.approx(KIND.predict(measured(), KIND.nominal()))
 
 
-def test_words_and_signals_cover_the_model(calibrated: dict[str, float]) -> None:
+def test_words_and_signals_cover_the_model(calibrated: Theta) -> None:
     assert "iw" in report.equations(KIND, calibrated)[0]
-    assert "*(i*f/10)^0.3" in " ".join(report.equations(KIND, {**calibrated, **BROAD}))
+    assert "*(i*f/10)^0.3" in " ".join(report.equations(KIND, Theta.of({**calibrated, **BROAD})))
     assert "elastic reference" in str(report.next_experiment(KIND, calibrated, [measured()]))
     assert list(KIND.signals(measured())["sample"][:6]) == [1, 1, 1, 1, 1, 2]
 
@@ -156,8 +157,8 @@ def test_words_follow_from_the_record_of_three_decades() -> None:
     assert "Hz" in experiment
 
 
-def test_moduli_at_a_bound_are_said(calibrated: dict[str, float]) -> None:
-    stopped = {**calibrated, "log10_E3": KIND.base[2].lower, "log10_tau2": KIND.base[4].upper}
+def test_moduli_at_a_bound_are_said(calibrated: Theta) -> None:
+    stopped = Theta.of({**calibrated, "log10_E3": KIND.base[2].lower, "log10_tau2": KIND.base[4].upper})
     words = " ".join(report.statements(KIND, {"calibrated": stopped}, [measured()]))
     assert "The calibrated fit stops at bounds: E3 at 1 Pa, tau2 at 100 s." in words
     words = " ".join(report.statements(KIND, {"calibrated": KIND.nominal()}, [measured()]))

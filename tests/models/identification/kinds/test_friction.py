@@ -13,6 +13,7 @@ from models.identification.finding import Finding
 from models.identification.kinds import kind_for
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 
 V, N = (np.repeat(a.ravel(), 3) for a in np.meshgrid(np.geomspace(2e-4, 2e-2, 12), (0.1, 0.2, 0.5)))
 MU = 0.09 * N
@@ -96,7 +97,7 @@ def test_the_ends_of_a_curve_are_never_left_out() -> None:
 def test_backwards_is_the_mirror_image() -> None:
     forward = table(MU)
     kind = kind_for(parse_rig({"rig": {"kind": "friction"}}), [forward])
-    theta = {"stribeck.excess": 0.4, "viscous_drag.coefficient_N": 0.01}
+    theta = Theta.of({("stribeck", "excess"): 0.4, ("viscous_drag", "coefficient_N"): 0.01})
     back = forward.with_column("velocity_m_s", -V)
     assert kind.predict(back, theta) == pytest.approx(-kind.predict(forward, theta))
 

@@ -18,9 +18,10 @@ from models.identification.settings import SET
 from models.parameter import SETS
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 
 KIND = PeriodsKind.around()
-STIFFER = "small_strain_stiffening.excess"
+STIFFER = ("small_strain_stiffening", "excess")
 
 
 def measured() -> Record:
@@ -29,79 +30,79 @@ def measured() -> Record:
     return Record("paper A Table 2", "periods", {c: np.array([float(r[c]) for r in rows]) for c in rows[0]})
 
 
-def fitted(kind: PeriodsKind, records: list[Record], theta: dict[str, float]) -> dict[str, float]:
+def fitted(kind: PeriodsKind, records: list[Record], theta: Theta) -> dict[str, float]:
     names = list(theta)
 
     def misfit(q: np.ndarray) -> np.ndarray:
-        return np.concatenate([kind.residual(r, dict(zip(names, q, strict=True))) for r in records])
+        return np.concatenate([kind.residual(r, Theta.of(zip(names, q, strict=True))) for r in records])
 
     scale = [max(abs(v), 0.05) for v in theta.values()]
     low = [1e-3 if "." not in n else -0.8 for n in names]
     q = least_squares(misfit, list(theta.values()), bounds=(low, [50.0] * len(names)), x_scale=scale).x
-    return dict(zip(names, map(float, q), strict=True))
+    return Theta.of(zip(names, map(float, q), strict=True))
 
 
-def off(kind: PeriodsKind, theta: dict[str, float]) -> np.ndarray:
+def off(kind: PeriodsKind, theta: Theta) -> np.ndarray:
     return relative_errors(kind.measured(measured()), kind.predict(measured(), theta))
 
 
 @pytest.fixture(scope="module")
-def calibrated() -> dict[str, float]:
+def calibrated() -> Theta:
     return fitted(KIND, [measured()], KIND.nominal())
 
 
 @pytest.mark.parametrize(("length_m", "period_s"), [(26.5e-3, 0.3184), (20e-3, 0.2403)])
 def test_paper_a_s_own_law_gives_its_correct_period(length_m: float, period_s: float) -> None:
-    tooth = replace(KIND, length_m=length_m, return_speed_m_s=SET.return_m_s).tooth(0.01656, 0.5e-3, {})
+    tooth = replace(KIND, length_m=length_m, return_speed_m_s=SET.return_m_s).tooth(0.01656, 0.5e-3, Theta())
     assert tooth.period_s == pytest.approx(period_s, rel=5e-4)
     assert tooth.period_s / 0.0912 - 1 == pytest.approx(2.49 if length_m > 0.02 else 1.635, abs=0.02)
 
 
 def test_base_model_s_recovery_takes_its_own_time() -> None:
-    tooth = KIND.tooth(0.01656, 0.5e-3, {})
+    tooth = KIND.tooth(0.01656, 0.5e-3, Theta())
     assert tooth.fall_s == 0.05
     assert tooth.rise_s == pytest.approx(0.2189, abs=1e-4)
 
 
-def test_calibrated_forces_fit_and_the_period_does_not(calibrated: dict[str, float]) -> None:
+def test_calibrated_forces_fit_and_the_period_does_not(calibrated: Theta) -> None:
     period, valley, peak = off(KIND, calibrated)
     assert abs(valley) < 0.005
     assert abs(peak) < 0.005
     assert 1.2 < period < 1.5  # of which the recovery time alone makes 0.05 s
 
 
-def test_stiffening_at_small_drag_brings_all_three_within_ten_percent(calibrated: dict[str, float]) -> None:
-    theta = fitted(KIND, [measured()], {**calibrated, STIFFER: 0.5})
+def test_stiffening_at_small_drag_brings_all_three_within_ten_percent(calibrated: Theta) -> None:
+    theta = fitted(KIND, [measured()], Theta.of({**calibrated, STIFFER: 0.5}))
     assert np.max(np.abs(off(KIND, theta))) < 0.01
     assert 2.0 < theta[STIFFER] < 5.0
     left_base, left_more = [], []
     for training, validation in KIND.splits([measured()]):
-        for start, left in ((calibrated, left_base), ({**calibrated, STIFFER: 0.5}, left_more)):
+        for start, left in ((calibrated, left_base), (Theta.of({**calibrated, STIFFER: 0.5}), left_more)):
             fit = fitted(KIND, training, start)
             left.append(KIND.error(validation, [KIND.predict(r, fit) for r in validation]))
     assert np.mean(left_more) < 20 < 60 < np.mean(left_base)
     assert KIND.noise_floor([measured()]) == pytest.approx(5.9, abs=0.1)
 
 
-def test_one_speed_cannot_tell_stiffening_length_and_viscosity_apart(calibrated: dict[str, float]) -> None:
+def test_one_speed_cannot_tell_stiffening_length_and_viscosity_apart(calibrated: Theta) -> None:
     viscous = replace(KIND, effects=(WallViscosity,))
-    theta = fitted(viscous, [measured()], {**calibrated, "wall_viscosity.viscosity_N_s_per_m": 2.0})
+    theta = fitted(viscous, [measured()], Theta.of({**calibrated, ("wall_viscosity", "viscosity_N_s_per_m"): 2.0}))
     assert np.max(np.abs(off(viscous, theta))) < 0.01
     short = replace(KIND, length_m=6.6e-3)
     assert np.max(np.abs(off(short, fitted(short, [measured()], KIND.nominal())))) < 0.02
     assert "wall_viscosity" in KIND.equivalents["small_strain_stiffening"]
 
 
-def test_several_speeds_do_tell_them_apart(calibrated: dict[str, float]) -> None:
+def test_several_speeds_do_tell_them_apart(calibrated: Theta) -> None:
     viscous = replace(KIND, effects=(WallViscosity,))
-    stiff = fitted(KIND, [measured()], {**calibrated, STIFFER: 0.5})
-    thick = fitted(viscous, [measured()], {**calibrated, "wall_viscosity.viscosity_N_s_per_m": 2.0})
+    stiff = fitted(KIND, [measured()], Theta.of({**calibrated, STIFFER: 0.5}))
+    thick = fitted(viscous, [measured()], Theta.of({**calibrated, ("wall_viscosity", "viscosity_N_s_per_m"): 2.0}))
     stiff_rise, thick_rise = (c.peak - c.valley for c in (KIND.cycle(5e-3, stiff), viscous.cycle(5e-3, thick)))
     assert thick_rise > 2 * stiff_rise
 
 
-def test_report_says_what_is_equivalent_and_what_to_do(calibrated: dict[str, float]) -> None:
-    theta = fitted(KIND, [measured()], {**calibrated, STIFFER: 0.5})
+def test_report_says_what_is_equivalent_and_what_to_do(calibrated: Theta) -> None:
+    theta = fitted(KIND, [measured()], Theta.of({**calibrated, STIFFER: 0.5}))
     stages = {"nominal": KIND.nominal(), "calibrated": calibrated, "augmented": theta}
     words = " ".join(report.statements(KIND, stages, [measured()]))
     for piece in (
@@ -155,7 +156,7 @@ def test_several_speeds_are_judged_each_by_its_own_means() -> None:
 
 def test_imitations_scatter_about_the_model_not_about_the_record() -> None:
     """A model far off the record still gives periods that are all positive."""
-    theta = {"hoop_factor": 0.1, "friction_coefficient": 0.5}
+    theta = Theta({"hoop_factor": 0.1, "friction_coefficient": 0.5})
     made = KIND.measured(KIND.imitate(measured(), theta, np.random.default_rng(0)))
     assert made.mean(0) == pytest.approx(KIND.predict(measured(), theta).mean(0), rel=0.3)
 
@@ -168,7 +169,7 @@ def test_speed_column_overrules_the_rig_and_weighs_all_alike() -> None:
 
 
 def test_imitation_scatters_as_the_measured_periods() -> None:
-    theta = fitted(KIND, [measured()], {**KIND.nominal(), STIFFER: 0.5})
+    theta = fitted(KIND, [measured()], KIND.nominal() | {STIFFER: 0.5})
     rng = np.random.default_rng(3)
     made = np.concatenate([KIND.measured(KIND.imitate(measured(), theta, rng)) for _ in range(200)])
     scatter = made.std(0) / made.mean(0)

@@ -21,6 +21,7 @@ from models.laws.geometry import Capsule
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.surfaces.plate import Plate
+from models.theta import Theta
 from plant.drives.kinds import TrueCoil, TrueVibro
 from plant.experiments.excitation import pulse_width
 from plant.experiments.profile import RandomPulses
@@ -115,7 +116,7 @@ def test_at_the_plant_s_numbers_a_free_run_follows_it(name: str, share: float) -
     rig, records, truth = series(name, None, 3, 6.0, 1)
     kind = kind_for(rig, records)
     way = float(np.ptp(records[0]["position_m"]))
-    theta = {**kind.nominal(), **truth} | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
+    theta = kind.nominal() | truth | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
     left = kind.error(records, [kind.predict(records[0], theta)])
     assert left < share * way
     assert kind.error(records, [kind.predict(records[0], kind.nominal())]) > max(5 * left, share * way)
@@ -129,7 +130,7 @@ def test_a_shaken_second_half_goes_on_from_the_first() -> None:
     rig, records, truth = series("vibro_plate", None, 3, 4.0, 1)
     kind = kind_for(rig, records)
     assert isinstance(kind, SeriesKind)
-    theta = {**kind.nominal(), **truth, SWITCH_DELAY: 0.0}
+    theta = kind.nominal() | truth | {SWITCH_DELAY: 0.0}
     ((_, held_out),) = kind.splits(records)
     left = kind.residual(held_out[0], theta, kind.final)
     assert len(left) == len(records[0]) - len(records[0]) // 2
@@ -140,7 +141,7 @@ def test_a_model_file_predicts_from_the_driven_column_alone() -> None:
     rig, records, truth = series("vibro_plate", None, 2, 3.0, 1)
     kind = kind_for(rig, records)
     assert isinstance(kind, SeriesKind)
-    stage = {**kind.nominal(), **truth}
+    stage = kind.nominal() | truth
     model = Model("vibro", dict.fromkeys(("nominal", "calibrated", "augmented"), stage))
     record = records[0]
     seen = model.predict(rig, record)["position_m"]
@@ -156,7 +157,7 @@ def test_a_model_file_predicts_from_the_driven_column_alone() -> None:
 def test_lost_and_late_samples_cost_little(name: str) -> None:
     rig, records, truth = series(name, None, 3, 4.0, 1)
     kind, rng = kind_for(rig, records), np.random.default_rng(0)
-    theta = {**kind.nominal(), **truth} | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
+    theta = kind.nominal() | truth | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
     kept = np.sort(rng.permutation(len(records[0]))[: round(0.97 * len(records[0]))])
     lossy = records[0].rows(kept)
     whole, thinned = kind.predict(records[0], theta)[kept], kind.predict(lossy, theta)
@@ -178,15 +179,15 @@ def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
     rig = parse_rig({"capsule": {"mass_kg": 0.02}, "drive": drive, "surface": surface, "rig": {"kind": "vibro"}})
     kind = SeriesKind.from_rig(rig, [record])
     assert type(kind.drive) is VoltageVibro
-    left = kind.error([record], [kind.predict(record, {**kind.nominal(), SWITCH_DELAY: 0.0})])
+    left = kind.error([record], [kind.predict(record, kind.nominal() | {SWITCH_DELAY: 0.0})])
     assert left < 5e-3 * np.ptp(record["position_m"])
-    assert any("L i'" in line for line in report.equations(kind, {}))
+    assert any("L i'" in line for line in report.equations(kind, Theta()))
 
 
 def test_a_prediction_that_runs_away_costs_much_and_warns_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     kind = SeriesKind.build(Plate(0.193), Vibro(), 5e-5)
     record = Record("r", "vibro", {"t_s": 2e-3 * np.arange(4), "drive_on": np.zeros(4), "position_m": np.zeros(4)})
     monkeypatch.setattr(SeriesKind, "_runs", lambda *_: [np.array([np.nan, np.inf, -1e306, 0.0])])
-    left = kind.residual(record, {}, 0)
+    left = kind.residual(record, Theta(), 0)
     assert np.isfinite(left).all()
     assert np.min(np.abs(left[:3])) > 1e3

@@ -22,12 +22,13 @@ from models.identification.kinds.vibro_table.solver import drive_force, friction
 from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 
 EFFECTS = VibroTableKind.around().effects
 NOMINAL = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * 9.81)
 SMALL = VibroCycle(0.0213, 0.0231, 360.0, 0.8, 0.7)
-DAMPED = {"spring_stiffness_N_per_m": 286.5, "force_N": 3.16, "friction_coefficient": 0.6647, "mirror": -1.0}
-DAMPED |= {"spring_damping.damping_N_s_per_m": 2.349, "coil_lag.time_s": 0.002788}
+DAMPED = Theta({"spring_stiffness_N_per_m": 286.5, "force_N": 3.16, "friction_coefficient": 0.6647, "mirror": -1.0})
+DAMPED |= {("spring_damping", "damping_N_s_per_m"): 2.349, ("coil_lag", "time_s"): 0.002788}
 
 
 def record(period: object, duty: object, cycles: object, speed: object = 0.0) -> Record:
@@ -66,7 +67,7 @@ def test_a_push_below_friction_moves_the_body_by_exactly_nothing() -> None:
 
 
 def test_the_step_converges_and_the_periodic_short_cut_changes_nothing() -> None:
-    drive = vibro_cycle({**VibroTableKind.around().nominal(), **DAMPED})
+    drive = vibro_cycle(Theta.of({**VibroTableKind.around().nominal(), **DAMPED}))
     period, duty = np.array([0.03, 0.06, 0.08, 0.1, 0.155]), np.array([0.7, 0.35, 0.3, 0.25, 0.3])
     exact = mean_velocities(period, duty, 40, drive, step=1e-5)
     errors = [np.max(np.abs(mean_velocities(period, duty, 40, drive, step=h) - exact)) for h in (2e-3, 1e-3, 5e-4)]
@@ -87,11 +88,10 @@ def test_friction_carries_the_momentum_that_the_outside_force_brings() -> None:
 def test_solver_numbers_agree_with_the_effects_hooks() -> None:
     rng = np.random.default_rng(3)
     base = VibroTableKind.around().nominal()
-    base.pop("mirror")
     plain = vibro_cycle(base)
     for effect in EFFECTS:
         p = {q.name: rng.uniform(max(q.lower, -1e3), min(q.upper, 1e6)) for q in effect.parameters()}
-        drive = vibro_cycle({**base, **{f"{effect.id}.{k}": v for k, v in p.items()}})
+        drive = vibro_cycle(Theta.of({**base, **{(effect.id, k): v for k, v in p.items()}}))
         e = effect()
         for xi, w, v in rng.normal(size=(20, 3)) * (0.02, 0.3, 0.05):
             s = Signals(v=v, direction=np.sign(v))
@@ -105,15 +105,15 @@ def test_solver_numbers_agree_with_the_effects_hooks() -> None:
 
 
 def test_every_parameter_of_every_effect_reaches_the_solver_and_zero_amplitude_is_no_effect() -> None:
-    assert set(FIELDS) == {f"{e.id}.{p.name}" for e in EFFECTS for p in e.parameters()}
+    assert set(FIELDS) == {(e.id, p.name) for e in EFFECTS for p in e.parameters()}
     kind = VibroTableKind.around()
     runs = record([0.06, 0.1, 0.155], [0.3, 0.25, 0.7], 20)
     plain = kind.predict(runs, kind.nominal())
     for effect in EFFECTS:
-        values = {f"{effect.id}.{p.name}": p.value for p in effect.parameters()}
-        off = kind.predict(runs, {**kind.nominal(), **values})
+        values = Theta.of({(effect.id, p.name): p.value for p in effect.parameters()})
+        off = kind.predict(runs, kind.nominal() | values)
         np.testing.assert_allclose(off, plain, atol=1e-12)
-        amplitude = f"{effect.id}.{effect.amplitude().name}"
+        amplitude = (effect.id, effect.amplitude().name)
         on = kind.predict(runs, {**kind.nominal(), **values, amplitude: effect.probe})
         assert np.max(np.abs(on - plain)) > 1e-6, effect.id
 
@@ -133,9 +133,9 @@ def test_no_values_within_bounds_and_no_condition_give_anything_but_a_speed() ->
     period, duty = (x.ravel() for x in np.meshgrid([0.02, 0.05, 0.08, 0.3], [0.0, 0.05, 0.5, 0.95, 1.0]))
     runs = record(period, duty, 20)
     for _ in range(25):
-        theta = {p.name: rng.uniform(p.lower, p.upper) for p in kind.base if p.fit}
+        theta = Theta.of((p.key, rng.uniform(p.lower, p.upper)) for p in kind.base if p.fit)
         for effect in (e for e in EFFECTS if rng.random() < 0.4):
-            theta |= {f"{effect.id}.{p.name}": rng.uniform(p.lower, p.upper) for p in effect.parameters()}
+            theta |= {(effect.id, p.name): rng.uniform(p.lower, p.upper) for p in effect.parameters()}
         speeds = kind.predict(runs, theta)
         assert np.all(np.abs(speeds) < 5.0)
 
@@ -143,10 +143,10 @@ def test_no_values_within_bounds_and_no_condition_give_anything_but_a_speed() ->
 def test_the_load_scale_is_a_common_factor_of_force_and_friction() -> None:
     kind = VibroTableKind.around()
     runs = record([0.06, 0.1], [0.3, 0.25], 20)
-    both = {"force_N": 2.5, "friction_coefficient": 0.58, "spring_damping.damping_N_s_per_m": 1.0}
-    scaled = {"load_scale": 2.0, "spring_damping.damping_N_s_per_m": 1.0}
+    both = Theta.of({"force_N": 2.5, "friction_coefficient": 0.58, ("spring_damping", "damping_N_s_per_m"): 1.0})
+    scaled = Theta.of({"load_scale": 2.0, ("spring_damping", "damping_N_s_per_m"): 1.0})
     np.testing.assert_array_equal(kind.predict(runs, scaled), kind.predict(runs, both))
-    once = kind.predict(runs, {"spring_damping.damping_N_s_per_m": 1.0})
+    once = kind.predict(runs, Theta.of({("spring_damping", "damping_N_s_per_m"): 1.0}))
     assert kind.predict(runs, scaled) == pytest.approx(2 * once, rel=1e-3)
 
 
@@ -154,7 +154,7 @@ def test_the_criterion_is_about_one_for_a_right_model_and_reports_by_condition()
     kind = VibroTableKind.around(mirror=-1.0)
     periods = np.repeat(np.tile(np.linspace(0.03, 0.2, 20), 2), 3)
     runs = record(periods, np.repeat([0.3, 0.7], 60), 20)
-    theta = {**kind.nominal(), **DAMPED}
+    theta = kind.nominal() | DAMPED
     first = runs.with_column(
         kind.quantity, kind.predict(runs, theta) * (1 + 0.03 * np.random.default_rng(0).normal(size=120))
     )
@@ -184,7 +184,7 @@ def test_the_mirror_is_settled_from_records() -> None:
     periods = np.tile(np.linspace(0.04, 0.15, 15), 2)
     runs = record(periods, np.repeat([0.3, 0.7], 15), 40)
     for mirror in (1.0, -1.0):
-        made = runs.with_column(kind.quantity, kind.predict(runs, {**DAMPED, "mirror": mirror}))
+        made = runs.with_column(kind.quantity, kind.predict(runs, Theta.of({**DAMPED, "mirror": mirror})))
         assert kind.settled([made]).nominal()["mirror"] == mirror
 
 
@@ -194,7 +194,7 @@ def test_bad_input_says_what_would_be_right() -> None:
     with pytest.raises(ValueError, match="period_s must be above 0"):
         mean_velocities(0.0, 0.5, 10, NOMINAL)
     with pytest.raises(ValueError, match="effect must be one that acts"):
-        VibroTableKind.around().predict(record(0.06, 0.3, 10), {"tissue_drying.rate": 1.0})
+        VibroTableKind.around().predict(record(0.06, 0.3, 10), Theta.of({("tissue_drying", "rate"): 1.0}))
 
 
 # period ms, duty, cycles, mean velocity mm/s: means of the repeats of a measured spring-and-magnet capsubot
@@ -227,12 +227,12 @@ def test_the_loop_finds_the_damping_in_measured_runs_and_says_what_it_is_worth()
     found = search(kind, [table], lambda *_: None, np.random.default_rng(0))
     assert found.effects[0] == "spring_damping"
     assert found.explained > 0.6
-    theta = {**kind.nominal(), **found.augmented.theta}
+    theta = kind.nominal() | found.augmented.theta
     assert kind.error([table], [kind.predict(table, theta)]) < 6.5e-3
     turn, believed = reversal(kind, theta), reversal(kind, kind.nominal())
     assert turn is not None
     assert believed is None or turn < believed - 0.005
-    worth = cross_validated(kind, {k: v for k, v in theta.items() if "." not in k or k.startswith("spring")}, [table])
+    worth = cross_validated(kind, theta.only(["spring_damping"]), [table])
     assert worth["spring_damping"] > 2 * worth[""]
 
 
@@ -256,7 +256,7 @@ def test_the_rig_file_gives_the_same_kind_and_a_gut_is_refused() -> None:
 
 def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
     kind = VibroTableKind.around(mirror=-1.0)
-    theta = {**DAMPED, "coil_reach.gain_per_m": -20.0}
+    theta = Theta.of({**DAMPED, ("coil_reach", "gain_per_m"): -20.0})
     runs = record([0.06, 0.06, 0.1], 0.3, 40, [5e-3, 6e-3, -30e-3])
     said = " ".join(
         report.statements(kind, {"nominal": kind.nominal(), "calibrated": kind.nominal(), "augmented": theta}, [runs])

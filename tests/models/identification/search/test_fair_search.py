@@ -15,6 +15,7 @@ from models.identification.search.refit import step_on
 from models.identification.search.validation import Split, block_costs
 from models.records.record import read_record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from plant.experiments.series import make_series
 
 SECONDS = 12.0
@@ -29,7 +30,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> tuple[Kind, list[Split], d
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2, 3)]
     kind = kind_for(rig, records)
     answer = tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
-    return kind, kind.splits(records), {**kind.nominal(), **{k: v for k, v in answer.items() if k in kind.nominal()}}
+    return kind, kind.splits(records), kind.nominal() | {k: v for k, v in answer.items() if k in kind.nominal()}
 
 
 def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(
@@ -37,15 +38,15 @@ def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(
 ) -> None:
     kind, splits, base = late
     before = block_costs(kind, splits, [base] * len(splits))
-    lag = fitted(kind, splits, ["actuator_lag"], {**base, "actuator_lag.time_s": LATE_S})
-    stuck = [{**base, "magnet_stiffness_N_per_m": 21.3, "sensor_delay.delay_s": 0.02}] * len(splits)
+    lag = fitted(kind, splits, ["actuator_lag"], Theta.of({**base, ("actuator_lag", "time_s"): LATE_S}))
+    stuck = [Theta.of({**base, "magnet_stiffness_N_per_m": 21.3, ("sensor_delay", "delay_s"): 0.02})] * len(splits)
     rows = [trial(kind, splits, before, "actuator_lag", lag), trial(kind, splits, before, "sensor_delay", stuck)]
     assert rows[1].gain < rows[0].gain
     best = max(
         from_the_best(FittedModel.of(kind, splits, [], [base] * len(splits)), rows, rows), key=lambda row: row.gain
     )
     assert best.effect == "sensor_delay"
-    assert best.thetas[0]["sensor_delay.delay_s"] == pytest.approx(0.048, abs=0.002)
+    assert best.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
 
 
 def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
@@ -54,9 +55,11 @@ def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
     kind, splits, base = late
     before = block_costs(kind, splits, [base] * len(splits))
     model = ["actuator_lag", "sensor_delay"]
-    lag = fitted(kind, splits, model[:1], {**base, "actuator_lag.time_s": LATE_S})
+    lag = fitted(kind, splits, model[:1], Theta.of({**base, ("actuator_lag", "time_s"): LATE_S}))
     alone = trial(kind, splits, before, "actuator_lag", lag)
-    both = fitted(kind, splits, model, {**base, "actuator_lag.time_s": 1e-4, "sensor_delay.delay_s": LATE_S})
+    both = fitted(
+        kind, splits, model, Theta.of({**base, ("actuator_lag", "time_s"): 1e-4, ("sensor_delay", "delay_s"): LATE_S})
+    )
     put_right = trial(kind, splits, before, "actuator_lag", both)
     helped = Trial("actuator_lag", alone.thetas, put_right.gain, put_right.drop, put_right.blocks, {tuple(model): both})
     rows = {

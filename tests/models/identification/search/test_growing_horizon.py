@@ -18,6 +18,7 @@ from models.identification.search.refit import whole
 from models.identification.search.validation import free_run
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig, read_rig
+from models.theta import Theta
 from plant.experiments.series import make_series
 
 
@@ -26,15 +27,15 @@ def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
     kind = SeriesKind.from_rig(rig, records)
-    nominal = {p.name: p.value for p in kind.base if p.fit}
-    start = {**nominal, "incline_gravity.force_N": 0.002}
+    nominal = Theta.declared(p for p in kind.base if p.fit)
+    start = nominal | {("incline_gravity", "force_N"): 0.002}
     found = grow_horizon(kind, records, ["incline_gravity"], [start], QUICK, "incline_gravity")
     assert found.chi2 < 1.1
     for name in nominal:
         assert found.theta[name] == pytest.approx(answer[name], rel=0.01)
     mass_kg = 4.0e-3
     weight_N = -mass_kg * 9.81 * np.sin(answer["parameters"]["angle_rad"])
-    assert found.theta["incline_gravity.force_N"] == pytest.approx(weight_N, rel=0.02)
+    assert found.theta["incline_gravity", "force_N"] == pytest.approx(weight_N, rel=0.02)
 
 
 def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> None:
@@ -42,7 +43,7 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / "train_1.csv.gz", rig)]
     kind = SeriesKind.from_rig(rig, records)
-    truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
+    truth = Theta.of((p.key, float(answer[p.name])) for p in kind.base if p.fit)
     r = evaluate(kind, records, truth, free_run(kind))
     assert grow_horizon(kind, records, [], [truth], QUICK).cost <= float(r @ r)
 
@@ -53,16 +54,16 @@ def test_effects_that_a_model_has_are_fitted_with_its_base_and_are_no_candidates
     records = [read_record(folder / "train_1.csv.gz", rig)]
     plain = kind_for(rig, records)
     force_N = -4.0e-3 * 9.81 * np.sin(answer["parameters"]["angle_rad"])
-    kind = kind_for(rig, records, {"incline_gravity.force_N": (0.8 * force_N, np.inf)})
+    kind = kind_for(rig, records, {("incline_gravity", "force_N"): (0.8 * force_N, np.inf)})
     assert {e.id for e in plain.effects} - {e.id for e in kind.effects} == {"incline_gravity"}
     assert plain.predict(records[0], kind.nominal()) == pytest.approx(kind.predict(records[0], kind.nominal()))
     found = whole(kind, records, [], kind.nominal())
-    assert found.theta["incline_gravity.force_N"] == pytest.approx(force_N, rel=0.05)
+    assert found.theta["incline_gravity", "force_N"] == pytest.approx(force_N, rel=0.05)
 
 
 def test_a_base_is_known_where_a_prior_holds_all_of_it(tmp_path: Path) -> None:
     rig = read_rig(make_series("magnetic", None, 1, tmp_path, 1.0) / "rig.toml")
-    nominal = {p.name: p.value for p in kind_for(rig, []).base if p.fit}
+    nominal = Theta.declared(p for p in kind_for(rig, []).base if p.fit)
     assert not base_known(kind_for(rig, []))
     assert base_known(kind_for(rig, [], {name: (value, 0.01 * value) for name, value in nominal.items()}))
     first = next(iter(nominal))
@@ -85,7 +86,7 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
     rig = read_rig(folder / "rig.toml")
     records = [read_record(folder / "train_1.csv.gz", rig)]
     kind = SeriesKind.from_rig(rig, records)
-    nominal = {p.name: p.value for p in kind.base if p.fit}
+    nominal = Theta.declared(p for p in kind.base if p.fit)
 
     def ended(behind: float) -> tuple[set[str], int]:
         climbs = {
@@ -118,7 +119,7 @@ class Told(GrowingHorizon):
 
     def on(self, number: int, length: float, records: Sequence[Record]) -> None:
         """Looks for nothing."""
-        self.fits = [Fit({}, self.count * self.leaves, self.count, np.zeros((1, 0)), np.ones(1))]
+        self.fits = [Fit(Theta(), self.count * self.leaves, self.count, np.zeros((1, 0)), np.ones(1))]
 
 
 def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out(

@@ -33,7 +33,7 @@ def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
     kind = replace(full, effects=tuple(BY_ID[name] for name in effects))
     start = kind.nominal()
     for name in effects:
-        start |= BY_ID[name].start() | {f"{name}.{BY_ID[name].amplitude().name}": BY_ID[name].probe}
+        start = start.with_(name, BY_ID[name].start()) | {(name, BY_ID[name].amplitude().name): BY_ID[name].probe}
     fit = whole(kind, records[:1], list(effects), start)
     return fit.chi2, fit.theta
 
@@ -56,7 +56,7 @@ def test_a_lag_before_a_coils_current_shows_in_records_of_its_voltage_alone(tmp_
     assert left(by_current)[0] < SET.near
     without, (with_lag, fit) = left(by_voltage)[0], left(by_voltage, "actuator_lag")
     assert with_lag < SET.near < 0.5 * without
-    assert 0.04 < fit["actuator_lag.time_s"] < 0.2
+    assert 0.04 < fit["actuator_lag", "time_s"] < 0.2
 
 
 def test_a_magnet_that_presses_the_capsule_on_the_wall_is_found(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_a_magnet_that_presses_the_capsule_on_the_wall_is_found(tmp_path: Path) 
     folder = make_series("magnetic", "dipole_load", 3, tmp_path, 5.0, rate_Hz=200.0)
     without, (with_load, fit) = left(folder)[0], left(folder, "magnet_normal_load")
     assert without > 10 * with_load
-    assert fit["magnet_normal_load.load_N"] == pytest.approx(0.55, rel=0.3)
+    assert fit["magnet_normal_load", "load_N"] == pytest.approx(0.55, rel=0.3)
 
 
 def test_a_magnet_swings_a_capsule_in_the_air() -> None:
@@ -86,7 +86,9 @@ def test_a_magnet_swings_a_capsule_in_the_air() -> None:
     record = Record("swing", "magnetic", columns)
     kind = replace(kind_for(rig, [record]), effects=(BY_ID["viscous_drag"],))
     base = refit(kind, [record], [], kind.nominal())
-    start = kind.nominal() | BY_ID["viscous_drag"].start() | {"viscous_drag.coefficient_N": 0.01}
+    start = kind.nominal().with_("viscous_drag", BY_ID["viscous_drag"].start()) | {
+        ("viscous_drag", "coefficient_N"): 0.01
+    }
     fit = refit(kind, [record], ["viscous_drag"], start)
     assert float(judged(kind, [record], fit).mean()) < SET.near < float(judged(kind, [record], base).mean())
     assert fit["magnet_stiffness_N_per_m"] == pytest.approx(24.0, rel=0.02)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from models.identification.search.screening import null_distribution, records_fo
 from models.identification.search.validation import judged_cost
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from plant.experiments.series import make_series
 
 
@@ -23,9 +23,9 @@ class Hanging(SeriesKind):
     computed.
     """
 
-    def imitate(self, record: Record, theta: Mapping[str, float], rng: np.random.Generator) -> Record:
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """Slips a little later than `residual` will say."""
-        return super().imitate(record, {**theta, "hoop_stress_factor": 1.02 * theta["hoop_stress_factor"]}, rng)
+        return super().imitate(record, theta | {"hoop_stress_factor": 1.02 * theta["hoop_stress_factor"]}, rng)
 
 
 def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path: Path) -> None:
@@ -34,7 +34,7 @@ def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path:
     records = [read_record(folder / "train_1.csv.gz", rig)]
     plain = SeriesKind.from_rig(rig, records)
     kind = Hanging(**{f.name: getattr(plain, f.name) for f in fields(plain)} | {"effects": ()})
-    truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
+    truth = Theta.of((p.key, float(answer[p.name])) for p in kind.base if p.fit)
     assert judged_cost(kind, [kind.imitate(records[0], truth, np.random.default_rng(0))], truth) > 2.0
     assert null_distribution(kind, records, truth, np.random.default_rng(0))[2] < 1.2
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from models.identification.search.refit import finished
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
+from models.theta import Theta
 
 SAMPLES, SLOW = 4000, 40
 _RNG = np.random.default_rng(3)
@@ -41,8 +42,8 @@ class _Seen(OneByOne):
     def __init__(self, shape: float, strange: float) -> None:
         self.shape, self.strange = shape, strange
 
-    def residual(self, record: Record, theta: Mapping[str, float], stage: int = 0) -> Array:
-        shown = self.shape - 5 * theta.get("wave_harmonics.fifth_sin", 0.0)
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+        shown = self.shape - 5 * theta.get(("wave_harmonics", "fifth_sin"), 0.0)
         seen = (
             NOISE
             + (stage == self.final) * (shown * SHAPE + self.strange * STRANGE)
@@ -50,7 +51,7 @@ class _Seen(OneByOne):
         )
         return np.asarray(seen)
 
-    def predict(self, record: Record, theta: Mapping[str, float]) -> Array:
+    def predict(self, record: Record, theta: Theta) -> Array:
         return self.residual(record, theta, self.final)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
@@ -61,8 +62,8 @@ class _Seen(OneByOne):
 
 
 def _begun(kind: _Seen, level: float) -> Fit:
-    r = kind.residual(RECORDS[0], {"level": level}, kind.final)
-    return Fit({"level": level}, float(r @ r), len(r), np.zeros((len(r), 1)), r)
+    r = kind.residual(RECORDS[0], Theta({"level": level}), kind.final)
+    return Fit(Theta({"level": level}), float(r @ r), len(r), np.zeros((len(r), 1)), r)
 
 
 def _taken(kind: Any, level: float) -> tuple[Sequence[str], float]:

@@ -21,7 +21,7 @@ def test_a_clean_pull_is_calibrated_to_the_truth(tmp_path: Path, seed: int) -> N
     rig = read_rig(folder / "rig.toml")
     train = [ready(read_record(folder / f"train_{k}.csv.gz", rig), rig) for k in (1, 2, 3)]
     kind = kind_for(rig, train)
-    found = refit(kind, kind.searched(train), [], {p.name: p.value for p in kind.base})
+    found = refit(kind, kind.searched(train), [], kind.nominal())
     truth = tomllib.loads((folder / "answer.toml").read_text())
     for name in ("hoop_stress_factor", "friction_coefficient"):
         assert found[name] == pytest.approx(truth[name], rel=5e-3)

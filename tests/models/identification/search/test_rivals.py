@@ -24,6 +24,7 @@ from models.identification.search.screening import screen
 from models.identification.search.validation import block_costs
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 from tests.rig_texts import GUT
 
 RIG = parse_rig({"rig": {"kind": "axis"}, "noise": {"force_std_N": 0.1}})
@@ -49,11 +50,13 @@ def test_a_rival_that_no_round_tried_stands_in_the_class_where_the_records_canno
     kind = kind_for(RIG, records)
     assert isinstance(kind, AxisKind)
     splits = kind.splits(records)
-    nominal = {p.name: p.value for p in kind.base}
+    nominal = kind.nominal()
     base = FittedModel.of(kind, splits, [], [refit(kind, part, [], nominal) for part, _ in splits])
     screened = screen(kind, base.part, [], base.thetas[0])
     begun = next(row for row in screened if row.effect == SPRING).starts[0]
-    model = base.fitted([refit(kind, part, [SPRING], {**theta, **begun}) for part, theta in base.parts], [SPRING])
+    model = base.fitted(
+        [refit(kind, part, [SPRING], theta.with_(SPRING, begun)) for part, theta in base.parts], [SPRING]
+    )
     gain = float(np.log(base.cost / model.cost))
     assert gain > 2
     rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, gain, screened, [])}
@@ -66,10 +69,10 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
     records = [record(seed, False) for seed in (1, 2)]
     kind = kind_for(RIG, records)
     splits = kind.splits(records)
-    nominal = {p.name: p.value for p in kind.base}
+    nominal = kind.nominal()
 
-    def fitted(effect: type[Effect], **values: float) -> list[dict[str, float]]:
-        start = {**nominal, **effect.start(), **{f"{effect.id}.{name}": value for name, value in values.items()}}
+    def fitted(effect: type[Effect], **values: float) -> list[Theta]:
+        start = nominal.with_(effect.id, {**effect.start(), **values})
         return [refit(kind, part, [effect.id], start) for part, _ in splits]
 
     model = FittedModel.of(kind, splits, [SPRING], fitted(SpringOverPosition, stiffness_N_per_m=10.0))
@@ -105,7 +108,7 @@ def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
     ]
     kind = kind_for(rig, records)
     assert isinstance(kind, SeriesKind)
-    theta = {**kind.nominal(), **InclineGravity.start(), "incline_gravity.force_N": 2e-3}
+    theta = kind.nominal().with_(InclineGravity.id, InclineGravity.start()) | {("incline_gravity", "force_N"): 2e-3}
     rng = np.random.default_rng(3)
     unexplained = 4e-4 * np.sin(0.9 * t) + 5e-5 * rng.standard_normal(len(t))
     records = [r.with_column("position_m", kind.predict(r, theta) + unexplained) for r in records]
@@ -117,7 +120,7 @@ def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
     assert not rivals["sensor_bias"].alike
 
 
-def breathing(span_m: float) -> tuple[FittedModel, list[dict[str, float]]]:
+def breathing(span_m: float) -> tuple[FittedModel, list[Theta]]:
     """A pull to and fro through `span_m` under a force in time, the model that made it, and a wave that is as long."""
     rig = parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": 1e-3}, **tomllib.loads(GUT)})
     t = np.arange(0, 16, 1e-2)
@@ -135,14 +138,12 @@ def breathing(span_m: float) -> tuple[FittedModel, list[dict[str, float]]]:
     ]
     kind = kind_for(rig, records)
     assert isinstance(kind, SeriesKind)
-    theta = {**kind.nominal(), **Respiration.start(), "respiration.force_N": 0.015}
+    theta = kind.nominal().with_(Respiration.id, Respiration.start()) | {("respiration", "force_N"): 0.015}
     rng = np.random.default_rng(3)
     records = [r.with_column("force_N", kind.predict(r, theta) + 1e-3 * rng.standard_normal(len(t))) for r in records]
     splits = kind.splits(records)
-    wave = {name.replace("respiration", WAVE): value for name, value in theta.items()}
-    return FittedModel.of(kind, splits, [Respiration.id], [theta for _ in splits]), [
-        {**wave, f"{WAVE}.wavenumber_per_m": 0.1} for _ in splits
-    ]
+    wave = Theta(theta.base, {WAVE: {**theta.effects["respiration"], "wavenumber_per_m": 0.1}})
+    return FittedModel.of(kind, splits, [Respiration.id], [theta for _ in splits]), [wave for _ in splits]
 
 
 @pytest.mark.parametrize(("span_m", "alike"), [(0.03, False), (0.3e-3, True)])
@@ -153,4 +154,4 @@ def test_a_wave_that_stands_everywhere_at_once_is_no_rival_of_a_force_in_time(sp
     trial = Trial(WAVE, tuple(waves), 3.0, 1.0, model.blocks)
     rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial])}
     assert rivals[WAVE].alike == alike
-    assert all(abs(theta[f"{WAVE}.wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)
+    assert all(abs(theta[WAVE, "wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)

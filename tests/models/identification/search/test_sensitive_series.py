@@ -14,10 +14,11 @@ from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.records.record import read_record
 from models.rigs.reader import read_rig
+from models.theta import Theta
 from plant.experiments.series import make_series
 
 CALM = (None, {}, 15.0)
-FALLING = ("stribeck", {"stribeck.excess": 0.56, "stribeck.speed_m_s": 0.003}, 45.0)
+FALLING = ("stribeck", Theta.of({("stribeck", "excess"): 0.56, ("stribeck", "speed_m_s"): 0.003}), 45.0)
 
 
 def _made(
@@ -26,7 +27,7 @@ def _made(
     make_series("magnetic", effect, 1, folder, seconds)
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
-    theta = {name: value for name, value in answer.items() if isinstance(value, float)} | values
+    theta = Theta({name: value for name, value in answer.items() if isinstance(value, float)}) | values
     return SeriesKind.from_rig(rig, records), records, theta
 
 

@@ -42,7 +42,7 @@ def test_a_series_is_what_its_model_leaves_noise_of(name: str, tmp_path: Path) -
     """
     rig, records, answer = read_series(make_series(name, None, 2, tmp_path, 4.0))  # type: ignore[arg-type]
     kind = kind_for(rig, records)
-    truth = {**kind.nominal(), **{key: value for key, value in answer.items() if key in kind.nominal()}}
+    truth = kind.nominal() | {key: value for key, value in answer.items() if key in kind.nominal()}
     left = [
         float(np.mean(kind.residual(records[0], theta, kind.criteria - 1) ** 2)) for theta in (truth, kind.nominal())
     ]
@@ -57,7 +57,7 @@ def test_an_observer_leaves_no_more_than_the_free_run_at_the_truth(name: str, tm
     """
     rig, records, answer = read_series(make_series(name, None, 1, tmp_path, 4.0))  # type: ignore[arg-type]
     kind = kind_for(rig, records)
-    truth = {**kind.nominal(), **{key: value for key, value in answer.items() if key in kind.nominal()}}
+    truth = kind.nominal() | {key: value for key, value in answer.items() if key in kind.nominal()}
     for stage in range(kind.criteria - 1):
         assert float(np.mean(kind.residual(records[0], truth, stage) ** 2)) < 1.3
 
@@ -75,13 +75,13 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     left = float(judged(kind, part, base).mean())
     assert left > SET.near
     fits = {
-        row.effect: refit(kind, part, [row.effect], {**kind.nominal(), **row.starts[0]})
+        row.effect: refit(kind, part, [row.effect], kind.nominal().with_(row.effect, row.starts[0]))
         for row in screen(kind, part, [], base)
     }
     costs = {name: float(judged(kind, part, fit).mean()) for name, fit in fits.items()}
     assert min(costs, key=lambda name: costs[name]) == "spring_damping"
     assert costs["spring_damping"] < 1 + 0.2 * (left - 1)  # 1 is the noise
-    assert fits["spring_damping"]["spring_damping.damping_N_s_per_m"] > 0.1
+    assert fits["spring_damping"]["spring_damping", "damping_N_s_per_m"] > 0.1
 
 
 def test_a_calibration_is_enough_in_the_gut_where_nothing_hides(tmp_path: Path) -> None:

@@ -40,8 +40,8 @@ class ControlModel:
 
     - `states`: `x` position in m and `v` speed in m/s of the capsule, `u` wall displacement in m, `slip` of the wall (0
       sticks, else its direction), then, only where the model has them, `direction` of the last motion, `travelled` path
-      in m, the drive's states (`("coil", "current_A")`, `("vibro", "stretch_m")`) and the effects', by id
-      and name. A plate has no `u`, `slip`.
+      in m, the drive's states and the effects', each by whose it is and its own name (`(Vibro.name, "stretch_m")`). A
+      plate has no `u`, `slip`.
     - `modes`: those that only take the values -1, 0, 1; a filter must neither average nor perturb them.
     - command: `command_name` (`carriage_position_m` in m, `coil_current_A` in A, `coil_voltage_V` in V, `drive_on`
       0..1).

@@ -195,7 +195,7 @@ def _metered(assembly: Assembly, on_board: bool) -> Kernel:
     state, c0, c1, t, h, q = assembly.step.sx_in()
     meter = ca.SX.sym("meter", 4)
     new, _ = assembly.step(state, c0, c1, t, h, q)
-    stretch, x = assembly.states.index(("vibro", "stretch_m")), assembly.states.index("x")
+    stretch, x = assembly.states.index((Vibro.name, "stretch_m")), assembly.states.index("x")
     force = q[[p.key for p in assembly.parameters].index("force_N")]
     moved = new[stretch] - state[stretch] + (0.0 if on_board else new[x] - state[x])
     after = ca.vertcat(

@@ -168,9 +168,7 @@ def test_an_own_effect_on_a_dma_is_asked_for_its_modulus(tmp_path: Path) -> None
     kind = DmaKind.around()
     record = Record("sweep", "dma", {"frequency_Hz": np.array([1.0, 10.0])})
     base = kind.nominal()
-    added = kind.predict(
-        record, {**base, "soft_bump.force_N": 1e4, "soft_bump.place_m": 0.0, "soft_bump.width_m": 2e-3}
-    )
+    added = kind.predict(record, base.with_("soft_bump", {"force_N": 1e4, "place_m": 0.0, "width_m": 2e-3}))
     np.testing.assert_allclose(added - kind.predict(record, base), np.outer([1e4, 1e5], [1, 0.1]) / 1.002)
 
 

@@ -11,6 +11,7 @@ from models.effects.effect import Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
+from models.theta import Theta
 from tests.models.running import run
 
 DT, SPEED = 1e-4, 2e-3
@@ -22,7 +23,7 @@ def test_it_slips_where_its_own_tension_reaches_the_slip_limit_and_draws_back_fr
     """`T(u_c) g(u_c) = f_c(v)`, then `u' = -u_c/t_r`, u_c held through the slip whatever u is by then."""
     model = assemble(WALL, Pull(), [SmallStrainStiffening])
     t = DT * np.arange(12000)
-    values = {f"small_strain_stiffening.{name}": value for name, value in VALUES.items()}
+    values = Theta().with_(SmallStrainStiffening.id, VALUES)
     u = run(model, SPEED * t, DT, values=values, watch="u")
     _, onset = WALL.grip(SPEED, 1.0, Tissue().friction_coefficient)
     drags = np.linspace(0, 1e-3, 200_001)

@@ -48,7 +48,7 @@ class _Known:
     def __init__(self, scenario: TrackScenario | SilScenario, values: Theta) -> None:
         loop = scenario.loop if isinstance(scenario, SilScenario) else scenario
         self.scenario, self.values = scenario, values
-        self._key = (type(scenario), repr(loop.belief), loop.control.tick_s, tuple(sorted(values.items())))
+        self._key = (type(scenario), repr(loop.belief), loop.control.tick_s, tuple(sorted(values.spelled().items())))
 
     def __hash__(self) -> int:
         return hash(self._key)

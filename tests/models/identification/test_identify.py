@@ -126,7 +126,7 @@ def test_a_model_tells_its_held_out_error_where_records_were_held_out() -> None:
 
 def test_a_prediction_never_sees_the_measurement() -> None:
     _, records = short_pull()
-    values = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.08}
+    values = Theta({"hoop_stress_factor": 1.0, "friction_coefficient": 0.08})
     model = Model("pull", dict.fromkeys(("nominal", "calibrated", "augmented"), values))
     spoiled = records[0].with_column("force_N", np.full(len(records[0]), 7.0))
     rig = parse_rig(PULL)
@@ -146,7 +146,7 @@ def test_a_model_survives_its_file() -> None:
     "errors", ["augmentd = 1.0", "augmented = -1.0", "augmented = nan", "augmented = 'a'", "augmented = true"]
 )
 def test_a_held_out_error_is_a_number_of_a_stage(errors: str) -> None:
-    text = Model("pull", {"nominal": {}, "calibrated": {}, "augmented": {}}).to_toml()
+    text = Model("pull", dict.fromkeys(("nominal", "calibrated", "augmented"), Theta())).to_toml()
     with pytest.raises(ValueError, match=r"model.*\[held_out\]") as caught:
         Model.from_toml(sealed(f"{text}[held_out]\n{errors}\n"))
     assert "\n" not in str(caught.value)

@@ -28,6 +28,7 @@ from hil.app.campaign import running as campaign
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.loop import Loop
 from hil.app.main import run
+from models.theta import Theta
 
 LONGEST_S = 100.0
 SETTLED_S = 0.3
@@ -179,7 +180,7 @@ def failing(folder: Path) -> dict[str, Any]:
     workers = [cluster.worker(name) for name in "abc"]
     raw = {"rig": {"kind": "nothing"}}
     jobs = [
-        kind(number, "track", raw, 0, {"case": number}, {}, "nominal")
+        kind(number, "track", raw, 0, {"case": number}, Theta(), "nominal")
         for number, kind in enumerate((Poison, Loop, Loop))
     ]
 

@@ -24,6 +24,7 @@ from hil.app.campaign.page import page_html, summary_of, worst_of
 from hil.app.campaign.running import Results, chunks
 from hil.app.campaign.worker import TRIES, pooled, run_job
 from hil.app.main import run
+from models.theta import Theta
 from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed
 from tests.places import SCENARIOS
 
@@ -168,7 +169,7 @@ def test_chunks_are_all_runs_in_order(count: int, size: int) -> None:
 
 
 def job(number: int, raw: dict[str, Any]) -> Loop:
-    return Loop(number, "track", raw, 0, {"case": number}, {}, "nominal")
+    return Loop(number, "track", raw, 0, {"case": number}, Theta(), "nominal")
 
 
 class Poison(dict[str, Any]):

@@ -64,7 +64,7 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
 def test_too_short_a_time_before_the_break_changes_nothing(run: tuple[Record, np.ndarray, np.ndarray]) -> None:
     record, _, _ = run
     question = LearningQuestion(believed("magnetic"), record.columns, 3000, Theta(), broken_from=500)
-    assert _as_it_held(question) == (believed("magnetic"), {}, record.columns)
+    assert _as_it_held(question) == (believed("magnetic"), Theta(), record.columns)
 
 
 def test_what_no_place_tells_counts_as_noise_and_does_not_bend_the_base(

@@ -30,14 +30,14 @@ def measured() -> Record:
     return Record("paper A Table 2", "periods", {c: np.array([float(r[c]) for r in rows]) for c in rows[0]})
 
 
-def fitted(kind: PeriodsKind, records: list[Record], theta: Theta) -> dict[str, float]:
+def fitted(kind: PeriodsKind, records: list[Record], theta: Theta) -> Theta:
     names = list(theta)
 
     def misfit(q: np.ndarray) -> np.ndarray:
         return np.concatenate([kind.residual(r, Theta.of(zip(names, q, strict=True))) for r in records])
 
     scale = [max(abs(v), 0.05) for v in theta.values()]
-    low = [1e-3 if "." not in n else -0.8 for n in names]
+    low = [1e-3 if isinstance(n, str) else -0.8 for n in names]
     q = least_squares(misfit, list(theta.values()), bounds=(low, [50.0] * len(names)), x_scale=scale).x
     return Theta.of(zip(names, map(float, q), strict=True))
 

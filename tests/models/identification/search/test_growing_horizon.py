@@ -134,7 +134,7 @@ def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_wou
         "directional_asymmetry": 6.4,
         "respiration": 6.5,
     }
-    climbs = {name: Told(kind, [name], [{}], QUICK, leaves=cost) for name, cost in leaves.items()}
+    climbs = {name: Told(kind, [name], [Theta()], QUICK, leaves=cost) for name, cost in leaves.items()}
     assert set(eliminate([record], climbs, 3, 6.0)) == set(leaves) - {"respiration"}
     climbs["directional_asymmetry"].leaves = 21.0
     assert "directional_asymmetry" not in eliminate([record], climbs, 3, 6.0)
@@ -154,7 +154,7 @@ def test_one_that_leaves_no_more_than_chance_stays_beside_others_with_more_param
     }
 
     def ended(count: int) -> set[str]:
-        climbs = {name: Told(kind, [name], [{}], QUICK, leaves=left, count=count) for name, left in leaves.items()}
+        climbs = {name: Told(kind, [name], [Theta()], QUICK, leaves=left, count=count) for name, left in leaves.items()}
         return set(eliminate([record], climbs, 3, 6.0))
 
     assert set(leaves) - ended(5) == {"actuator_lag"}

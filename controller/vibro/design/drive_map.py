@@ -44,7 +44,7 @@ def rough_map(cycles: Cycles) -> SpeedMap:
 
 def wrong_models(model: VibroModel, share: float = _WRONG) -> list[VibroModel]:
     """The model with its parameters off by `share`: spring alone either way, then drive against friction either way."""
-    known = {p.name for p in model.assembly().parameters}
+    known = {p.key for p in model.assembly().parameters}
     more, less = 1 + share, 1 - share
     corners = [{"spring_stiffness_N_per_m": less}, {"spring_stiffness_N_per_m": more}]
     for drive, friction in ((less, more), (more, less)):

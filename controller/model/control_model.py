@@ -235,11 +235,9 @@ def control_model(
     for name, value in given.items():
         if name in (*OF_THE_LOG, HELD_OUT):
             continue
-        got = spelled(name)
+        got, known = spelled(name), [*map(spelled, numbers)]
         if name not in numbers:
-            raise ValueError(
-                f"values must name the model's parameters; got {got!r}; {nearest(got, [*map(spelled, numbers)])}"
-            )
+            raise ValueError(f"values must name the model's parameters; got {got!r}; {nearest(got, known)}")
         if not math.isfinite(value):
             raise ValueError(f"values must be finite numbers; got {got} = {value}")
     numbers |= given

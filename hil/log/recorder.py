@@ -123,12 +123,7 @@ class _Entry(NamedTuple):
 
 
 def log_record(
-    described: Mapping[str, str],
-    controller: str,
-    values: Theta,
-    limits: Limits,
-    catalogue: Catalogue,
-    **more: Any,
+    described: Mapping[str, str], controller: str, values: Theta, limits: Limits, catalogue: Catalogue, **more: Any
 ) -> dict[str, Any]:
     """The record beside a log. `described` is {"deployment": text of a rig file} or {"scenario": text of a scenario
     file}; `values` the learned model's parameters; `more` what else is worth keeping. With it `capsule replay` builds

@@ -95,7 +95,6 @@ class Kind(Protocol):
 
     def nominal(self) -> Theta:
         """The base parameters as believed."""
-        ...
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""

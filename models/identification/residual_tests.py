@@ -17,12 +17,7 @@ from models.theta import Theta
 
 
 def residual_checks(
-    kind: Kind,
-    records: Sequence[Record],
-    fit: Fit,
-    likely: Sequence[Theta],
-    seed: int = 0,
-    effects: Sequence[str] = (),
+    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0, effects: Sequence[str] = ()
 ) -> tuple[Check, ...]:
     """Size and whiteness of the residual, with limits from records imitated on models `likely` (values that the fit's
     own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few numbers, whose

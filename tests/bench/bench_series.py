@@ -14,7 +14,6 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-from models.identification.kinds.series.simulation import active_effects
 from models.identification.search.refit import whole
 from tests.bench.bench_tracing import close_series, read_series
 
@@ -32,7 +31,7 @@ def line(folder: Path, out: Path) -> str:
     told = {name: float(value) for name, value in answer.items() if name in report["calibration"]}
     base = tuple(replace(p, value=told[p.name], fit=False) if p.name in told else p for p in kind.base)
     held = replace(kind, base=base)
-    effects = active_effects(found)
+    effects = tuple(sorted(found.effects))
     start = found | told
     true = start | whole(held, train, effects, start).theta
     left = kind.error(holdout, [kind.predict(record, true) for record in holdout])

@@ -11,19 +11,10 @@ from models.effects import BY_ID
 
 def model_facts(model: ControlModel) -> dict[str, Any]:
     """Effects and parameters that differ from the rig file's, as words and numbers."""
-    effects, rows = list[str](), list[list[str]]()
-    for parameter, value in zip(model.symbols.parameters, model.values.tolist(), strict=True):
-        effect = parameter.effect
-        if effect and effect not in effects:
-            effects.append(effect)
-        if effect or value != parameter.value:
-            rows.append([parameter.name, quantity(value, parameter.unit), _nominal(effect, parameter)])
+    effects, rows = list(model.theta.effects), list[list[str]]()
+    for p, value in zip(model.symbols.parameters, model.values.tolist(), strict=True):
+        if p.effect or value != p.value:  # the rig file has no number of an effect
+            rows.append([p.name, quantity(value, p.unit), DASH if p.effect else quantity(p.value, p.unit)])
     summaries = {name: BY_ID[name].summary for name in effects if name in BY_ID}
     made = " + ".join(["base", *effects]) if effects else "base model"
-    fitted = any(row for row in rows)
-    return {"made": made, "kind": "learned" if fitted else "nominal values", "rows": rows, "effects": summaries}
-
-
-def _nominal(effect: str, parameter: Any) -> str:
-    """The rig file's number; an effect has none."""
-    return DASH if effect else quantity(parameter.value, parameter.unit)
+    return {"made": made, "kind": "learned" if rows else "nominal values", "rows": rows, "effects": summaries}

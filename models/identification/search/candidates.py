@@ -18,13 +18,7 @@ from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, Grow
 from models.identification.search.own_range import within
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
-from models.identification.search.validation import (
-    ahead,
-    block_costs,
-    free_run,
-    judged,
-    judged_cost,
-)
+from models.identification.search.validation import ahead, block_costs, free_run, judged, judged_cost
 from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record

@@ -34,11 +34,7 @@ class FittedModel:
 
     def fitted(self, thetas: Fits, effects: Sequence[str] | None = None) -> FittedModel:
         """The same model with other fits, of other effects where these are given."""
-        return replace(
-            self,
-            thetas=tuple(thetas),
-            effects=self.effects if effects is None else tuple(effects),
-        )
+        return replace(self, thetas=tuple(thetas), effects=self.effects if effects is None else tuple(effects))
 
     @property
     def part(self) -> list[Record]:

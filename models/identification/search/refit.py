@@ -18,11 +18,7 @@ from models.theta import Theta
 
 
 def refit(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    start: Theta,
-    enough: float = SET.near,
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta, enough: float = SET.near
 ) -> Theta:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; and, where this leaves
     more than `enough` (about the noise) of a time series, on ever longer beginnings from where it is and from the
@@ -96,13 +92,7 @@ def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
     return fit
 
 
-def whole(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    start: Theta,
-    enough: float = SET.near,
-) -> Fit:
+def whole(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta, enough: float = SET.near) -> Fit:
     """The best of several ways to a fit on `records` (`refit`), finished. Where that leaves more than `enough`
     of a time series whose base no prior holds, the ever longer beginnings are gone through from other places once more.
     """

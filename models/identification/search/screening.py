@@ -130,11 +130,7 @@ def _by_share(row: Screened) -> float:
 
 
 def screen(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    theta: Theta,
-    dropped: Sequence[str] = (),
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
 ) -> list[Screened]:
     """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the
     residual show.

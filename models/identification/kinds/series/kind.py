@@ -17,7 +17,7 @@ from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.identification.kind import Array
+from models.identification.kind import Array, OneByOne
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
@@ -114,9 +114,7 @@ class SeriesKind:
         """The observer that forgives slip events out of step but little else, and the free run."""
         return (0, 1)
 
-    def nominal(self) -> Theta:
-        """The base parameters as believed."""
-        return Theta.declared(self.base)
+    nominal = OneByOne.nominal
 
     def measured(self, record: Record) -> Array:
         """The measured column."""

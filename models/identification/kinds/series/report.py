@@ -13,7 +13,6 @@ from models.effects import BY_ID
 from models.effects.equation import lines_of
 from models.effects.refinements.level_at_onset import LevelAtOnset
 from models.identification.kinds.series.kind import SeriesKind
-from models.identification.kinds.series.simulation import active_effects
 from models.records.record import Record
 from models.theta import Theta
 
@@ -29,7 +28,7 @@ def equations(kind: SeriesKind, theta: Theta) -> list[str]:
     """The model in words and numbers."""
     p = {**kind.nominal().base, **theta.base}
     lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
-    return [*lines, *lines_of([BY_ID[name] for name in active_effects(theta)], theta)]
+    return [*lines, *lines_of([BY_ID[name] for name in sorted(theta.effects)], theta)]
 
 
 def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
@@ -63,7 +62,7 @@ def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -
     """What would separate each effect from those confounded with it, beside the records that there are."""
     told = [
         f"to tell {name} from {' and '.join(BY_ID[name].confounders)}: {BY_ID[name].separated_by}"
-        for name in active_effects(theta)
+        for name in sorted(theta.effects)
     ]
     return "; ".join([*told, f"there are so far {_there(records)}"]) if told else None
 

@@ -35,18 +35,13 @@ def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Asse
     return assembly, lower(assembly.step, assembly.correct, NEVER_S if drifts(drive) else SLOW_S)
 
 
-def active_effects(theta: Theta) -> tuple[str, ...]:
-    """Ids of the effects that have an entry in `theta`, sorted."""
-    return tuple(sorted(theta.effects))
-
-
 def _each_lane(values: Array) -> Array:
     return np.repeat(values[:, None], LANES, axis=1)
 
 
 def _late(theta: Theta) -> float:
     """Time in s by which the clock and the effects in `theta` make the measurement late."""
-    delays = (float(BY_ID[e]().delay(theta.effects[e])) for e in active_effects(theta))
+    delays = (float(BY_ID[e]().delay(theta.effects[e])) for e in sorted(theta.effects))
     return theta.get(CLOCK_OFFSET, 0.0) + sum(delays)
 
 
@@ -64,7 +59,7 @@ class Runner:
         """The output at each of `thetas`, those side by side that have the same effects and switch at the same time."""
         alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
         for i, theta in enumerate(thetas):
-            alike.setdefault((active_effects(theta), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
+            alike.setdefault((tuple(sorted(theta.effects)), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
         outputs: dict[int, Array] = {}
         for (active, delay), members in alike.items():
             for k in range(0, len(members), LANES):

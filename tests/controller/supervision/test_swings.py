@@ -95,13 +95,13 @@ def test_a_coil_whose_localisation_is_later_than_it_knows_comes_to_swing_less(mo
         control=replace(plain.control, tick_s=4e-3),
     )
 
-    def late_rms() -> float:
-        trace = run_loop(scenario, believed_model(scenario, Theta()), "feedforward", 1)
+    def late_rms(seed: int) -> float:
+        trace = run_loop(scenario, believed_model(scenario, Theta()), "feedforward", seed)
         t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
         error = (x - scenario.reference.position(t))[t > seconds - 8]
         assert score(scenario, trace).hard_violations == 0
         return float(np.sqrt(np.mean(error**2)))
 
-    calmed = late_rms()
+    calmed = np.median([late_rms(seed) for seed in (1, 2, 3)])
     monkeypatch.setattr(Supervisor, "_watch_swings", lambda self, seen, reference: None)
-    assert calmed < 0.75 * late_rms()
+    assert calmed < 0.75 * np.median([late_rms(seed) for seed in (1, 2, 3)])

@@ -257,7 +257,7 @@ def test_a_free_curve_over_speed_is_left_out_and_with_it_what_its_model_proved()
     )
     curve = {("level_over_speed", f"{side}_{k}"): 0.08 * (-1) ** k for side in ("even", "odd") for k in range(1, 9)}
     corrected, plain = (control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named))
-    assert [p.name for p in corrected.symbols.parameters] == [p.name for p in plain.symbols.parameters]
+    assert [p.key for p in corrected.symbols.parameters] == [p.key for p in plain.symbols.parameters]
     assert plain.held_out_error == 1e-5
     assert corrected.held_out_error is None
 

@@ -200,7 +200,7 @@ def test_an_assembly_declares_what_it_holds(drive: Coil) -> None:
     assert model.states == BASE_STATES + tuple((drive.name, name) for name in drive.states)
     assert set(model.initial) == set(model.states)
     assert all(p.lower <= p.value <= p.upper and p.unit and p.source for p in model.parameters)
-    assert len({p.name for p in model.parameters}) == len(model.parameters) == model.step.numel_in(5)
+    assert len({p.key for p in model.parameters}) == len(model.parameters) == model.step.numel_in(5)
     assert model.vector({"hoop_stress_factor": 1.2})[0] == 1.2
     assert callable(lower(model.step, model.correct).many)
 

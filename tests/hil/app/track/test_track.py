@@ -231,7 +231,7 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     assert scenario.kind == "vibro"
     values, stage = Options(model=path).values("vibro")
     model = believed_model(scenario, values)
-    named = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+    named = model.theta
     assert stage == "augmented"
     assert model.rig.capsule.mass_kg == 0.2
     assert named["force_N"] == pytest.approx(1.58)

@@ -257,7 +257,7 @@ CASES: Final[Mapping[tuple[str, str], Case]] = MappingProxyType(
         ("run", "done"): lambda stage: stage.lead(),
         ("run", "operator"): _operator,
         ("run", "reset"): lambda stage: stage.lead(each=_faulty, words=("reset",)),
-        ("run", "cancelled"): lambda stage: stage.lead(each=lambda node: _signalled(node, signal.SIGHUP)),
+        ("run", "cancelled"): lambda stage: stage.lead(each=lambda node: _signalled(node, signal.SIGTERM)),
         ("run", "other_controller"): lambda stage: stage.lead(
             {"kind": "second_master", "at_s": 1.0, "duration_s": 0.2}, control="duration_s = 2.0\nprobe = false"
         ),

@@ -7,6 +7,7 @@ That processes started anew do the same is tested in `tests/examples/test_deploy
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import time
 from multiprocessing import get_context
@@ -58,6 +59,8 @@ class Forked:
 
 
 def _work(folder: Path, words: tuple[str, ...], files: list[Path]) -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what it runs in the background ignore it
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     os.chdir(folder)
     for number, file in enumerate(files, start=1):
         os.dup2(os.open(file, os.O_WRONLY | os.O_APPEND), number)

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Final
 
 from models.parameter import Name
 from models.theta import bare
 
-_SURPRISE: Final = (
-    0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
-)
+_SURPRISE: Final = 0.7
+"""Of the mean normalised difference, three standard deviations of its noise, beyond which something pushes."""
 _ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
 _RECENT: Final = 0.1  # share of the newest position in that mean
 TOLD_S: Final = 0.4
 """The greatest age in s that a localiser can tell."""
 # A, m and m/s by which the states of a drive wander
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
+
+
+def check_numbers(record: object, word: str, names: Iterable[str], positive: bool = False) -> None:
+    """ValueError unless the numbers of `record` by these names are finite and 0 or more, or `positive`."""
+    must = "a positive number" if positive else "zero or more"
+    for name in names:
+        value = getattr(record, name)
+        if not 0 <= value < math.inf or (positive and value == 0):
+            raise ValueError(f"{word} {name} must be {must}; got {value!r}")
 
 
 @dataclass(frozen=True)
@@ -35,9 +43,7 @@ class PidGains:
     jerkiness: float = math.nan
 
     def __post_init__(self) -> None:
-        for name in ("k_p", "k_i", "k_d", "windup_N"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"PID gain {name} must be zero or more; got {getattr(self, name)!r}")
+        check_numbers(self, "PID gain", [f.name for f in fields(self) if f.name != "jerkiness"])
 
 
 @dataclass(frozen=True)
@@ -59,9 +65,7 @@ class Correction:
     reach_s: float = 1e-3
 
     def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"loop {name} must be zero or more; got {getattr(self, name)!r}")
+        check_numbers(self, "loop", [f.name for f in fields(self)])
 
 
 @dataclass(frozen=True)
@@ -109,9 +113,7 @@ class FilterNoise:
     drive_wander: Mapping[str, float] = field(default_factory=lambda: dict(_DRIVE_SPREADS))
 
     def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self) if f.name != "drive_wander"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"noise {name} must be a positive number; got {getattr(self, name)!r}")
+        check_numbers(self, "noise", [f.name for f in fields(self) if f.name != "drive_wander"], positive=True)
 
     def up_to(self, age_s: float) -> FilterNoise:
         """The same, with positions taken as old as `Limits.age_s` lets a command rest on: the bus tells no greater age

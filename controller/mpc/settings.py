@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from controller.tuned import check_numbers
+
 
 @dataclass(frozen=True)
 class Horizon:
@@ -70,6 +72,4 @@ class Weights:
     force: float = 5e3
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            if not 0 < getattr(self, f.name) < math.inf:
-                raise ValueError(f"weight {f.name} must be a positive number; got {getattr(self, f.name)}")
+        check_numbers(self, "weight", [f.name for f in fields(self)], positive=True)

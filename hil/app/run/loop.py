@@ -152,7 +152,7 @@ def _listen(
 
     def heard(now: float) -> bool:
         named = faulty and node.receiver.fault > 0 and node.receiver.state == FAULT
-        return named or bool(_stranger(node)) or (_fit(node, now) and not node.answer.unrest)
+        return named or bool(_stranger(node)) or (_fit(node, now) and not _unrest(node, now))
 
     node.receiver.skip()
     began = now = _tick(node, outcome, recorder)
@@ -171,8 +171,8 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals)
     elif doubt.startswith("drive fault"):
         outcome.end = "drive_fault"
         outcome.ended = f"nothing to lead: {doubt}; 'capsule run RIG.toml reset' acknowledges it"
-    elif node.answer.unrest and not node.receiver.twins(now):
-        outcome.end, outcome.ended = "no_rest", f"nothing to lead: {node.answer.unrest}"
+    elif unrest := _unrest(node, now):
+        outcome.end, outcome.ended = "no_rest", f"nothing to lead: {unrest}"
     elif not _fit(node, now):
         fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
         silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
@@ -229,6 +229,11 @@ def _doubt(node: ControllerNode, now: float) -> str:
     )
 
 
+def _unrest(node: ControllerNode, now: float) -> str:
+    """That the drive does not rest, "" where two of a kind make it seem so."""
+    return "" if node.receiver.twins(now) else node.answer.unrest
+
+
 def _fit(node: ControllerNode, now: float) -> bool:
     """Whether there is a drive to lead."""
     return not _doubt(node, now) and node.receiver.beating and node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
@@ -245,8 +250,9 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
         now = _tick(node, outcome, recorder)
         if node.receiver.state in MOVING:
             rested = now
-    if node.answer.unrest and node.answer.unrest not in outcome.ended and not node.receiver.twins(now):
-        outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {node.answer.unrest}"
+    unrest = _unrest(node, now)
+    if unrest and unrest not in outcome.ended:
+        outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {unrest}"
     return now
 
 

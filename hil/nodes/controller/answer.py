@@ -17,12 +17,9 @@ from controller.signals import Measurement, Reference
 from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import not_led
 from controller.supervision.probe import Probe
+from controller.tuned import TOLD_S
 from hil.nodes.frame_map import STANDBY, WAITING
 
-_BACK_S: Final = 0.4
-"""How far back the drive's reports and the wanted positions are kept, for readings that come late: no localiser can
-tell a greater age.
-"""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
 _ASTRAY: Final = 3
@@ -41,7 +38,7 @@ class Onlooker:
         """`rests` is `Driven.rests`, `friction` the command that overcomes it."""
         self._envelope, self._tick_s = envelope, tick_s
         self._contradiction = Contradiction(envelope, noise_m, friction)
-        self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(_BACK_S / tick_s))
+        self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(TOLD_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, rests
         self._astray = 0

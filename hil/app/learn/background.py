@@ -83,18 +83,20 @@ class Background:
             assert isinstance(found, LearningAnswer)
             return found
         except Exception as error:  # noqa: BLE001 - whatever a broken pipe holds
-            return _failed(f"the learner's process {self._end() or f'gave no answer: {_words(error)}'}")
+            gone = isinstance(error, EOFError | ConnectionError)  # the kernel closes the pipe before the process has ended
+            ended = self._end(CLOSED_S if gone else 0.0)
+            return _failed(f"the learner's process {ended or f'gave no answer: {_words(error)}'}")
 
     def _renewed(self) -> Connection:
         self._end()
         return self._start()
 
-    def _end(self) -> str:
-        """Kill the process and let go of the pipe; how it had ended before, "" where it had not."""
+    def _end(self, wait_s: float = 0.0) -> str:
+        """Kill the process and let go of the pipe; how it had ended within `wait_s`, "" where it had not."""
         process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
         ended = ""
         if process is not None and process.pid is not None:
-            process.join(0.1)
+            process.join(wait_s)
             ended = "" if process.exitcode is None else _end_words(process.exitcode)
             process.kill()
             process.join(CLOSED_S)

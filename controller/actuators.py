@@ -1,7 +1,5 @@
 """Static inverses of the drives that push a body: the command for a force."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -2,8 +2,6 @@
 is tuned by, and what pages call it. Whoever needs a property of a drive reads it here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

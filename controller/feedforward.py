@@ -2,8 +2,6 @@
 position loop.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """The height of the carriage's magnet, a command beside its place: as high as the asked pull allows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Limits: one record of numbers with their sources, and one pure function that every command passes last."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, fields
 from numbers import Real

@@ -1,7 +1,5 @@
 """A move that a live setpoint asks for: from where the reference is to a goal, within a speed and an acceleration."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

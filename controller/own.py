@@ -2,8 +2,6 @@
 `capsule.controllers`).
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The controllers by name: each name's chain for the supervisor, best first."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What passes between sensors, estimator, controller and drive: measurement, estimate, reference, action."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A reference made of positions over time, smooth enough to be followed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ Nothing is printed. `progress` may be left out, else it is called with a sentenc
 be used is a ValueError of one sentence. The same input and seed give the same numbers.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Callable, Mapping, Sequence

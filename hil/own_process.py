@@ -1,7 +1,5 @@
 """Processes of this program's own: its modules, never those of the folder that a user happens to stand in."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

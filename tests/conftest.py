@@ -1,7 +1,5 @@
 """What every test may ask for: the folder of shared reference data, a small rig file; and how property tests run."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Iterator

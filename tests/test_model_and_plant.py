@@ -1,7 +1,5 @@
 """Two programs for one physics: the symbolic model against the plant with its exact set-valued friction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers that were chosen say what they are: at their constant, or in the record of settings of their room."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ Where the balance has an unstable cycle of amplitude A, the loop comes to rest i
 more: the friction, whose describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -2,8 +2,6 @@
 hold.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable

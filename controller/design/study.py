@@ -2,8 +2,6 @@
 hunt: by simulation and by harmonic balance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from controller.baselines.lqr import LQR, Gains

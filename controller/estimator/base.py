@@ -1,7 +1,5 @@
 """What every estimator of a friction model does with what comes in: late, wrong, or said by the drive."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

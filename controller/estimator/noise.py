@@ -1,7 +1,5 @@
 """What the filter assumes about the noise of a model, as far as that is trusted."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final

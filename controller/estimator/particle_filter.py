@@ -1,7 +1,5 @@
 """A set of particles, each with a wall, a friction level and a force of its own, that all could be the true one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Final

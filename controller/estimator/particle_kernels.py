@@ -1,7 +1,5 @@
 """The arithmetic of the particles as machine code: weights, moments, renewal. Nothing here can fail."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -2,8 +2,6 @@
 and what those are tested against.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """What friction a control model has on average, and how far off its forces proved to be."""
 
-from __future__ import annotations
-
 from controller.model.control_model import ControlModel
 from models.rigs.parts import surface_of
 

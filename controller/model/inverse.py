@@ -1,7 +1,5 @@
 """The control model turned round: which command, held for a few ticks, gives the capsule a wanted speed."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The control model's step as machine code, and the loops over it that estimators and the MPC ask for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """One sub-step of the smoothed model in CasADi symbols, on the states that matter alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """What the model in use says the next second will be, and by how much it is off when the second is over."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Whether the model in use still holds: a sequential test on what it predicts, while it leads."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, Literal

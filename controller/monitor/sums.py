@@ -1,7 +1,5 @@
 """Cumulative sums (Page 1954): evidence for a change that adds up and never falls below none."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

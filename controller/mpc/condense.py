@@ -1,7 +1,5 @@
 """The numbers of one SQP step, compiled: cost of a plan, its hard bounds, condensed Hessian and gradient."""
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 from numpy.typing import NDArray

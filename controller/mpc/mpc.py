@@ -1,7 +1,5 @@
 """The model predictive controller: what stands between an estimate with a reference and the next command."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """From a state and a guess to a better plan: at most a few Gauss-Newton SQP steps with a line search."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The bounds of one SQP step as rows of its quadratic program, compiled; those that cannot matter are left out."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

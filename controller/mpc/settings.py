@@ -1,7 +1,5 @@
 """What an MPC is told beside its drive's limits: horizon and weights."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 

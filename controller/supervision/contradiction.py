@@ -1,7 +1,5 @@
 """Sensor, drive and capsule held against each other and against the wanted position, whatever an estimator believes."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

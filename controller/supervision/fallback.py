@@ -1,7 +1,5 @@
 """Changing over between controllers: which of them may be asked, and a step between their commands that fades."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator

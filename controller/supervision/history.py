@@ -1,7 +1,5 @@
 """What was measured while a controller led, for whoever learns from it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

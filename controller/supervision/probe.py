@@ -1,7 +1,5 @@
 """A short motion to and fro before the reference: whether the capsule goes where the drive goes, and as far."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

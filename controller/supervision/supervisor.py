@@ -2,8 +2,6 @@
 limits last.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque

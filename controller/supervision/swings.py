@@ -1,7 +1,5 @@
 """Swinging about the reference: what a loop does that is not stable."""
 
-from __future__ import annotations
-
 import math
 
 

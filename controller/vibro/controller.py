@@ -2,8 +2,6 @@
 loop about it.
 """
 
-from __future__ import annotations
-
 import math
 import time
 

@@ -2,8 +2,6 @@
 waveform.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections.abc import Sequence

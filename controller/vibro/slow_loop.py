@@ -6,8 +6,6 @@ Averaged over the cycles, with progress p, the speed s that the map promises, it
     p' = s + b,    s' = (u - s)/tau,    b' = white noise.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What close-loop writes of a table of runs (`vibro_table`), turned into the rig and the values of a drive in time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from models.rigs.rig import Rig

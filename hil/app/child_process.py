@@ -1,7 +1,5 @@
 """What a child process does so that it never outlives the command that began it."""
 
-from __future__ import annotations
-
 from multiprocessing import parent_process
 from os import _exit
 from threading import Thread

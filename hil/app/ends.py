@@ -2,8 +2,6 @@
 of it, and `tests/hil/app/test_ends.py` brings each of them about.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple

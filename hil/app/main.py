@@ -3,8 +3,6 @@
 A command's module is loaded by its name when it is called, so that `capsule --help` answers at once.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

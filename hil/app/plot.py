@@ -1,7 +1,5 @@
 """`capsule plot`: records as one interactive page, a panel a column over time (or over the first column of a table)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

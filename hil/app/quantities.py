@@ -2,8 +2,6 @@
 units with prefixes, powers of ten as such, no sign before a zero.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

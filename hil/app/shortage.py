@@ -2,8 +2,6 @@
 anything else is loaded.
 """
 
-from __future__ import annotations
-
 import errno
 import resource
 from collections.abc import Sequence

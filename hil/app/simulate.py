@@ -1,7 +1,5 @@
 """`capsule simulate`: the plant alone, from a scenario file to a record."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hil.app.console import output_to_notes, print_json, say

@@ -2,8 +2,6 @@
 being loaded, too.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 

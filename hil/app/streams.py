@@ -2,8 +2,6 @@
 it holds before anything else is loaded.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Files that are written complete or not at all: under another name first, then moved into place."""
 
-from __future__ import annotations
-
 import csv
 import fcntl
 import gzip

@@ -1,7 +1,5 @@
 """Which signals say nothing, by a flag of their frame or a value of their own: an integer on the wire has no NaN."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Final

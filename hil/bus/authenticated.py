@@ -2,8 +2,6 @@
 freshness value and an authenticator, after AUTOSAR's Secure Onboard Communication.
 """
 
-from __future__ import annotations
-
 import hmac
 import struct
 import time

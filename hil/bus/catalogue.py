@@ -1,7 +1,5 @@
 """The frames as `capsule.dbc` describes them, read with cantools and checked, as plain records."""
 
-from __future__ import annotations
-
 import binascii
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Values to bytes and back, as fast as Python's integers: a frame is one little-endian number."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

@@ -2,8 +2,6 @@
 `capsule_fd.dbc` from `capsule.dbc` anew.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

@@ -2,8 +2,6 @@
 makes with it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

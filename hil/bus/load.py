@@ -6,8 +6,6 @@ localisation and force sensor, 26.8 % without the force sensor; no frame of 500 
 longer than 1.35 ms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

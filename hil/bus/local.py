@@ -2,8 +2,6 @@
 interface.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """The catalogue as tables in Markdown: `python -m hil.bus.markdown_tables` prints what docs/bus.md holds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from hil.bus.catalogue import Catalogue, Field, Frame, load_catalogue

@@ -2,8 +2,6 @@
 invalid.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping

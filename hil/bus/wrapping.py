@@ -1,7 +1,5 @@
 """Buses of our own: what all of them refuse, and what those around another one pass on."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import can

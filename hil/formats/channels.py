@@ -1,7 +1,5 @@
 """What every reader of another's file gives: channels by name, each with its unit and perhaps a clock of its own."""
 
-from __future__ import annotations
-
 import os
 import resource
 from collections import Counter

@@ -1,7 +1,5 @@
 """Channels with clocks of their own on one: straight between samples, never beyond the first or last of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MCAP: topics of JSON messages, and of ROS 2 messages where the file has their definitions."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Messages of topics (JSON objects, ROS messages) as channels: every number in them, named by its path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Final

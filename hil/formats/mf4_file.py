@@ -1,7 +1,5 @@
 """MF4 and older MDF files of measurements: channels in groups, each group with a clock."""
 
-from __future__ import annotations
-
 import logging
 import mmap
 import warnings

@@ -1,7 +1,5 @@
 """Parquet: columns of a table, whose units may stand in the metadata of a column as `unit`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -2,8 +2,6 @@
 names to read come from standard input, samples go out.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -2,8 +2,6 @@
 takes nothing with it.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import threading

@@ -1,7 +1,5 @@
 """A record of a rig from the channels of another program's file."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

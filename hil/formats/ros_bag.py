@@ -1,7 +1,5 @@
 """ROS bags: a folder with metadata.yaml, or one file, whose messages are told by their definitions."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing

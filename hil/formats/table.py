@@ -1,7 +1,5 @@
 """The formats of other programs' files that can be read and written, in one table."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

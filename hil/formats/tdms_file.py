@@ -1,7 +1,5 @@
 """TDMS: channels in groups, with clocks where LabVIEW wrote them as waveforms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 

@@ -2,8 +2,6 @@
 them.
 """
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Final, NamedTuple

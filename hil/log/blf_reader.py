@@ -5,8 +5,6 @@ A file is a header and objects: containers, which unpack to further objects, amo
 in one container and end in the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Generator, Iterator

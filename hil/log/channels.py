@@ -1,7 +1,5 @@
 """Everything that a file of any readable kind holds, as it stands: no rig says what its columns mean."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The good frames of a log as MCAP while it is written: a topic a frame, as `capsule convert` has them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

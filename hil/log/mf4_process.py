@@ -2,8 +2,6 @@
 damaged file takes nothing with it. They come as `PACKED` on its standard output, then what is wrong in a sentence.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Where a log and the record beside it stand, that they are one run's alone, and what became of them."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

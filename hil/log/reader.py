@@ -1,7 +1,5 @@
 """Reads CAN logs of any format that python-can reads, and the record beside a log of ours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """A CAN log as a record: the rig's driven and measured columns on one time base, decoded with the catalogue."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -2,8 +2,6 @@
 until the input ends.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

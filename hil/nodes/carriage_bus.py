@@ -2,8 +2,6 @@
 its log stay as they are.
 """
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections import deque

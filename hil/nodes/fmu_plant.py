@@ -1,7 +1,5 @@
 """An FMU in the place of the simulated plant: a program of somebody else's that is stepped as ours is."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import weakref

@@ -1,7 +1,5 @@
 """Which frames and signals belong to which kind of rig, and what its drive's numbers mean."""
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Listening to a bus whose driver may raise: for a while, or to what waits there."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Collection, Iterator
 

@@ -1,7 +1,5 @@
 """Who steers by hand, as a node on the bus: setpoints out, the controller's answer in."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter

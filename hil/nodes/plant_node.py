@@ -2,8 +2,6 @@
 sensor.
 """
 
-from __future__ import annotations
-
 import math
 import secrets
 from collections.abc import Callable

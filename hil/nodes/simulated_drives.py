@@ -1,7 +1,5 @@
 """Drives of other makers, simulated: the plant's side of `hil.nodes.actuators`."""
 
-from __future__ import annotations
-
 import can
 
 from controller.limits import Limits

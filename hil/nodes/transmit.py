@@ -1,7 +1,5 @@
 """What a node says: its own frames, protected; a bus that does not take them is counted, never raised."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import can

@@ -1,7 +1,5 @@
 """What drives have in common that count in turns, follow places and coast without torque: table and bus."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """One step of an assembled model: base, drive and effects on the gut or on a plate, in CasADi symbols."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

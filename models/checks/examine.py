@@ -1,7 +1,5 @@
 """All checks on all records of a series, and which rows of a record a fit may use."""
 
-from __future__ import annotations
-
 import pkgutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

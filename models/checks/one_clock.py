@@ -1,7 +1,5 @@
 """A record whose measured columns were stamped by a clock that drifts, brought to that of the driven one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.records.record import Record

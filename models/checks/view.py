@@ -1,7 +1,5 @@
 """One record as the checks look at it: its columns, its clock, its motion, its noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """An elastic link that pulls a body: what a string, a thread or a stem between a rig and its capsule does."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -2,8 +2,6 @@
 that each of its rigs asks, that serve numbers, arrays and CasADi symbols alike, and that say nothing at amplitude zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import fields
 from inspect import getsourcefile

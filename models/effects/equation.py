@@ -1,7 +1,5 @@
 """An effect's equations as text, written down from its hooks: what is printed is what is computed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from inspect import signature

@@ -1,7 +1,5 @@
 """What a closed loop found, as plain records: everything the report shows and nothing it has to compute."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """What the loop from residual to effect needs to know of a kind of rig."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Protocol
 

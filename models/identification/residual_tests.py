@@ -1,7 +1,5 @@
 """Residual checks of a fitted model against what the same checks give on records without anything missing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 

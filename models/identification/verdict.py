@@ -1,7 +1,5 @@
 """One rule for every verdict: `named` and `none` only where every check of the report passes; else `unknown`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Final
 

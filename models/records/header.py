@@ -1,7 +1,5 @@
 """Sentences for headers that do not have the columns of a kind of rig."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A linear stage, or one that turns: its place is imposed, its force or torque is measured."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.rigs.columns import Columns, Range

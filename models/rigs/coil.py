@@ -1,7 +1,5 @@
 """A coil outside the body pushes the capsule: its current or voltage is driven, the capsule's place is measured."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from models.drives.coil import Coil, VoltageCoil, Winding

@@ -1,7 +1,5 @@
 """Columns of a record: which of them it needs, and the ranges of their values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """A sample of the wall in a dynamic test: its frequency is driven, both moduli are measured."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.rigs.columns import Columns

@@ -1,7 +1,5 @@
 """A steady contact: speed and load are driven, the friction force or its coefficient is measured."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.rigs.columns import Columns, Range

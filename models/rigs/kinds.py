@@ -1,7 +1,5 @@
 """The kinds of rig by their names in a rig file."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from models.rigs.axis import AXIS

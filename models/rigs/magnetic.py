@@ -1,7 +1,5 @@
 """A permanent magnet on a carriage draws the capsule: the carriage's place is driven, the capsule's is measured."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from models.drives.drive import Drive

@@ -1,7 +1,5 @@
 """The magnets of carriage and capsule: as a spring with a range, or by their own numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal

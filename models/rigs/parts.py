@@ -1,7 +1,5 @@
 """From a rig to the surface and the drive that `models.assembly.model.assemble` takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Periods of stick and slip of a capsule that is drawn at one speed: how long each lasts, its valley and its peak."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A rig draws the capsule through the gut: its place is imposed, the force is measured."""
 
-from __future__ import annotations
-
 from models.drives.pull import Pull
 from models.rigs.columns import Columns
 from models.rigs.kind import IN_GUT, RigKind

@@ -1,7 +1,5 @@
 """Rig files: read from TOML, checked, and handed on as plain records."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path

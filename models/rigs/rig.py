@@ -1,7 +1,5 @@
 """What the experimenter believes about a rig, as plain records."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """Tables of a file: their keys with range, meaning and example, and sentences for what is wrong with them."""
 
-from __future__ import annotations
-
 import typing
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType

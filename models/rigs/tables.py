@@ -1,7 +1,5 @@
 """The tables of a rig file with the range of every key: what an experimenter may state about a rig."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import Annotated, Literal
 

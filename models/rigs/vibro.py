@@ -1,7 +1,5 @@
 """An inner mass on a spring shakes the capsule along: its coil is switched, the capsule's place is measured."""
 
-from __future__ import annotations
-
 from models.drives.coil import Winding
 from models.drives.drive import Drive
 from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro

@@ -2,8 +2,6 @@
 measured.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.rigs.columns import Columns

@@ -1,7 +1,5 @@
 """SCENARIO.toml: a rig file's tables with the truth in them, plus what is commanded, sensed and hidden."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

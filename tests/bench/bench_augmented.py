@@ -7,8 +7,6 @@ rig with the nominal, the calibrated and the augmented model. One JSON line a ru
 not repeated.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tomllib

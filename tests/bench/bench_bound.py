@@ -8,8 +8,6 @@ is that in the other half. A capsule cannot be held closer to its path than it i
 beyond that no linear filter sees.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ bus's pace.
 `python -m tests.bench.bench_bus [FRAMES]`
 """
 
-from __future__ import annotations
-
 import random
 import sys
 import time

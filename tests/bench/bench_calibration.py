@@ -13,8 +13,6 @@ its class. `none` is right where nothing is hidden, `named` where the hidden eff
 where the hidden effect is nothing that the catalogue has. An effect too small to be seen counts like any other.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import datetime

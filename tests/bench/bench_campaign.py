@@ -7,8 +7,6 @@ third of the runs is on file. What is timed is what follows, by the wall clock a
 each worker one chunk.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

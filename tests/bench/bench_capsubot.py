@@ -8,8 +8,6 @@ too); with `--nested` also the search done anew on the two thirds, so that the c
 held out.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -7,8 +7,6 @@ in which a check says something, and the share of spoiled ones in which the chec
 measured records are found (CAPSULE_SHARED), what the checks say of those follows, record by record.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from collections import Counter, defaultdict

@@ -5,8 +5,6 @@ Three runs a trial, 8 s each, seed 7: a ramp at 1 mm/s, a sine, and steps with r
 errors. Filter and gains vary together. Nothing that the benchmarks judge on takes part.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 from unittest.mock import patch

@@ -6,8 +6,6 @@ that they took, the cockpit's share of a core and memory, and the bytes of a pic
 all of them alike; it may end a run, which is said.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import json

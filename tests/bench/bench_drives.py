@@ -7,8 +7,6 @@ loop and prints a line a series. `--truth` prints instead what the model leaves 
 and finer steps of the plant.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import replace

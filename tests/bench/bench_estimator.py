@@ -2,8 +2,6 @@
 tests.bench.bench_estimator`.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 

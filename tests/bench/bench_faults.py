@@ -9,8 +9,6 @@ an operator among them. Faults of an operator come to a run that somebody steers
 one over an authenticated bus.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

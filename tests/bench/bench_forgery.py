@@ -3,8 +3,6 @@
 `python -m tests.bench.bench_forgery [FRAMES]`
 """
 
-from __future__ import annotations
-
 import random
 import sys
 import time

@@ -6,8 +6,6 @@ bystander on the bus has heard of it are compared with the log's, one by one; 1 
 missing, others stand there, or a replay differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

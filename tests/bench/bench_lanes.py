@@ -4,8 +4,6 @@
 prints the ratio and what compiling took.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -16,8 +16,6 @@ Errors are rms of the capsule's true place against the reference: over the 25 s 
 driven is the run without learning, which is then not driven again.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

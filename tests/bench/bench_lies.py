@@ -10,8 +10,6 @@ JSON once it has ended, and runs that stand there are not done again. Status 1 w
 falsely stopped.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

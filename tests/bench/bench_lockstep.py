@@ -5,8 +5,6 @@ Simulated seconds a second of processor time and of the wall clock, a line a con
 process at 500 Hz. What else the machine does slows the processor too, so compare numbers of one run.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import replace

@@ -7,8 +7,6 @@ FILE, with all that the monitor saw; finished ones are not repeated. `--table` p
 with the thresholds of today. Thresholds are set on guts from 100 on (`--first 100`) and judged on those from 0 on.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

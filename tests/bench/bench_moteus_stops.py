@@ -4,8 +4,6 @@
 one took longer than that and a tick. Lines that end in "refused" show why set-up refuses that setting.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

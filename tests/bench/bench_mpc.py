@@ -5,8 +5,6 @@ Wall-clock ms suffer from whatever else the machine does, ms of the thread's own
 ratios of one run. Needs the extra `bench` (do-mpc).
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

@@ -6,8 +6,6 @@ prints each survivor's change and how many there were, and ends with 1 where one
 which no test can tell from the original.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

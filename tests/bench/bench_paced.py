@@ -7,8 +7,6 @@ missed where its command goes out after the tick's end. Times by the wall clock 
 does, the thread's own processor time hardly: both are printed.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import os

@@ -11,8 +11,6 @@ was away (`tests.bench.witness`); commands that were missed, and ends, with no w
 program's own and counted apart.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -6,8 +6,6 @@ base" is the held-out error of the same model with its base numbers as the answe
 to the training records.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tomllib

@@ -8,8 +8,6 @@ every life with a level of its own. A command that ends before its time (a machi
 command lives) is begun again and counted. Status 1 where one grows by more than `BOUND_MB_H`, or was never measured.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

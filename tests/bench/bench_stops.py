@@ -6,8 +6,6 @@ a constant speed over a simulated wire, falls silent at `phases` instants spread
 and prints the longest way and time from the last command to rest, both ways.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 

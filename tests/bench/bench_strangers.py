@@ -6,8 +6,6 @@ findings that headed the report, the held-out error in floors, the time, and whe
 the shared series that the rows have in mind. What is on file is not run again.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

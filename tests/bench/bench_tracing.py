@@ -9,8 +9,6 @@ once more, with the model that was found but from the plant's own base numbers o
 gain.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

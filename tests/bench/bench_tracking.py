@@ -7,8 +7,6 @@ traverses of magnet and coil, each gut with a seed of its own. Without `--anatom
 seeds from 0 on; tune on others (`--first 100`).
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ optimal cycles.
 `python -m tests.bench.bench_vibro [--out DIR] [--plants N]` prints the tables and writes them to DIR/vibro.json.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -4,8 +4,6 @@ tests.bench.draw_tracking docs/tracking.png`.
 Needs matplotlib, which nothing else here does (`.venv/bin/pip install matplotlib`). The shipped slow traverse, seed 1.
 """
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from pathlib import Path

@@ -2,8 +2,6 @@
 hard.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The least-energy cycles of every kind of impact, which the drive map's choices are held against."""
 
-from __future__ import annotations
-
 from controller.vibro.cycles import Cycles, Gait, Impact, impact_of
 from controller.vibro.design.cost_by_impact import Alternative
 from controller.vibro.design.optimal_cycle import optimal_cycle

@@ -1,7 +1,5 @@
 """What the bench of lies runs: the lies in three sizes each, the references, and sound rigs drawn at random."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -2,8 +2,6 @@
 all.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -4,8 +4,6 @@
 and draws all into DIR.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict, dataclass
 from itertools import product

@@ -2,8 +2,6 @@
 it late lies below the machine (or in a kernel that does not let it in).
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

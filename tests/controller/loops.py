@@ -1,7 +1,5 @@
 """Small closed loops and rigs for the controller's tests. The truth here is the control model's own or the plant's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

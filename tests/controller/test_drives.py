@@ -1,7 +1,5 @@
 """Each drive is declared once, and read by that declaration alone."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An experiment interrupts a reference at rest and goes there and back; the reference goes on later."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The height of a magnet: as high as the pull allows, as low as the tissue bears."""
 
-from __future__ import annotations
-
 import tomllib
 from typing import Any
 

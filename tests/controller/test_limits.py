@@ -1,7 +1,5 @@
 """Limits: no input whatsoever gets a command past them, and what breaks none of them passes unchanged."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """A move ends where it shall, at rest, within its speed and acceleration, from wherever it begins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

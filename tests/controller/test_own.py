@@ -1,7 +1,5 @@
 """Controllers from a user's file: used by name, held by the limits, stepped in for; what is refused, in a sentence."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The shipped deployment: a simulated plant in one process, the controller in another, then a replay."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

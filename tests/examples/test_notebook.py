@@ -1,7 +1,5 @@
 """The notebook runs from its first cell to its last, and its two forms say the same."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

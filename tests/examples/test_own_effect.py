@@ -1,7 +1,5 @@
 """The example effect is found where it is there: in a record of a model that has it, with noise."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The example record: what the README says comes out, comes out."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The papers' two speeds as one record: what the loop says of them, and that the files hold what was printed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.identification import close

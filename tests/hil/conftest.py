@@ -1,7 +1,5 @@
 """What tests of the bus and of the command line share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4

@@ -1,7 +1,5 @@
 """Made-up findings for the tests of the report and the command line."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.identification.finding import (

@@ -1,7 +1,5 @@
 """A bus that gives what it was filled with."""
 
-from __future__ import annotations
-
 import can
 
 

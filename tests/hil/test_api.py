@@ -1,7 +1,5 @@
 """The program from Python gives what the command line gives, and prints nothing."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

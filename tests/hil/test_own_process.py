@@ -1,7 +1,5 @@
 """No process of this program runs what lies in the folder that its user stands in."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

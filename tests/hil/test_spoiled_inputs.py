@@ -1,7 +1,5 @@
 """Every reader on spoiled files: content or one sentence, within bounds of time and memory; never a traceback."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import random

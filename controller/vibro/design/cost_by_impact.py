@@ -1,7 +1,5 @@
 """What a mean speed costs with every kind of impact: without, at the front stop, at the rear one, at both."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

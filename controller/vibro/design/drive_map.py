@@ -2,8 +2,6 @@
 put in gears.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

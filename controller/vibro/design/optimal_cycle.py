@@ -13,8 +13,6 @@ next round aims at is corrected by what the exact model made of the last one, an
 reported.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Mean speed and energy of square waves over period, duty and amplitude, and the cheapest one for a speed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -2,8 +2,6 @@
 poles and margins.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

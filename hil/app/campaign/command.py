@@ -2,8 +2,6 @@
 came of it.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The same runs on a Dask cluster: an optional extra."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import pickle

@@ -13,8 +13,6 @@ name = "folds"
 set.effects.fold_periodic = { excess = 0.3, wavelength_m = 0.0073 }
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

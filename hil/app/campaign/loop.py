@@ -1,7 +1,5 @@
 """A run of a closed loop: what the tables of a scenario, its seed and the controller's model lead to."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The report of a campaign: how the metric is distributed, and its worst cases with the command that repeats each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """What a worker of a campaign does: runs, each of which ends in a row, whatever happens in it."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import time

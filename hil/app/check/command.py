@@ -1,7 +1,5 @@
 """`capsule check`: what is wrong with records before anything is fitted to them, and what they cannot show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

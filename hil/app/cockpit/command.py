@@ -1,7 +1,5 @@
 """`capsule cockpit`: a bus or a log on a page in the browser."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What a page with the token may do: start and stop a run, and steer with a dead-man switch. Nothing is sent before."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """What the page says of the rig and its models, and its panels: lines, each from the signals of a frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 watched, or all samples of a log.
 """
 
-from __future__ import annotations
-
 import struct
 from array import array
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Where a page's frames come from: a bus, read and never written to, or a log."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Final
 

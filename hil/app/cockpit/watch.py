@@ -1,7 +1,5 @@
 """What frames tell, one after the other: states of all nodes, what was refused and why, and the events worth a line."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """`capsule convert`: records and logs of any readable kind to CSV, Parquet, MF4 or MCAP."""
 
-from __future__ import annotations
-
 import gzip
 import os
 from collections.abc import Sequence

@@ -2,8 +2,6 @@
 driven over the bus, recorded, learnt from and driven again.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

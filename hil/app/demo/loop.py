@@ -2,8 +2,6 @@
 model; and a run that learns while it goes on.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Iterator, Mapping

@@ -2,8 +2,6 @@
 and what the effect is then.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 before and after.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 from typing import Final

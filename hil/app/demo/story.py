@@ -1,7 +1,5 @@
 """What a story of the demo is: it goes from its data to a finding, and what the printed measurements tell."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

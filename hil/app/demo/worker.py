@@ -1,7 +1,5 @@
 """The demo's stories, a process each and two at a time, with a line of progress for every one."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import sys

@@ -2,8 +2,6 @@
 an inner mass its resonance, gears and slow loop.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

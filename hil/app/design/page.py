@@ -1,7 +1,5 @@
 """The design's plots as one page: Bode, Nyquist, sensitivity, poles, and the loop on set-valued friction."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from html import escape

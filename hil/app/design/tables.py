@@ -1,7 +1,5 @@
 """What a design found in words and tables, for terminal and page alike: poles, gains, margins, cycles."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rich.table import Table

@@ -2,8 +2,6 @@
 margins.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """The reference of the Python API as Markdown, read from the signatures and docstrings of `hil.api`."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from importlib import import_module

@@ -1,7 +1,5 @@
 """The catalogue of effects as Markdown, read from the effects' own declarations."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator, Mapping
 from typing import Final

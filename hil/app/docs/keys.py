@@ -1,7 +1,5 @@
 """Every key of the input files with unit, range, default and meaning, read from the schema that checks the files."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import typing

@@ -1,7 +1,5 @@
 """What the keys of deployments and scenarios mean, in a few words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Final
 

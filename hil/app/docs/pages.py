@@ -2,8 +2,6 @@
 schema or of the catalogue of effects.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable, Mapping

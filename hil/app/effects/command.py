@@ -1,7 +1,5 @@
 """`capsule effects`: what the search can find, and whether a user's own effects keep to the rules."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`capsule effects propose`: the term that a report proposes for its residual, as an effect file of one's own."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """`capsule export`: a plant or a found model as an FMU, as a friction table, as a MuJoCo body."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final

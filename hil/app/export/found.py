@@ -1,7 +1,5 @@
 """A found model for export: its assembly, the values of a stage, and what of it no export can carry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final

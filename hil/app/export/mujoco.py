@@ -1,7 +1,5 @@
 """A found model's friction as MuJoCo knows friction: a slide joint with frictionloss, damping and armature."""
 
-from __future__ import annotations
-
 from typing import Final
 from xml.sax.saxutils import quoteattr
 

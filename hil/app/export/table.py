@@ -1,7 +1,5 @@
 """Friction over speed, direction and place, as a found model has it in steady sliding."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """`capsule close-loop`: measured records in; report, numbers and the better model out."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """`capsule predict`: the measured column as a model that close-loop wrote predicts it from the driven column alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

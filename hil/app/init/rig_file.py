@@ -2,8 +2,6 @@
 it; and a template record of each kind of rig, simulated.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """`capsule jog`: steer a controller that leads, from the keyboard or by a script."""
 
-from __future__ import annotations
-
 import math
 import os
 import select

@@ -2,8 +2,6 @@
 the run goes on.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -83,7 +81,9 @@ class Background:
             assert isinstance(found, LearningAnswer)
             return found
         except Exception as error:  # noqa: BLE001 - whatever a broken pipe holds
-            gone = isinstance(error, EOFError | ConnectionError)  # the kernel closes the pipe before the process has ended
+            gone = isinstance(
+                error, EOFError | ConnectionError
+            )  # the kernel closes the pipe before the process has ended
             ended = self._end(CLOSED_S if gone else 0.0)
             return _failed(f"the learner's process {ended or f'gave no answer: {_words(error)}'}")
 

@@ -1,7 +1,5 @@
 """The experiment that is driven where what was gathered does not suffice."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a model that broke to a better one: gather, identify in the background, offer, watch, take back."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future

@@ -1,7 +1,5 @@
 """`capsule seeds`: the seed papers' numbers as table or JSON, and a page of their figures."""
 
-from __future__ import annotations
-
 from html import escape
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Paper A's Fig. 5 to 7: the rise, the fall and three periods of the saw, with the eight measured periods."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

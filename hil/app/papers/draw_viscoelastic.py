@@ -1,7 +1,5 @@
 """Paper V's Fig. 5, 7 and 9, force against speed, and its dynamic moduli."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What every figure of the papers shares: palette, axes, lines and points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Paper C: the flat-car model's amplitude and period, which its own equations do not give, and its Fig. 8."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

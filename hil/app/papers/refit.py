@@ -1,7 +1,5 @@
 """Least squares of relaxation laws on dynamic moduli, and their error on data left out."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One line of the comparison: what a paper states, what its equations give, what was measured, and the verdict."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The base model's stick-slip over speed against what papers A and C measured at 0.5 and 10 mm/s."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Paper V: force against speed, friction coefficient, and the moduli over strain; and the base model's check values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

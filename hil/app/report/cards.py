@@ -2,8 +2,6 @@
 themselves.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import fields

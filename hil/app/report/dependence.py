@@ -1,7 +1,5 @@
 """What the residual of an `unknown` depends on, and the term that is proposed for it, on the page and in words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from html import escape
 

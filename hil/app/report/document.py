@@ -1,7 +1,5 @@
 """The frame of every page: one self-contained file with its style, its figures, and plotly packed to under a MB."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable, Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """Figure of a table of runs: measured and predicted speed over drive period and duty."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figure of the residual against whatever it may depend on, before and after."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

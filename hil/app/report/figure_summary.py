@@ -1,7 +1,5 @@
 """Figures of the outcome: the error by stage, and the candidates with their evidence."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of a record: measured against predicted, what each model leaves, and the motion of a proposed one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

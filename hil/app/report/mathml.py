@@ -1,7 +1,5 @@
 """Formulas as MathML, which browsers typeset without any script: fractions, indices, powers, roots and cases."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass

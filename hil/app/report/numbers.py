@@ -1,7 +1,5 @@
 """The numbers of a finding as `report.json` holds them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The report as one self-contained HTML page."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from html import escape

@@ -1,7 +1,5 @@
 """What a figure draws of a record: one panel a measured quantity, thinned so that every slip event stays visible."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colours and the common look of the figures on all pages; in the dark the page's style exchanges them."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 from typing import Any
 

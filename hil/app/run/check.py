@@ -1,7 +1,5 @@
 """What `capsule run RIG.toml check` looks at before anything moves: bus, drive, limits, model, time."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The node's clock, a bus that stamps with it, a grid of ticks, and how late things were."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """`capsule run`: the controller alone, on a real actuator bus."""
 
-from __future__ import annotations
-
 import logging
 import math
 import sys

@@ -1,7 +1,5 @@
 """Why a drive was not enabled: the one sentence of a run that gave up, or that found its cause after its end."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The controller's task that the record beside a log describes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -2,8 +2,6 @@
 and the tick that it can hold.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -2,8 +2,6 @@
 sent.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections import deque

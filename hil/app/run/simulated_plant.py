@@ -1,7 +1,5 @@
 """`capsule plant`: the simulated drive side alone, in real time on a deployment's bus, where no rig is at hand."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -2,8 +2,6 @@
 of an operator, and the drive's own where that is another maker's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table `[checks]`: what a closed-loop run is held to, for all controllers or, as `[checks.mpc]`, for one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from itertools import pairwise

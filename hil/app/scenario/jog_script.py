@@ -1,7 +1,5 @@
 """What `capsule jog --script` and the table `[jog]` of a scenario read: one setpoint a line, and for how long."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

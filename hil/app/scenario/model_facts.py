@@ -1,7 +1,5 @@
 """What a control model is made of, in words and numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from controller.model.control_model import ControlModel

@@ -1,7 +1,5 @@
 """What a run's JSON object and its summary say of the monitor's verdict on the model in use."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The table `[belief]`: the rig file that the experimenter would have written, over nominal values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final

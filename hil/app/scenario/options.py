@@ -1,7 +1,5 @@
 """What a command line asks of a closed-loop run, in the loop alone (`track`) or over the bus (`sil`)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

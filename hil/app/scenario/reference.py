@@ -1,7 +1,5 @@
 """The table `[reference]`: where the capsule shall go, in mm and mm/s."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

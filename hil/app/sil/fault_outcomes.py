@@ -1,7 +1,5 @@
 """What came of each fault: how long until the drive was in its safe state, and whether that was safe."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

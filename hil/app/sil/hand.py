@@ -1,7 +1,5 @@
 """Who speaks beside the controller in simulated time: the operator of a scenario's `[jog]`, another one, a stranger."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math

@@ -2,8 +2,6 @@
 in its safe state, and whether that was safe.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

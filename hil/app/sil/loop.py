@@ -1,7 +1,5 @@
 """One closed loop over the simulated bus: what it leaves to be judged."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import signal

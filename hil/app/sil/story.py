@@ -1,7 +1,5 @@
 """A run that learned, on one page: tracking error over time, what happened when, the models before and after."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise

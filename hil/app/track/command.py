@@ -1,7 +1,5 @@
 """`capsule track`: a closed loop in simulation, without a bus."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """One closed loop in simulated time: plant session, estimator, supervised controller, tick by tick."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter

@@ -1,7 +1,5 @@
 """The report of a closed-loop run: one page with the path, the error, the command and what the estimator believed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from html import escape

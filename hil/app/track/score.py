@@ -2,8 +2,6 @@
 of the plant.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """What `capsule track` prints: how well each controller tracked, what it took of limits and time, and the verdicts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final

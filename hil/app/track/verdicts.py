@@ -1,7 +1,5 @@
 """Whether a closed-loop run keeps the limits of `[checks]`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

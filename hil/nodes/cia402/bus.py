@@ -1,7 +1,5 @@
 """A CiA 402 drive as the catalogue's carriage."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Final

@@ -2,8 +2,6 @@
 Needs canopen.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

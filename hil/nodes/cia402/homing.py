@@ -1,7 +1,5 @@
 """Lets a CiA 402 drive take a mode, and home itself, over SDO: neither is believed before the drive shows it."""
 
-from __future__ import annotations
-
 import math
 import time
 from typing import Any, Final

@@ -2,8 +2,6 @@
 it stops. Needs the package canopen.
 """
 
-from __future__ import annotations
-
 import logging
 import time
 from dataclasses import dataclass

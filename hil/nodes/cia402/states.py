@@ -2,8 +2,6 @@
 61800-7-201.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass

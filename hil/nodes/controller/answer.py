@@ -2,8 +2,6 @@
 it leads, a drive that does not rest while it must.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter, deque
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Who was late: setpoints that a gateway holds back ever longer, by their counter, or the controller itself."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

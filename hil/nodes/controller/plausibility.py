@@ -2,8 +2,6 @@
 that jumped.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What the controller node hears: protected frames, their age, and the measurements in them."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter, deque
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """What the controller believes and wants, and what the monitor says of its model, in frames for those who watch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Final

@@ -1,7 +1,5 @@
 """A carriage of another maker, simulated: what all of them have in common."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A drive on the bus: what it hears, its state machine, its temperature, and what it reports."""
 
-from __future__ import annotations
-
 import math
 import secrets
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The power stage of each kind of drive: how it follows its setpoint and how it gets to its safe state."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """A drive's state machine: boot, self-test, standby, ready, enabled, derated, quick stop, fault; one pure step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

@@ -1,7 +1,5 @@
 """When the controller's ticks begin by a drive's own clock, so that a command that comes late is known to be old."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

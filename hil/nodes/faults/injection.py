@@ -2,8 +2,6 @@
 may do.
 """
 
-from __future__ import annotations
-
 import copy
 import heapq
 import random

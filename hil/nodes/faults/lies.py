@@ -2,8 +2,6 @@
 in form and false in content.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable, Mapping

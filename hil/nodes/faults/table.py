@@ -1,7 +1,5 @@
 """The table `[[faults]]`: what shall go wrong, when, for how long, and where."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

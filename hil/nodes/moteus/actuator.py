@@ -2,8 +2,6 @@
 sent with every command and read back with every reply. Source: the maker's register reference.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping

@@ -2,8 +2,6 @@
 firmware: what `hil.nodes.moteus.actuator` sets up and leads, its frames read apart from it.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Final

@@ -2,8 +2,6 @@
 controller's side, so that each shows the other's mistakes.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Iterator

@@ -2,8 +2,6 @@
 description of its CAN protocol and registers.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from typing import Final

@@ -1,7 +1,5 @@
 """The table `[moteus]`, and the names of what a moteus controller tells: faults and modes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final

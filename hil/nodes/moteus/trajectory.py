@@ -1,7 +1,5 @@
 """The trajectory that a moteus makes of its commands: at once where nothing limits it, else as its limits allow."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

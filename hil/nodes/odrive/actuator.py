@@ -1,7 +1,5 @@
 """An ODrive as the catalogue's carriage, over CANSimple: states, mapping, limits, safe state."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Mapping

@@ -2,8 +2,6 @@
 `hil.nodes.odrive.actuator` sets up and leads, written apart from it.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Final

@@ -2,8 +2,6 @@
 page, DBC and enumerations.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 from typing import Final

@@ -1,7 +1,5 @@
 """The table `[odrive]` of a deployment."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Samples so far apart, or so close, or a record so short, that the time is in another unit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

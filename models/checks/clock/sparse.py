@@ -1,7 +1,5 @@
 """A measured column that has no value in some rows."""
 
-from __future__ import annotations
-
 from models.checks.finding import RecordFinding
 from models.checks.view import View
 from models.records.record import USED

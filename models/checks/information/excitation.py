@@ -1,7 +1,5 @@
 """Whether records hold the motion that an effect needs in order to show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

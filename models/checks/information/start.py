@@ -1,7 +1,5 @@
 """A record that begins in the middle of a motion, or where an earlier one left the wall stretched."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

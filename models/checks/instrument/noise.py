@@ -1,7 +1,5 @@
 """The noise as it is against the noise as stated, and whether it is white."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Single samples far off both neighbours, and values that are none: -999 of a logger that got no answer."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

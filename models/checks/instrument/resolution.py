@@ -1,7 +1,5 @@
 """Resolution against noise: a converter or a camera whose steps are wider than the noise."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -1,7 +1,5 @@
 """Tones that stay the same whatever the motion does: mains and ringing."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import periodogram
 

@@ -1,7 +1,5 @@
 """Which samples of a measured column a fit may use, and the record with the others filled in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.information.start import run_in

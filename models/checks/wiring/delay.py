@@ -1,7 +1,5 @@
 """Two clocks: a measured column that comes later or earlier than the motion, and one that comes later and later."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Two columns in each other's place, and one that stands in two places."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -2,8 +2,6 @@
 friction holds the body back and leaves the shape of its swings.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Magnets so near each other that they are no dipoles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

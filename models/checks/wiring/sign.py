@@ -1,7 +1,5 @@
 """Signs: a force that drives the motion which it should resist, a capsule that goes against its drive."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

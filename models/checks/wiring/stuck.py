@@ -1,7 +1,5 @@
 """A driven place that rests while what is measured goes on as in motion: an encoder that is stuck or slips."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -1,7 +1,5 @@
 """Tables (friction, moduli, mean speeds, slip periods): values that no such rig gives, signs that give energy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Values a power of ten off what the rig can be."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -2,8 +2,6 @@
 both sides of the middle, against the motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

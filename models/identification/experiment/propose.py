@@ -1,7 +1,5 @@
 """The motion that tells best what the records leave confounded: random motions, the best of them varied."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Two models that fit the records about as well, and how far apart a further record would put them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

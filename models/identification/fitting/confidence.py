@@ -1,7 +1,5 @@
 """How sure a fitted parameter is."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The kinds of rig that the loop can work on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType

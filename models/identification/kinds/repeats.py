@@ -1,7 +1,5 @@
 """Tables in which rows under the same conditions repeat each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """What a residual that no known effect explains depends on: state, time, a tone; and the term that is proposed."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import Final

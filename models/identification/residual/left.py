@@ -1,7 +1,5 @@
 """The residual of records while the capsule moves, as a force where it is one, beside the signals it may depend on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

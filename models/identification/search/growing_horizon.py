@@ -2,8 +2,6 @@
 little late, over many it is out of step, and least squares sees no way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

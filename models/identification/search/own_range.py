@@ -2,8 +2,6 @@
 own range a parameter keeps the size from which on its effect is what it is called.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

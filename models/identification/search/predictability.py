@@ -2,8 +2,6 @@
 runs soon tell nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

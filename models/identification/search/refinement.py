@@ -1,7 +1,5 @@
 """Finer shapes of the effects that are named: which of them the records tell."""
 
-from __future__ import annotations
-
 from collections.abc import MutableMapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ways to a fit: stepped on from where it is, on ever longer beginnings; the better of them as judged."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

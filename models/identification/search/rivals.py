@@ -1,7 +1,5 @@
 """Which other candidates explain the records as well as a named effect: each is put in its place, fitted, compared."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How well a model fits records, as candidates are compared by it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -2,8 +2,6 @@
 loop goes off.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import replace

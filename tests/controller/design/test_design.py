@@ -1,7 +1,5 @@
 """Design: the linear plant is the model's, margins are those of closed forms, tuned loops keep what they promise."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import replace

@@ -2,8 +2,6 @@
 told; who gets it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

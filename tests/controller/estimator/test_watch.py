@@ -1,7 +1,5 @@
 """What refused positions say: the capsule slipped, the sensor jumped, or nothing yet."""
 
-from __future__ import annotations
-
 import pytest
 
 from controller.estimator.base import Watch, Wrong

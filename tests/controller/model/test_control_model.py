@@ -1,7 +1,5 @@
 """The control model against the assembled one, its derivatives, its compiled twin, and what it takes."""
 
-from __future__ import annotations
-
 import itertools
 import tomllib
 from typing import Any

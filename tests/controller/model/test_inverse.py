@@ -1,7 +1,5 @@
 """The inverse of what stands between command and force: play and dead zone are crossed, not forgotten."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

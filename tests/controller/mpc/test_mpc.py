@@ -1,7 +1,5 @@
 """The MPC in closed loop with its own model and with the plant: bounds, deadline, NaN, offset, warm start, rest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import count
 

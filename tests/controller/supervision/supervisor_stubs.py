@@ -1,7 +1,5 @@
 """Stub controllers and short runs for the supervisor's tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any

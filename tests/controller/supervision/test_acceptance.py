@@ -1,7 +1,5 @@
 """The gate: only a model that is better on held-out records and within its bounds passes."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping

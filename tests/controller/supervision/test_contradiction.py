@@ -1,7 +1,5 @@
 """What sensor and drive say alone: told apart from what cannot be, and left alone where it can."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

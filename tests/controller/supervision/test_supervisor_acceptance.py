@@ -1,7 +1,5 @@
 """A new model under the supervisor: taken at rest only, without a step, and never past a gate that refused it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

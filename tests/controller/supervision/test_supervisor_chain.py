@@ -2,8 +2,6 @@
 localisation.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The supervisor under whatever may happen: nothing raises, nothing gets past the limits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

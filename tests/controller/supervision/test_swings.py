@@ -1,7 +1,5 @@
 """A loop that swings about its reference is calmed; a large error on one side, and stick and slip, are not swings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Which stop a cycle strikes: told from the swing, chosen by energy among the alternatives."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The vibro controller by name: from a control model with its values to a drive map, and no other drive."""
 
-from __future__ import annotations
-
 import pytest
 
 from controller.drives import envelope_of

@@ -1,7 +1,5 @@
 """Waveforms and gears: impulse kept over ticks, blends, flips, rests; a gear's speeds only grow."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

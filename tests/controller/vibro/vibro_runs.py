@@ -1,7 +1,5 @@
 """The vibro controller on the plant, stepped through a session, and how its mean speed is judged."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

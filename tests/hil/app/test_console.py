@@ -1,7 +1,5 @@
 """Progress off a terminal: a line for each new stage, one every ten seconds within a stage, and how long is to go."""
 
-from __future__ import annotations
-
 import io
 
 from rich.console import Console

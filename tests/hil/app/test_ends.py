@@ -2,8 +2,6 @@
 documentation's table has them. An end without a case fails, and so does a case without an end.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Folders that others could write to, or another command has."""
 
-from __future__ import annotations
-
 import os
 import resource
 from collections.abc import Iterator

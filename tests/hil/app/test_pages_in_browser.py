@@ -2,8 +2,6 @@
 sideways scrolling, no clipped or overlapping text.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

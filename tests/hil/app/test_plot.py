@@ -1,7 +1,5 @@
 """`capsule plot` draws records of a rig, and any CSV as it stands."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

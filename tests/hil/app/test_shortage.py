@@ -1,7 +1,5 @@
 """Too little memory or too few open files end with a sentence that says so."""
 
-from __future__ import annotations
-
 import errno
 import resource
 import subprocess

@@ -5,8 +5,6 @@ clock counts instructions (`-icount`), `INSTRUCTIONS_A_SECOND` to its second, so
 fast or busy the host is.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 import os

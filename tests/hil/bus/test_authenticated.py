@@ -1,7 +1,5 @@
 """An authenticated bus: frames come through as they are; forged, repeated and classic ones do not; keys and epochs."""
 
-from __future__ import annotations
-
 import os
 import random
 import time

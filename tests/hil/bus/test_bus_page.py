@@ -1,7 +1,5 @@
 """docs/bus.md says what the DBC, the fault catalogue and the tests' limits say."""
 
-from __future__ import annotations
-
 import math
 import re
 

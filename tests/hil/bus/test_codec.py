@@ -1,7 +1,5 @@
 """The fast codec says what cantools says, both ways, and refuses what cantools lets through."""
 
-from __future__ import annotations
-
 import binascii
 import math
 import re

@@ -1,7 +1,5 @@
 """capsule_fd.dbc is capsule.dbc in CAN FD: tools read from it what goes over an authenticated bus."""
 
-from __future__ import annotations
-
 import can
 import cantools
 from cantools.database import Database

@@ -1,7 +1,5 @@
 """Counter, CRC and age: a bad frame changes nothing and is counted."""
 
-from __future__ import annotations
-
 import math
 from itertools import combinations
 

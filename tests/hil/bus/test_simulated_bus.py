@@ -1,7 +1,5 @@
 """The simulated bus: priority, true lengths, error counters, bus-off; the same again for the same input."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator
 

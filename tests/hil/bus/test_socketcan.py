@@ -4,8 +4,6 @@ tests/hil/bus/test_socketcan.py`.
 Five to ten minutes without KVM. The kernel is kept in `CAPSULE_QEMU_FOLDER` where that is set.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

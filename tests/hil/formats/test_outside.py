@@ -2,8 +2,6 @@
 comes out; whole records of the same kinds are read.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sqlite3

@@ -1,7 +1,5 @@
 """Logs: what was sent is read back to the nanosecond, and what a kill leaves is whole up to the last second."""
 
-from __future__ import annotations
-
 import os
 import resource
 import shutil

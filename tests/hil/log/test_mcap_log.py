@@ -1,7 +1,5 @@
 """A log's frames as MCAP: by the writer's process while a run goes on, by `sil`, as `capsule convert` has them."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from xml.etree import ElementTree

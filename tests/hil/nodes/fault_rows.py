@@ -1,7 +1,5 @@
 """Rows of the tests and benches that go through all faults."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from hil.nodes.faults.table import KINDS, LIES, MAKER

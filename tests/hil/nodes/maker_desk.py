@@ -2,8 +2,6 @@
 time through the adapter, as a controller would.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 

@@ -2,8 +2,6 @@
 lead beside another master.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -2,8 +2,6 @@
 states.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from tests.bench.bench_stops import stated, worst

@@ -1,7 +1,5 @@
 """The assembled model against trajectories of a separate implementation and against answers known in closed form."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The smooth model that a controller differentiates: finite and right derivatives at rest and on the move."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Each check finds what it is for, keeps still on a clean record, and says where and what to do."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 

@@ -2,8 +2,6 @@
 not; its noise is told however fast it swings.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables as other labs write them: what no rig gives stops before the fit, what one gives is left alone."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Effects in a row: what one lets through is what the next one gets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

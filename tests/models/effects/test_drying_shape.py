@@ -1,7 +1,5 @@
 """The finer shape of a drift: nothing at the start, and what it leaves of a drift that settles exponentially."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares

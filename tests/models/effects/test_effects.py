@@ -1,7 +1,5 @@
 """The conformance suite that every effect of the catalogue runs through, on every kind of rig that it declares."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields
 from functools import cache

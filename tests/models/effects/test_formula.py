@@ -1,7 +1,5 @@
 """Formulas written down from functions: their text has the functions' values, and reads as a person would write it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

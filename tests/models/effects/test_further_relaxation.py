@@ -1,7 +1,5 @@
 """Two Maxwell branches side by side: after a stop the force relaxes as the sum of two exponentials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

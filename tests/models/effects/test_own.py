@@ -1,7 +1,5 @@
 """Effects from a user's file: what is refused, in a sentence, and what a model file keeps of them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint

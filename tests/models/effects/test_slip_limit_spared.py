@@ -1,7 +1,5 @@
 """A change of F_e that the slip limit does not feel, or the other way round: who is named for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

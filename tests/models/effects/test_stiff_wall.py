@@ -1,7 +1,5 @@
 """A wall that is stiffer at small drags: where it slips, and how fast it draws back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

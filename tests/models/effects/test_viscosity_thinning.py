@@ -1,7 +1,5 @@
 """A viscous wall that thins: Carreau's law, its limits, and what it leaves of a power law."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

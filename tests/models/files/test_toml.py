@@ -1,7 +1,5 @@
 """What a user's TOML file may be, and what is said of anything else."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From score to probability: what is said is what was right, and never more than the series allow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

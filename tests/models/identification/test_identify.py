@@ -1,7 +1,5 @@
 """Closing the loop: what is named on measured and on simulated data, and what is not."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A model file that is not what was written is refused, and who changed it by hand can seal it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a finished search allows to say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Two magnets as dipoles: forces from one energy, and finite cylinders as an outside library has them."""
 
-from __future__ import annotations
-
 import magpylib
 import numpy as np
 import pytest

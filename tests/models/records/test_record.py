@@ -1,7 +1,5 @@
 """Records: what is read, and one sentence with file, line and column for everything that is wrong."""
 
-from __future__ import annotations
-
 import gzip
 import time
 from collections.abc import Callable

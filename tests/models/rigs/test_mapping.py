@@ -1,7 +1,5 @@
 """`[columns]` of a rig file: another's names, units, signs and offsets, in CSV files; and tables to paste."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a kind of rig is stands in its declaration: code asks that, and does not know kinds by their names."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Final

@@ -2,8 +2,6 @@
 reported, initialised, documented; and led, with one table in the controller and one in the plant.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Rig files: what is read, and one sentence for everything that is wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A kind of rig that nobody here knows: a jet drives a capsule along a slab, and the capsule's place is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar

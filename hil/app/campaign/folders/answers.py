@@ -2,8 +2,6 @@
 the others of their kind or with their own held-out records.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence

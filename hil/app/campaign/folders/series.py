@@ -1,7 +1,5 @@
 """Folders of series: `rig.toml` and its records, those whose names begin with `holdout` or `held_out` held out."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """A found model as an FMU: its step written out in C by CasADi, its parameters FMI parameters."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

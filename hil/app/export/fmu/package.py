@@ -1,7 +1,5 @@
 """An FMU: the description of its variables, the core compiled behind FMI's functions, both in one archive."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """The simulated plant of a scenario as an FMU: its own compiled loops, its numbers, nothing of Python."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the numbers of an axis are called: along a line, or about the axis itself."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 records, and about the axis for one that turns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """How an axis moved in a record, as its inverse dynamics need it: filtered motion, sure directions, rests."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

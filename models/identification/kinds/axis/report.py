@@ -1,7 +1,5 @@
 """What the report says about a stage: its equations, what its data cannot tell, what to measure next."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

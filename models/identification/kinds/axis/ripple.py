@@ -1,7 +1,5 @@
 """Is what remains of a stage's force periodic in position: cogging of the motor, ripple of the ball screw."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What the report says about a dynamic test: the moduli, what no relaxation law explains, what to measure next."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

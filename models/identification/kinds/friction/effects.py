@@ -1,7 +1,5 @@
 """The catalogue's effects on a steady contact, in ranges that follow from its records."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

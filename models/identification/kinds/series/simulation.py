@@ -1,7 +1,5 @@
 """A model run over a record: compiled once, eight sets of numbers side by side, free or kept in step by an observer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """From the parameters of a fit to the numbers of the compiled vibro drive: base values and effects onto its fields."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

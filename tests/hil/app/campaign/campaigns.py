@@ -1,7 +1,5 @@
 """A small campaign and what its rows hold, for the tests of campaigns."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

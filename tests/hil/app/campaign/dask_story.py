@@ -5,8 +5,6 @@ Scheduler, workers, campaigns and killers are processes forked from this one, wh
 is there at once.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Campaigns: every run once, whatever is killed in between; each repeated by one command."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Campaigns over folders of series: each closed once, whatever is killed or refused; one page that says it all."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

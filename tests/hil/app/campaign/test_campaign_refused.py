@@ -1,7 +1,5 @@
 """Campaigns that cannot be used: one sentence each."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

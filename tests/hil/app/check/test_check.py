@@ -1,7 +1,5 @@
 """`capsule check`: status, findings as text and as JSON, and that `close-loop` heeds them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

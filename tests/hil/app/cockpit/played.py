@@ -1,7 +1,5 @@
 """A log played on the local bus at its own pace: what a page shows does not hang on how busy the machine is."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """A controller and its drive that only act as such on the local bus: they tell the story, and heed an operator."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What a bus says while a carriage is led: the drive comes up, the capsule moves, the model breaks, frames are bad."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Final

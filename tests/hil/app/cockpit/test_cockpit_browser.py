@@ -2,8 +2,6 @@
 it back; wide and narrow, light and dark, nothing clipped, no request to a network.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """What cannot be used is one sentence and status 2."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

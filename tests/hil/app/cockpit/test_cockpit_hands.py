@@ -1,7 +1,5 @@
 """What a page may command: nothing before it has armed, nothing once it is silent, one page at a time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What is drawn: a minute in fixed memory, only what is new, least and largest of each pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

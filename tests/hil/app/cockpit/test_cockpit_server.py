@@ -1,7 +1,5 @@
 """The page's server: what it gives to whom, how little it sends, and sentences for what cannot be."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

@@ -1,7 +1,5 @@
 """What the cards show: states, what was refused and why, events, a node that falls silent and comes back."""
 
-from __future__ import annotations
-
 import can
 
 from hil.app.cockpit.panels import Facts

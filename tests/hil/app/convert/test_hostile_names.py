@@ -1,7 +1,5 @@
 """Names from files are words: no formula of a spreadsheet, no script of a page, no order to a terminal."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Sequence

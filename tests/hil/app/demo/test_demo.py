@@ -2,8 +2,6 @@
 all.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import time

@@ -1,7 +1,5 @@
 """`capsule design`: numbers as one JSON object, plots in one page, one sentence for a rig that has no linear design."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The generated parts of docs/*.md say what the schema and the catalogue of effects say."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import MISSING, fields

@@ -1,7 +1,5 @@
 """Paths, modules, commands and links that the documentation names are there."""
 
-from __future__ import annotations
-
 import re
 from importlib.util import find_spec
 from itertools import product

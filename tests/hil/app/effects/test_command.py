@@ -1,7 +1,5 @@
 """`capsule effects`, and an effect of one's own from record to controller."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

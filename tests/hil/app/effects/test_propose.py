@@ -1,7 +1,5 @@
 """From a residual that no known effect explains to an effect file, and to a better model with it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

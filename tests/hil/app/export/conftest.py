@@ -1,7 +1,5 @@
 """Small scenarios and models to export, and a program that plays an FMU."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`capsule export fmu`: what FMPy plays is what runs here."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`capsule export table` and `capsule export mujoco`: the friction that the model slides with."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

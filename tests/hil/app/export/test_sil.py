@@ -1,7 +1,5 @@
 """An FMU as the plant of `capsule sil`: the loop that the scenario's own plant gives."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The next experiment as files: what close-loop writes is what track, sil and run follow with `--reference`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

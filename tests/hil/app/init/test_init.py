@@ -1,7 +1,5 @@
 """`capsule init` writes files that the program takes as they are."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`capsule jog`: what it sends for keys and scripts, what it refuses, and a run that it steers, in three processes."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty

@@ -1,7 +1,5 @@
 """What `capsule jog` says where its setpoints are refused: counted by reason, told, status 1."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -1,7 +1,5 @@
 """The learner's process killed, stopped or cut off: an answer that says so, another process, an end within a bound."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -1,7 +1,5 @@
 """The experiment of a run that learns: within what the file allows, driven at a rest, the same in a replay."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path

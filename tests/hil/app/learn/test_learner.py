@@ -1,7 +1,5 @@
 """From broken to better: gathered, asked, offered, taken at a rest, kept or taken back; nothing without the gate."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace

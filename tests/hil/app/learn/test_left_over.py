@@ -1,7 +1,5 @@
 """What a model left while it held is taken off by place and way, and nothing else is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The report: a page that works offline and stays small, and numbers that any program can read."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import re

@@ -1,7 +1,5 @@
 """Files of deployments for tests: a rig with a bus, and the plant that stands in for it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.conftest import RIG

@@ -4,8 +4,6 @@ Starting anew takes some seconds of a processor, which a test of what two proces
 That processes started anew do the same is tested in `tests/examples/test_deployment.py`.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

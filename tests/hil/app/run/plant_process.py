@@ -1,7 +1,5 @@
 """A plant in a process of its own and `capsule run` in another, which leads it in real time."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator

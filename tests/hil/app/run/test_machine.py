@@ -1,7 +1,5 @@
 """What `check` says of a machine: settings of the interface from what `ip` tells, and the tick that it holds."""
 
-from __future__ import annotations
-
 import math
 import os
 import socket

@@ -2,8 +2,6 @@
 controller shows where.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import tomllib

@@ -1,7 +1,5 @@
 """`capsule run` without a plant: what it checks, what it refuses to lead, and in which sentence."""
 
-from __future__ import annotations
-
 import json
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`capsule run` and `capsule plant` on an authenticated bus: they lead as ever, and what others send does nothing."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The true cause of an end is in its sentence: two nodes with the same identifiers, a localisation that is too old."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a run in real time is measured and paced by: the rehearsal, quantiles, the grid of ticks, stamps of frames."""
 
-from __future__ import annotations
-
 import time
 
 import can

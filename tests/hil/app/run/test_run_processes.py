@@ -1,7 +1,5 @@
 """`capsule run` and a plant in two processes in real time: it leads, a signal stops it, a dead plant ends it."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

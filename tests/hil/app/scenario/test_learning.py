@@ -1,7 +1,5 @@
 """The table `[learning]`: read from a scenario and a deployment alike, refused in one sentence."""
 
-from __future__ import annotations
-
 import tomllib
 
 import pytest

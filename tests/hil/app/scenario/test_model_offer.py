@@ -2,8 +2,6 @@
 a jump.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

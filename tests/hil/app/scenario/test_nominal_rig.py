@@ -1,7 +1,5 @@
 """What the controller is told of a rig: `[belief]` over nominal values."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil.app.scenario.nominal_rig import read_belief

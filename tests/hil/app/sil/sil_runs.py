@@ -1,7 +1,5 @@
 """Short runs over the bus, one for each kind of drive, that tests and benches share."""
 
-from __future__ import annotations
-
 import atexit
 import tempfile
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """A localisation that drifts, in `capsule sil` as a user types it: stopped, told, status 1."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`capsule sil --watch`: the run is the same, in real time, and its frames are what a watcher sees."""
 
-from __future__ import annotations
-
 import threading
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page of a run that learned: its numbers are the trace's, and it says what happened when."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A coil behind a lag that nobody told: whoever swings is taken out, and the limits hold."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

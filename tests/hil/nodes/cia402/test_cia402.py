@@ -1,7 +1,5 @@
 """The states of a CiA 402 drive and the words between: those of another program, and only one way to operation."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The adapter's wire: a command leaves as a drive's words, and what the drive says is heard protected."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace

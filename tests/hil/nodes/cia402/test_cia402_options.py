@@ -1,7 +1,5 @@
 """What a deployment may say of a CiA 402 drive: homing, its own objects, led by speeds; and what is rounded is told."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace

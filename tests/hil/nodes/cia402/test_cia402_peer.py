@@ -1,7 +1,5 @@
 """The simulated CiA 402 drive is led and understood by another program: canopen's own profile 402."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A CiA 402 drive is looked at before it is set up, and is believed to have homed only where it shows that it has."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace

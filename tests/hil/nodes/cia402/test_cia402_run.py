@@ -1,7 +1,5 @@
 """`capsule run` leads a carriage that is a CiA 402 drive, in real time."""
 
-from __future__ import annotations
-
 import json
 import time
 from contextlib import closing

@@ -1,7 +1,5 @@
 """A CiA 402 drive's table in a rig file, and its set-up over SDO."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The monitor's word fits its frame whatever it says."""
 
-from __future__ import annotations
-
 import math
 from typing import get_args
 

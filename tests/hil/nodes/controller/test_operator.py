@@ -2,8 +2,6 @@
 in a tick and stops the drive in time. Every run's log replays bit by bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path

@@ -2,8 +2,6 @@
 enables, and the end of the range is stood at.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

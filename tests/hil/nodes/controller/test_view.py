@@ -1,7 +1,5 @@
 """What is shown to those who watch fits its frames, whatever is believed, and comes once in 40 ms."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The same scenario through the same faults with each other maker's drive: safe in the stated time, and told."""
 
-from __future__ import annotations
-
 import random
 
 import can

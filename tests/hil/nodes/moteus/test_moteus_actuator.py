@@ -1,7 +1,5 @@
 """A moteus controller is found and asked what it does without commands, and led through its adapter."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterator

@@ -2,8 +2,6 @@
 what it encodes as a reply is read, and the simulated drive takes its commands and answers what it can parse.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from contextlib import suppress

@@ -2,8 +2,6 @@
 same, by what its replies tell back of commands and by a can.prefix that it loses as it boots.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from tests.hil.app.sil.sil_runs import run

@@ -1,7 +1,5 @@
 """An ODrive led through its adapter in simulated time, and its frames against the maker's description."""
 
-from __future__ import annotations
-
 import math
 import struct
 

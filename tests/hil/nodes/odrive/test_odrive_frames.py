@@ -1,7 +1,5 @@
 """The frames of the ODrive's adapter and of its double, decoded by cantools with a DBC of the maker's messages."""
 
-from __future__ import annotations
-
 import struct
 from contextlib import closing
 from typing import Any

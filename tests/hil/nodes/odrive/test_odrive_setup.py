@@ -1,7 +1,5 @@
 """An ODrive is found, and its watchdog read back, before anything may move."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Proposed motions stay within what the rig is known to do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The next record of a rig whose records leave effects out of sight."""
 
-from __future__ import annotations
-
 import tomllib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far apart a motion puts two models that one pass cannot tell."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How sure a fitted number is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

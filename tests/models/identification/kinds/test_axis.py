@@ -1,7 +1,5 @@
 """A linear stage: exact forces, the filter's published errors on measured data, what effects and noise look like."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

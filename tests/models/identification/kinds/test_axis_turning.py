@@ -1,7 +1,5 @@
 """An axis that turns, and what a record tells of an axis: ranges, noise, rests, a logged speed and load."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

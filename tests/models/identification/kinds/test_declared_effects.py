@@ -1,7 +1,5 @@
 """Every effect that declares a kind of rig is a candidate there, and shows in its predictions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

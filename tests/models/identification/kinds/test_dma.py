@@ -1,7 +1,5 @@
 """A dynamic shear test: published errors of the five elements, a common residual, a bound for every law."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

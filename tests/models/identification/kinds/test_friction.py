@@ -1,7 +1,5 @@
 """A table of friction over speed and load: what is found in laws that are not the catalogue's, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stick-slip periods: paper A's times from its own law, the missing stiffness, and what one speed cannot tell."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 

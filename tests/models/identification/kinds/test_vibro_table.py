@@ -1,7 +1,5 @@
 """The capsubot's mean speed: reference speeds, symmetry, effects in the solver, the criterion, measured runs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

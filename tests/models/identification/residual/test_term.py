@@ -1,7 +1,5 @@
 """The library of short forms: each is found again in its own curve, and knots where none holds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """No candidate is named because its search was luckier, nor for what its refinement does."""
 
-from __future__ import annotations
-
 import tomllib
 
 import numpy as np

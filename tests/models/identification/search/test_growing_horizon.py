@@ -1,7 +1,5 @@
 """A fit that begins with a few teeth of stick and slip: it finds the truth from far off."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -2,8 +2,6 @@
 loop's parts.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What noise alone leaves of a right model, which says when to look no further."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import fields, replace
 from pathlib import Path

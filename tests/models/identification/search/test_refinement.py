@@ -1,7 +1,5 @@
 """Finer shapes that only the final stage shows: taken where they, and not a luckier base, bring a fit to the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

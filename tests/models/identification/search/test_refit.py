@@ -1,7 +1,5 @@
 """A base is found from the nominal one, however far its valley lies from the first descent's."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What stands in a class: every candidate that explains the records as well in the place of a named effect."""
 
-from __future__ import annotations
-
 import tomllib
 
 import numpy as np

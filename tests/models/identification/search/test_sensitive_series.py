@@ -2,8 +2,6 @@
 all that follow.
 """
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """How finer models are told from luck on validation records."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.identification.search.validation import fewest

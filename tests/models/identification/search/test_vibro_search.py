@@ -2,8 +2,6 @@
 record tells.
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from pathlib import Path

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
-from models.effects import followed_by
 from models.parameter import Name
 from models.theta import bare
 
@@ -145,7 +144,7 @@ def _balancing(model: ControlModel, state: Array) -> float:
 def _follow(model: ControlModel, state: Array, command: float) -> None:
     """Set the drive's own states to what they are after `command` was in force for long."""
     for k, name in enumerate(model.states):
-        if followed_by(name) == "command":
+        if model.followed_by(name) == "command":
             state[k] = command
         elif bare(name) == "current_A":
             state[k] = _settled(model, state, k, command)

@@ -20,7 +20,7 @@ from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel, lower
 from models.drives.coil import Winding
 from models.drives.vibro import Vibro
-from models.effects import BY_ID
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
@@ -87,21 +87,21 @@ class VibroModel:
             raise ValueError(f"rig must be of kind {kinds}; got {rig.kind!r}")
         drive = drive_of(replace(rig, kind=INNER_MASS.name))
         assert isinstance(drive, Vibro)
-        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})))
+        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})), Catalogue.of(rig))
 
     @classmethod
-    def of(cls, surface: Surface, drive: Vibro, values: Theta) -> VibroModel:
+    def of(cls, surface: Surface, drive: Vibro, values: Theta, known: Catalogue = CATALOGUE) -> VibroModel:
         """The model with the effects that `values` names."""
         names = list(values.effects)
-        unknown = next((name for name in names if name not in BY_ID), None)
+        unknown = next((name for name in names if name not in known), None)
         if unknown is not None:
-            raise ValueError(f"effect must be one of the catalogue; got {unknown!r}; {nearest(unknown, list(BY_ID))}")
-        model = cls(surface, drive, tuple(BY_ID[name] for name in names), mirror=float(values.get("mirror", 1.0)))
-        known = [spelled(p.key) for p in model.assembly().parameters]
+            raise ValueError(f"effect must be one of the catalogue; got {unknown!r}; {nearest(unknown, list(known))}")
+        model = cls(surface, drive, tuple(known[name] for name in names), mirror=float(values.get("mirror", 1.0)))
+        keys = [spelled(p.key) for p in model.assembly().parameters]
         own = Theta({name: value for name, value in values.base.items() if name not in _ELSEWHERE}, values.effects)
-        unknown = next((name for name in map(spelled, own) if name not in known), None)
+        unknown = next((name for name in map(spelled, own) if name not in keys), None)
         if unknown is not None:
-            raise ValueError(f"value must be of a parameter of this rig; got {unknown!r}; {nearest(unknown, known)}")
+            raise ValueError(f"value must be of a parameter of this rig; got {unknown!r}; {nearest(unknown, keys)}")
         return replace(model, values=own)
 
     @property

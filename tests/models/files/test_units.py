@@ -67,7 +67,8 @@ def test_the_nearest_unit_is_named() -> None:
 
 MEASURED_IN = {
     "m": ["position", "carriage_position"], "rad": ["angle"], "s": ["t", "period"],
-    "m/s": ["velocity", "mean_velocity"], "rad/s": ["velocity"], "N": ["force", "load", "peak", "valley"], "N m": ["torque", "load"], "A": ["coil_current"],
+    "m/s": ["velocity", "mean_velocity"], "rad/s": ["velocity"],
+    "N": ["force", "load", "peak", "valley"], "N m": ["torque", "load"], "A": ["coil_current"],
     "V": ["coil_voltage"], "Hz": ["frequency"], "Pa": ["storage_modulus", "loss_modulus"],
     "1": ["cycles", "duty", "drive_on", "friction_coefficient"],
 }  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.identification.fitting.fit import Problem, descend
+from models.identification.fitting.fit import Problem
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -34,7 +34,7 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
 
 def _fitted(kind: VibroTableKind, records: Sequence[Record], theta: Theta, secants: Sequence[float]) -> Theta:
     for secant in secants:
-        theta = descend(Problem.of(kind, records, list(theta.effects), 0), theta, secant, SET.table_steps).theta
+        theta = Problem.of(kind, records, list(theta.effects), 0).descend(theta, secant, SET.table_steps).theta
     return theta
 
 

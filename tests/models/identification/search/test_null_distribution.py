@@ -9,8 +9,8 @@ import pytest
 
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
+from models.identification.search.fitted_model import judged_cost
 from models.identification.search.screening import null_distribution, records_for_null
-from models.identification.search.validation import judged_cost
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta

@@ -79,8 +79,8 @@ class Process:
         k, points = self.model.kernels, (self._states, self._d, self._level)
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *points, self._values)
         before = self.model.left(b.command, command)
-        own = (k.parameters, self.level.index, self._values)
-        k.run_each(self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, *own)
+        moved = (self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
+        k.run_each(self.level.index, self._values, *moved)
         take_moments(*points, self.where, self._scale, self._noise_of(b), b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command

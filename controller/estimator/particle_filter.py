@@ -90,8 +90,8 @@ class ParticleEstimator(Estimator):
     def _go_on(self, now: float, command: float) -> None:
         k, before = self.model.kernels, self.model.left(self._drive, command)
         self._values[:] = self._level.middle * (1 + self._levels)
-        own = (k.parameters, self._level.index, self._values)
-        k.run_each(self._states, before, command, self._forces, self._time_s, k.tick_s, k.substeps, *own)
+        moved = (self._states, before, command, self._forces, self._time_s, k.tick_s, k.substeps, k.parameters)
+        k.run_each(self._level.index, self._values, *moved)
         self._newest += 1
         if self._newest % self._every == self._every // 2:
             self._scatter()

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.checks.instrument.usable import used
+from models.checks.usable import used
 from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, OneByOne, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from models.checks.finding import RecordFinding
-from models.checks.instrument.jumps import jumps
-from models.checks.instrument.resolution import without_steps
+from models.checks.estimators import Array
+from models.checks.finding import Findings
+from models.checks.places import jumps, without_steps
 from models.checks.settings import SET
-from models.checks.view import Array, View
+from models.checks.view import View
 from models.rigs.tables import MOST_DRIFT
 
 _GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit that a drift takes away, over a constant shift
@@ -28,30 +28,32 @@ class Lag:
     gain: float
 
 
-def check_delay(view: View) -> list[RecordFinding]:
+def check_delay(view: View) -> Findings:
     """Whether the force of a pull or a stage answers the motion late or early, or ever later; and whether the place of
     a capsule comes ever later than its magnet's (behind which it comes late anyway).
     """
-    pair = view.kind.layout.own()
-    if not view.kind.led or not view.timed or not set(pair) <= set(view.record.columns):
-        return []
-    lag = lag_of(view, *pair)
+    place, measured = view.kind.layout.own() if view.kind.led else ("", "")
+    lag = _lag_of(view, place, measured) if {place, measured} <= set(view.record.columns) else None
     if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
-        return []
-    place, measured = pair
+        return
     known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {SET.lag_drift_std_s if lag.drift else SET.lag_std_s:g}"
     how = f"a friction loop through both fits {100 * lag.gain:.0f} % better with {measured} moved by so much"
-    where = f"{measured} against {place}, throughout"
+    where = f"{measured} against {place}"
     if not lag.drift:
         said = f"{measured} comes about {late(lag.first_s)} than the motion that makes it"
         said += ": two clocks, a filter or a slow sensor"
-        return [view.finding("clock_offset", "note", where, said, how, f"[clock] {known}")]
-    said = f"{measured} comes {1e3 * abs(lag.drift):.3g} ms {later(lag.drift)} with every second"
+        yield view.finding("clock_offset", "note", said, how, f"[clock] {known}", where)
+        return
+    begins = f", from {late(lag.first_s)} at the first stamp on" if view.kind.drawn else ""
     drift = f"drift = {lag.drift + stated_drift(view):.3g}"
-    if view.kind.drawn:
-        said, drift = f"{said}, from {late(lag.first_s)} at the first stamp on", f"{known}, {drift}"
-    said += ": two clocks that do not run alike"
-    return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {drift}")]
+    remedy = f"[clock] {known}, {drift}" if view.kind.drawn else f"[clock] {drift}"
+    yield view.finding("clock_drift", "weakens", drifts(measured, lag.drift, begins), how, remedy, where)
+
+
+def drifts(measured: str, drift: float, begins: str = "") -> str:
+    """A drift in words."""
+    later = f"{1e3 * abs(drift):.3g} ms {_later(drift)} with every second"
+    return f"{measured} comes {later}{begins}: two clocks that do not run alike"
 
 
 def stated_drift(view: View) -> float:
@@ -61,15 +63,14 @@ def stated_drift(view: View) -> float:
 
 def late(lag_s: float) -> str:
     """A lag in words."""
-    return f"{1e3 * abs(lag_s):.0f} ms {later(lag_s)}"
+    return f"{1e3 * abs(lag_s):.0f} ms {_later(lag_s)}"
 
 
-def later(lag_s: float) -> str:
-    """Its direction in words."""
+def _later(lag_s: float) -> str:
     return "later" if lag_s > 0 else "earlier"
 
 
-def lag_of(view: View, place: str, measured: str) -> Lag | None:
+def _lag_of(view: View, place: str, measured: str) -> Lag | None:
     """How late `measured` is behind the motion of `place`; None where the record tells nothing. What is left of a
     friction loop is the smallest with `measured` moved by this: the loop is a sum of plays of several widths, friction
     that follows the sign of the speed more or less gradually, speed and slope; behind a magnet all but the speed may

@@ -1,21 +1,33 @@
-"""Which samples of a measured column a fit may use, and the record with the others filled in."""
+"""Which samples of a measured column a fit may use, and the record on one clock with the others filled in."""
 
 import numpy as np
 
-from models.checks.information.start import run_in
-from models.checks.instrument.clipping import clipped
-from models.checks.instrument.held_values import fresh
-from models.checks.instrument.outliers import SWITCHED, off, spikes, straight_over
-from models.checks.instrument.resolution import PLACES, without_steps
-from models.checks.instrument.silence import silent
+from models.checks.estimators import Mask, runs_of
+from models.checks.places import PLACES, without_steps
+from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
 from models.checks.settings import SET
-from models.checks.view import Mask, View, runs_of
+from models.checks.start import run_in
+from models.checks.view import View
 from models.records.record import USED, Record, where_measured
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 
 RUN_IN = "_run_in"
 """Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
+
+
+def on_one_clock(record: Record, rig: Rig) -> Record:
+    """`record` with the drift of `[clock]` taken out: measured values stay as they are and get the driven columns'
+    stamps, `t - drift (t - t_0)`, at which a driven place is read between its samples; rows after its last one are left
+    out. Unchanged where no drift is stated, and where stamps do not rise, which the checks refuse.
+    """
+    if rig.clock is None or not rig.clock.drift or TIME not in record.columns or np.any(np.diff(record[TIME]) <= 0):
+        return record
+    logged = record[TIME]
+    true = logged - rig.clock.drift * (logged - logged[0])
+    for name in {name for names in record.layout.driven for name in names if name in record.columns}:
+        record = record.with_column(name, np.interp(true, logged, record[name]))
+    return record.with_column(TIME, true).rows(slice(int(np.searchsorted(true, logged[-1], side="right"))))
 
 
 def usable(view: View) -> Mask:
@@ -37,8 +49,8 @@ def cleaned(record: Record, rig: Rig) -> Record:
     rows = run_in(view)
     if rows:
         record = from_row(record, rows)
-    if view.driven and view.driven not in SWITCHED:
-        record = straight_over(record, view.driven, spikes(view, view.record[view.driven]))
+    if view.driven:
+        record = straight_over(record, view.driven, spikes(view, view.driven))
     if view.driven in PLACES:
         record = record.with_column(view.driven, without_steps(view, record[view.driven]))
     return record
@@ -59,8 +71,8 @@ def gone(record: Record) -> Mask:
     usual = float(np.median(np.diff(np.flatnonzero(good)))) if good.sum() > 1 else 1.0
     least = max(SET.gone_s / max(float(np.median(np.diff(record[TIME]))), 1e-12), SET.gone_intervals * usual)
     mask = np.zeros(len(record), dtype=bool)
-    for a, b in runs_of(~good):
-        mask[a:b] = b - a >= least
+    for a, b in runs_of(~good, least):
+        mask[a:b] = True
     return mask
 
 
@@ -83,6 +95,4 @@ def from_row(record: Record, row: int) -> Record:
 
 def filled(record: Record, column: str) -> Record:
     """`record` with `column` straight between the rows that count."""
-    if USED not in record.columns:
-        return record
-    return straight_over(record, column, ~used(record))
+    return straight_over(record, column, ~used(record)) if USED in record.columns else record

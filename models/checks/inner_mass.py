@@ -8,10 +8,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
 
-from models.checks.finding import RecordFinding
+from models.checks.delay import drifts, late, stated_drift
+from models.checks.estimators import Array
+from models.checks.finding import Findings
 from models.checks.settings import SET
-from models.checks.view import Array, View
-from models.checks.wiring.delay import late, later, stated_drift
+from models.checks.view import View
 from models.rigs.tables import MOST_DRIFT
 
 
@@ -49,84 +50,58 @@ class Answer:
         return self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned
 
 
-def check_inner_mass(view: View) -> list[RecordFinding]:
+def check_inner_mass(view: View) -> Findings:
     """Whether a shaken capsule goes where its drive takes it, as far, and when."""
-    if not view.kind.vibrates or not view.timed or view.rig.drive is None or view.driven is None:
-        return []
-    if not np.ptp(view.record[view.driven]) and np.ptp(view.y) > 100 * view.noise:
-        return [_no_drive(view, view.driven)]
-    both = swings(view)
+    driven, measured = view.driven, view.measured
+    if not view.kind.vibrates or view.rig.drive is None or driven is None:
+        return
+    if not np.ptp(view.record[driven]) and np.ptp(view.y) > 100 * view.noise:
+        said = (
+            f"{driven} is {view.record[driven][0]:g} throughout, while {measured} moves by"
+            f" {1e3 * float(np.ptp(view.y)):.3g} mm: a switch that enables the drive is not what drives it"
+        )
+        remedy = "log what the coil gets, pulse by pulse"
+        yield view.finding("drive_constant", "stops", said, "all values are equal", remedy, driven)
+        return
+    both, where = swings(view), f"{measured} against {driven}"
     if both is None:
-        return []
-    answer, where = _answer(*both, _grid_s(view)), f"{view.measured} against {view.driven}, throughout"
+        return
+    answer = _answer(*both, _grid_s(view))
     if answer.turned:
         shifted = f", or it comes about {late(answer.late_s)}" if answer.best > SET.swing_sure else ""
-        return [
-            view.finding(
-                "drive_sign",
-                "stops",
-                where,
-                f"{view.measured} goes forward where {view.driven} drives the body back: one of the two has its sign"
-                f" turned round{shifted}",
-                f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
-                view.turned_line(view.measured),
-            )
-        ]
-    if answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
-        return [
-            view.finding(
-                "units",
-                "stops",
-                where,
-                f"{view.measured} swings {answer.size:.2g} times as far as the two masses would in the air: another"
-                " unit, of it, of the drive's force or of a mass?",
-                f"correlation {answer.best:.2f} with those swings",
-                f"{view.unit_line(view.measured)}, or [drive] and [capsule]",
-            )
-        ]
-    return _clock(view, both, answer, where)
-
-
-def _no_drive(view: View, driven: str) -> RecordFinding:
-    return view.finding(
-        "drive_constant",
-        "stops",
-        f"{driven}, throughout",
-        f"{driven} is {view.record[driven][0]:g} throughout, while {view.measured} moves by"
-        f" {1e3 * float(np.ptp(view.y)):.3g} mm: a switch that enables the drive is not what drives it",
-        "all values are equal",
-        "log what the coil gets, pulse by pulse",
-    )
-
-
-def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) -> list[RecordFinding]:
-    """A place that is stamped late, or ever later."""
-    drift = _drift(view, both, answer.best)
-    if drift:
-        return [
-            view.finding(
-                "clock_drift",
-                "weakens",
-                where,
-                f"{view.measured} comes {1e3 * abs(drift):.3g} ms {later(drift)} with every"
-                " second: two clocks that do not run alike",
-                "the shift at which the swings in the air fit best, over the record",
-                f"[clock] drift = {stated_drift(view) + drift:.2g}",
-            )
-        ]
-    if answer.best < SET.alike or abs(answer.late_s) <= SET.late_s or answer.best < max(answer.near, 0.0) + SET.ahead:
-        return []
-    return [
-        view.finding(
+        yield view.finding(
+            "drive_sign",
+            "stops",
+            f"{measured} goes forward where {driven} drives the body back: one of the two has its sign turned"
+            f" round{shifted}",
+            f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
+            view.turned_line(measured),
+            where,
+        )
+    elif answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
+        yield view.finding(
+            "units",
+            "stops",
+            f"{measured} swings {answer.size:.2g} times as far as the two masses would in the air: another unit, of it,"
+            " of the drive's force or of a mass?",
+            f"correlation {answer.best:.2f} with those swings",
+            f"{view.unit_line(measured)}, or [drive] and [capsule]",
+            where,
+        )
+    elif drift := _drift(view, both, answer.best):
+        how = "the shift at which the swings in the air fit best, over the record"
+        remedy = f"[clock] drift = {stated_drift(view) + drift:.2g}"
+        yield view.finding("clock_drift", "weakens", drifts(measured, drift), how, remedy, where)
+    elif answer.best >= max(SET.alike, max(answer.near, 0.0) + SET.ahead) and abs(answer.late_s) > SET.late_s:
+        yield view.finding(
             "clock_offset",
             "note",
-            where,
-            f"{view.measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or"
-            " a slow sensor",
+            f"{measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or a slow"
+            " sensor",
             f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
             f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {SET.swing_std_s:g}",
+            where,
         )
-    ]
 
 
 def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
@@ -174,17 +149,16 @@ def swings(view: View) -> tuple[Array, Array] | None:
 
 def _force(view: View) -> Array | None:
     """The force in N on the inner mass that the driven column stands for; None where the rig file does not say."""
-    drive = view.rig.drive
+    drive, per_unit = view.rig.drive, None
     if drive is None or view.driven is None:
         return None
-    values = view.record[view.driven]
     if view.driven == "drive_on":
-        return np.asarray(drive.force_N * values)
-    if drive.rated_voltage_V is not None:
-        return np.asarray(drive.force_N / drive.rated_voltage_V * values)
-    if drive.force_constant_N_per_A is None or drive.coil_resistance_Ohm is None:
-        return None
-    return np.asarray(drive.force_constant_N_per_A / drive.coil_resistance_Ohm * values)
+        per_unit = drive.force_N
+    elif drive.rated_voltage_V is not None:
+        per_unit = drive.force_N / drive.rated_voltage_V
+    elif drive.force_constant_N_per_A is not None and drive.coil_resistance_Ohm is not None:
+        per_unit = drive.force_constant_N_per_A / drive.coil_resistance_Ohm
+    return None if per_unit is None else np.asarray(per_unit * view.record[view.driven])
 
 
 def _in_the_air(view: View, force: Array, t: Array) -> Array:

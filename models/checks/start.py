@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.checks.finding import RecordFinding
+from models.checks.finding import Findings
 from models.checks.settings import SET
 from models.checks.view import View
 
@@ -11,7 +11,7 @@ def run_in(view: View) -> int:
     """How many rows of a record do not count that starts in motion, or under the load of an earlier one; 0 for one that
     starts at rest and free.
     """
-    if not view.timed or view.kind.stage or view.kind.vibrates or not view.moves.any():
+    if view.kind.stage or view.kind.vibrates or not view.moves.any():
         return 0
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
@@ -43,32 +43,26 @@ def _starts_loaded(view: View) -> bool:
     load = view.record["carriage_position_m"] - view.record["position_m"]
     low, high = np.percentile(load[view.moves], [10, 90])
     forth = float(np.mean(view.speed[view.moves] > 0))
-    middle, most = (
-        (0.5 * (low + high), 0.5 * (high - low))
-        if SET.both_ways < forth < 1 - SET.both_ways
-        else (0.0, max(abs(low), abs(high)))
-    )
+    middle, most = 0.0, max(abs(low), abs(high))
+    if SET.both_ways < forth < 1 - SET.both_ways:
+        middle, most = 0.5 * (low + high), 0.5 * (high - low)
     return bool(abs(float(np.mean(load[_first(view, SET.at_once_s)])) - middle) > SET.loaded * most > 0)
 
 
-def check_start(view: View) -> list[RecordFinding]:
+def check_start(view: View) -> Findings:
     """Whether the motion is on when the record starts, or a load of an earlier one; predictions start at rest and
     free.
     """
-    rows = run_in(view)
-    if not rows:
-        return []
-    speed = float(np.mean(view.speed[_first(view)]))
-    moving = _starts_in_motion(view)
-    begins = f"in motion at {1e3 * speed:.3g} mm/s" if moving else "under the load that an earlier motion left"
-    return [
-        view.finding(
+    if rows := run_in(view):
+        speed, moving = float(np.mean(view.speed[_first(view)])), _starts_in_motion(view)
+        begins = f"in motion at {1e3 * speed:.3g} mm/s" if moving else "under the load that an earlier motion left"
+        yield view.finding(
             "starts_in_motion",
             "note",
-            f"{view.moving_column}, {view.at([0])}",
-            f"the record starts {begins}; predictions start at rest and free, so its first"
-            f" {rows * view.dt:.3g} s count in no fit and no error",
+            f"the record starts {begins}; predictions start at rest and free, so its first {rows * view.dt:.3g} s count"
+            " in no fit and no error",
             "speed over the first tenth of a second" if moving else "gap of the magnet at once, beside in motion",
             "record from half a second before the motion starts, with the capsule free",
+            view.moving_column,
+            [0],
         )
-    ]

@@ -5,19 +5,19 @@ effects`, against the measured.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import mul
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 
 from models.checks.usable import used
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, OneByOne, present
+from models.identification.kind import Array, Kind, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
@@ -38,7 +38,7 @@ _BELIEF = "rig file; without it only a start for the calibration"
 
 
 @dataclass(frozen=True)
-class AxisKind(OneByOne):
+class AxisKind(Kind):
     """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do, in a narrower `band`
     (Hz) where the position is too noisy for theirs; of an axis that turns alike, with angles, torques and inertia for
     positions, forces and mass.
@@ -56,14 +56,9 @@ class AxisKind(OneByOne):
     band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
     name: str = AXIS.id
-    criteria: int = 1
-    final: int = 0
-    judges: tuple[int, ...] = (0,)
-    slow_view: bool = False
+    catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = 2
-    next_share: float = 0.04
-    least_gain: float = 0.05
-    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    next_share: ClassVar[float] = 0.04
     _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
     _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
 
@@ -88,7 +83,9 @@ class AxisKind(OneByOne):
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         size = size_of(c, known, band) if known else None
-        return cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
+        catalogue = Catalogue.of(rig)
+        made = cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
+        return replace(made, effects=candidates(c, size, catalogue), catalogue=catalogue)
 
     @classmethod
     def around(
@@ -130,24 +127,17 @@ class AxisKind(OneByOne):
 
     @property
     def quantity(self) -> str:
-        """The measured column."""
         return self.coordinates.force
 
     @property
     def unit(self) -> str:
-        """Its unit."""
         return self.coordinates.force_unit
 
     @property
     def measure(self) -> str:
-        """What `error` is, in words."""
         word = self.coordinates.names[3]
         cut = f"{2 * self.band:g} Hz"
         return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
-
-    def measured(self, record: Record) -> Array:
-        """The measured column."""
-        return record[self.quantity]
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N (torque in N m) that the measured motion needs, one value a row."""
@@ -281,7 +271,6 @@ class AxisKind(OneByOne):
         return self.predict(record, theta) - record[self.quantity], record[self.quantity]
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        """The prediction as the columns of a file."""
         return {"t_s": record["t_s"], self.quantity: predicted}
 
     def _moved(self, record: Record) -> Moved:

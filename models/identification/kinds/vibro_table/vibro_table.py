@@ -4,17 +4,15 @@ criterion.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 
 from models.compiled.residuals import less_in_the_tail
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kind import Array, OneByOne
+from models.identification.kind import Array, Kind
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
 from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
@@ -33,7 +31,7 @@ _SCALE = (
 
 
 @dataclass(frozen=True)
-class VibroTableKind(OneByOne):
+class VibroTableKind(Kind):
     """Mean speed over `cycles` periods from rest, `M v' = S - F - mu (M + m) g Sgn(v)`, `m (v' + xi'') = F - S`, `S = k
     xi`.
 
@@ -45,16 +43,10 @@ class VibroTableKind(OneByOne):
     base: tuple[Parameter, ...]
     reaction_on_body: bool = True
     model_error_m_s: float = 2.0e-3
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for(VIBRO_TABLE.id, VARIANTS))
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: CATALOGUE.acting_on(VIBRO_TABLE.id, VARIANTS))
     step_s: float = STEP_S
-    criteria: int = 1
-    final: int = 0
-    judges: tuple[int, ...] = (0,)
-    slow_view: bool = False
-    next_share: float = 0.05
-    least_gain: float = 0.05
-    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     name: str = VIBRO_TABLE.id
+    catalogue: Catalogue = CATALOGUE
     quantity: str = "mean_velocity_m_s"
     unit: str = "m/s"
     measure: str = "rms error of the mean velocity over the conditions, each the mean of its repeats"
@@ -108,10 +100,6 @@ class VibroTableKind(OneByOne):
             ),
             reaction_on_body,
         )
-
-    def measured(self, record: Record) -> Array:
-        """The measured column."""
-        return record[self.quantity]
 
     def settled(self, records: Sequence[Record]) -> VibroTableKind:
         """The same kind with the mirror under which models with some damping of the spring come nearest to the
@@ -187,7 +175,6 @@ class VibroTableKind(OneByOne):
         return left_out_in_turn(records, index, part)
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against."""
         return {"period_s": record["period_s"], "duty": record["duty"]}
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -15,9 +16,9 @@ from models.checks.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
 from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kind import Array, OneByOne
+from models.identification.kind import Array, Kind
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
@@ -41,7 +42,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 
 @dataclass(frozen=True)
-class SeriesKind:
+class SeriesKind(Kind):
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memory` in s is the observer's
     time constant; residuals of `averaged` neighbours count as one, their mean in units of its own noise, so that a
     structure below the noise of a single sample is seen. `resolution` is the step of the sensor's scale where that is
@@ -57,13 +58,19 @@ class SeriesKind:
     effects: tuple[type[Effect], ...] = ()
     averaged: int = 1
     resolution: float = 0.0
-    slow_view: bool = True
-    next_share: float = 0.6
-    least_gain: float = 0.4
+    criteria: ClassVar[int] = 2  # the observer, and the free run
+    final: ClassVar[int] = 3  # the free run at fine steps
+    judges: ClassVar[tuple[int, ...]] = (0, 1)  # the observer forgives slip events out of step, but little else
+    slow_view: ClassVar[bool] = True
+    next_share: ClassVar[float] = 0.6
+    least_gain: ClassVar[float] = 0.4
+    lanes: ClassVar[int] = LANES
+    beginnings_s: tuple[float, ...] = SET.beginnings_s
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     unit: str = "N"
     quantity: str = field(default="force_N")
+    catalogue: Catalogue = CATALOGUE
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
@@ -75,16 +82,23 @@ class SeriesKind:
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
         noise = series_noise(records, drive.measured, stated)
         step = resolution(records, drive.measured)
-        made = cls.build(surface_of(rig), drive, noise, records)
+        made = cls.build(surface_of(rig), drive, noise, records, Catalogue.of(rig))
         return replace(made, base=made.base + clock_offset(rig.clock), resolution=step)
 
     @classmethod
-    def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:
+    def build(
+        cls,
+        surface: Surface,
+        drive: Drive,
+        noise_std: float,
+        records: Sequence[Record] = (),
+        catalogue: Catalogue = CATALOGUE,
+    ) -> SeriesKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
         memory = SET.held_s if drive.held else SET.drifts_s if drifts(drive) else SET.memory_s
         own = surface.parameters()
         base = own + drive.parameters() + switch_delay(drive, records)
-        effects = tuple(e for e in effects_for(drive.name) if surface.dragged or not _acts_on_the_wall(e))
+        effects = tuple(e for e in catalogue.acting_on(drive.name) if surface.dragged or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
         return cls(
             drive.name,
@@ -97,38 +111,9 @@ class SeriesKind:
             averaged_samples(drive.measured, noise_std, records),
             unit=unit,
             quantity=drive.measured,
+            catalogue=catalogue,
+            beginnings_s=SET.shaken_beginnings_s if drive.held else SET.beginnings_s,
         )
-
-    @property
-    def criteria(self) -> int:
-        """The observer, and the free run."""
-        return 2
-
-    @property
-    def final(self) -> int:
-        """The free run at fine steps."""
-        return self.criteria + 1
-
-    @property
-    def judges(self) -> tuple[int, ...]:
-        """The observer that forgives slip events out of step but little else, and the free run."""
-        return (0, 1)
-
-    nominal = OneByOne.nominal
-
-    def measured(self, record: Record) -> Array:
-        """The measured column."""
-        return record[self.quantity]
-
-    @property
-    def beginnings_s(self) -> tuple[float, ...]:
-        """See `Kind.beginnings_s`: a shaken body strikes many times a second."""
-        return SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s
-
-    @property
-    def lanes(self) -> int:
-        """As many as the compiled loop runs side by side."""
-        return LANES
 
     def _run(
         self, record: Record, theta: Theta, memory: float | None, measured: Array | None, fine: bool = True
@@ -138,7 +123,9 @@ class SeriesKind:
     def _runs(
         self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
     ) -> list[Array]:
-        return Runner(self.surface, self.drive, self.quantity).runs(record, thetas, memory, measured, fine)
+        return Runner(self.surface, self.drive, self.quantity, self.catalogue).runs(
+            record, thetas, memory, measured, fine
+        )
 
     def _from_the_start(self, record: Record, output: Array) -> Array:
         """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
@@ -159,7 +146,6 @@ class SeriesKind:
         return self.residuals(record, [theta], criterion)[0]
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
-        """`residual` at several points."""
         memory = None if criterion else self.memory
         outputs = self._runs(record, thetas, memory, record[self.quantity], criterion == self.final)
         if not memory:
@@ -218,7 +204,6 @@ class SeriesKind:
         return [(first, [from_row(r, half) for r, half in zip(records, halves, strict=True)])]
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against."""
         t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.quantity]
         step = interval(record)
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(low_passed(x, step))))])
@@ -248,7 +233,6 @@ class SeriesKind:
         return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        """The prediction as the columns of a file."""
         return {"t_s": record["t_s"], self.quantity: predicted}
 
 

@@ -4,18 +4,17 @@ forces` against the measured force or coefficient.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import mul
-from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, OneByOne, present
+from models.identification.kind import Array, Kind, present
 from models.identification.kinds.friction.effects import Extent, candidates
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.settings import SET
@@ -30,7 +29,7 @@ _BELIEF = "rig file; without it only a start for the calibration"
 
 
 @dataclass(frozen=True)
-class FrictionKind(OneByOne):
+class FrictionKind(Kind):
     """Steady sliding, one residual a condition (speed, load): the mean of its repeats against the model in standard
     deviations.
 
@@ -48,13 +47,7 @@ class FrictionKind(OneByOne):
     extent: Extent | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(None))
     name: str = FRICTION.id
-    criteria: int = 1
-    final: int = 0
-    judges: tuple[int, ...] = (0,)
-    slow_view: bool = False
-    next_share: float = 0.05
-    least_gain: float = 0.05
-    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    catalogue: Catalogue = CATALOGUE
     measure: str = "rms error of the friction over the conditions, each the mean of its repeats"
 
     @classmethod
@@ -86,17 +79,14 @@ class FrictionKind(OneByOne):
             None if coefficient else rig.noise.force_std_N,
             _scatter(known, quantity) if known else SET.friction_untold,
             extent,
-            candidates(extent),
+            candidates(extent, Catalogue.of(rig)),
+            catalogue=Catalogue.of(rig),
         )
 
     @property
     def unit(self) -> str:
         """N, or 1 for a coefficient."""
         return "N" if self.quantity == FORCE else "1"
-
-    def measured(self, record: Record) -> Array:
-        """The measured column."""
-        return record[self.quantity]
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N that keeps the sliding up, along it, or its ratio to the load; one value a row."""
@@ -162,7 +152,6 @@ class FrictionKind(OneByOne):
         return left_out_in_turn(records, index, part)
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against."""
         return {name: record[name] for name in (SPEED, LOAD) if name in record.columns}
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:

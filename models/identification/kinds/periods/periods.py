@@ -8,14 +8,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
 
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
-from models.identification.kind import Array, OneByOne, present
+from models.identification.kind import Array, Kind, present
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
@@ -54,7 +55,7 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class PeriodsKind(OneByOne):
+class PeriodsKind(Kind):
     """Saw-tooth between `F_e` and `F_e + f_c`: the wall sticks until `T(u_c) = f_c`, then draws back at `v_i = u_c/t_r`
     within the recovery time `t_r`.
 
@@ -73,12 +74,8 @@ class PeriodsKind(OneByOne):
     period_std_s: float | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: single_speed_effects())
     name: str = PERIODS.id
-    criteria: int = 1
-    final: int = 0
-    judges: tuple[int, ...] = (0,)
-    slow_view: bool = False
-    next_share: float = 0.3
-    least_gain: float = 0.05
+    catalogue: Catalogue = CATALOGUE
+    next_share: ClassVar[float] = 0.3
     quantity: str = "period_s, valley_N and peak_N"
     unit: str = "s, N, N"
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: EQUIVALENTS)
@@ -88,11 +85,13 @@ class PeriodsKind(OneByOne):
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> PeriodsKind:
         """The pull that a rig file describes; with `records` of several speeds all that several speeds can tell."""
         speed = SET.pull_m_s if rig.velocity_m_s is None else rig.velocity_m_s
+        catalogue = Catalogue.of(rig)
         kind = cls.around(rig.capsule, rig.tissue, speed, period_std_s=rig.noise.period_std_s)
+        kind = replace(kind, effects=single_speed_effects(catalogue), catalogue=catalogue)
         speeds = kind.speeds_of(records)
         if len(speeds) < 2:
             return replace(kind, velocity_m_s=float(speeds[0])) if len(speeds) else kind
-        return replace(kind, effects=effects_for(PERIODS.id), equivalents=MappingProxyType({}))
+        return replace(kind, effects=catalogue.acting_on(PERIODS.id), equivalents=MappingProxyType({}))
 
     @classmethod
     def around(
@@ -231,7 +230,6 @@ class PeriodsKind(OneByOne):
         return [(a, b) for a, b in out if a and b]
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against."""
         period, valley, peak = self.measured(record).T
         return {
             "period_index": np.arange(1.0, len(record) + 1),
@@ -242,7 +240,6 @@ class PeriodsKind(OneByOne):
         }
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        """The prediction as the columns of a file."""
         speed = {"velocity_m_s": record["velocity_m_s"]} if "velocity_m_s" in record.columns else {}
         return speed | dict(zip(COLUMNS, predicted.T, strict=True))
 
@@ -281,9 +278,9 @@ class PeriodsKind(OneByOne):
         return std
 
 
-def single_speed_effects() -> tuple[type[Effect], ...]:
+def single_speed_effects(catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
     """The candidates of pulls at one speed: none that several speeds alone can show."""
-    known = effects_for(PERIODS.id, (SingleSpeedStiffening,))
+    known = catalogue.acting_on(PERIODS.id, (SingleSpeedStiffening,))
     return tuple(effect for effect in known if "speeds" not in effect.needs)
 
 

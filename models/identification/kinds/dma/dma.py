@@ -5,17 +5,16 @@ tissue.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kind import Array, OneByOne, present
+from models.identification.kind import Array, Kind, present
 from models.identification.settings import SET
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
@@ -30,7 +29,7 @@ COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
 
 
 @dataclass(frozen=True)
-class DmaKind(OneByOne):
+class DmaKind(Kind):
     """Five springs and dampers in decadic logarithms, since they span decades; calibrated on all samples together.
 
     Noise: every sample has its own factor (cut, thickness), every reading its own error.
@@ -38,15 +37,13 @@ class DmaKind(OneByOne):
 
     base: tuple[Parameter, ...]
     modulus_std_Pa: float | None = None
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for(DMA.id))
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: CATALOGUE.acting_on(DMA.id))
     name: str = DMA.id
-    criteria: int = 2
-    final: int = 1
-    judges: tuple[int, ...] = (1,)
-    slow_view: bool = False
-    next_share: float = 0.3
-    least_gain: float = 0.05
-    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    catalogue: Catalogue = CATALOGUE
+    criteria: ClassVar[int] = 2
+    final: ClassVar[int] = 1
+    judges: ClassVar[tuple[int, ...]] = (1,)
+    next_share: ClassVar[float] = 0.3
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
     unit: str = "Pa"
     measure: str = "norm of the error of the complex modulus over its norm in %"
@@ -54,7 +51,8 @@ class DmaKind(OneByOne):
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> DmaKind:
         """The nominal model is the five-element set of paper V, Table 3."""
-        return cls.around(modulus_std_Pa=rig.noise.modulus_std_Pa)
+        catalogue, made = Catalogue.of(rig), cls.around(modulus_std_Pa=rig.noise.modulus_std_Pa)
+        return replace(made, effects=catalogue.acting_on(DMA.id), catalogue=catalogue)
 
     @classmethod
     def around(cls, set_name: str = "zhang2014_viscoelastic_high", modulus_std_Pa: float | None = None) -> DmaKind:
@@ -156,7 +154,6 @@ class DmaKind(OneByOne):
         }
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        """The prediction as the columns of a file."""
         return {"frequency_Hz": record["frequency_Hz"]} | dict(zip(COLUMNS, predicted.T, strict=True))
 
     def _reading(self, size: Array) -> Array:

@@ -53,8 +53,7 @@ class ControlModel:
     the same step compiled, many times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows
     of `x`, late by `delay_s`; the drive follows its command with the time constant `response_s`; `held_out_error` is by
     how much the model missed records that no fit has seen, in the measured column's unit (None: not known, or not of
-    this model, as a part is left out); `wall_force(x, t) -> N` what the wall holds against +x. `gap_limit_m` is where a
-    magnet's force is largest (None: no magnet).
+    this model, as a part is left out). `gap_limit_m` is where a magnet's force is largest (None: no magnet).
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting
     capsule creeps by up to that speed. Sub-steps are at most 1 ms (0.3 ms with an inner mass). First order: a tick of 1
@@ -111,11 +110,9 @@ class ControlModel:
     def force_per_command(self) -> float:
         """Slope of the drive's force at rest in N per unit of command, always positive."""
         p = self.theta.base
-        slope = (
-            p["magnet_stiffness_N_per_m"]
-            if self.gap_limit_m is not None
-            else p.get("coil_force_N_per_A", p.get("force_N", 1.0))
-        )
+        slope = p.get("coil_force_N_per_A", p.get("force_N", 1.0))
+        if self.gap_limit_m is not None:
+            slope = p["magnet_stiffness_N_per_m"]
         return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
     def left(self, before: float, command: float) -> float:
@@ -158,19 +155,14 @@ class ControlModel:
         """One tick with its derivatives, `(x, command, disturbance_N, t) -> (x_next, A, B, E)`."""
         x, c, d, t = self._arguments()
         new = self._tick(x, c, d, t)
-        return ca.Function(
-            "jacobians", [x, c, d, t], ca.cse([ca.densify(e) for e in (new, *(ca.jacobian(new, w) for w in (x, c, d)))])
-        )
+        found = (new, *(ca.jacobian(new, by) for by in (x, c, d)))
+        return ca.Function("jacobians", [x, c, d, t], ca.cse([ca.densify(one) for one in found]))
 
     @cached_property
     def measured(self) -> ca.Function:
         """What the position sensor shows, `(x, t) -> m`, without its delay."""
-        return self._bound(self.symbols.measured, "measured")
-
-    @cached_property
-    def wall_force(self) -> ca.Function:
-        """Force of the wall against +x, `(x, t) -> N`: environmental resistance, mucus and tension."""
-        return self._bound(self.symbols.wall_force, "wall_force")
+        x, _, _, t = self._arguments()
+        return ca.Function("measured", [x, t], [self.symbols.measured(x, t, self.values)])
 
     @cached_property
     def kernels(self) -> Kernels:
@@ -201,10 +193,6 @@ class ControlModel:
         for k in range(self.substeps):
             x = self.symbols.substep(x, c, c, d, t + k * h, h, self.values)
         return x
-
-    def _bound(self, function: ca.Function, name: str) -> ca.Function:
-        x, t = ca.SX.sym("x", len(self.states)), ca.SX.sym("t")
-        return ca.Function(name, [x, t], [function(x, t, self.values)])
 
 
 def checked_tick(tick_s: float) -> float:

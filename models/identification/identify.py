@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show, inseparable, shown_with
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show, inseparable, shown_with
-from models.checks.instrument.usable import lead_in_s
+from models.checks.usable import lead_in_s
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of

@@ -11,8 +11,8 @@ from hil.app.report.cards import grouped
 from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show
 from models.effects import CATALOGUE, Catalogue
 
 STOPPED = 1  # exit status where a finding would stop a fit

@@ -17,7 +17,7 @@ from hil.app.learn.left_over import LeftOver
 from hil.app.quantities import quantity
 from hil.log.record import SOURCES
 from models.assembly.model import effect_parameters
-from models.checks.instrument.usable import from_row
+from models.checks.usable import from_row
 from models.identification import close
 from models.identification.finding import STAGES
 from models.identification.fitting.fit import evaluate

@@ -29,11 +29,12 @@ from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import load_catalogue
 from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
+from hil.drives.carriage_bus import CarriageBus
+from hil.drives.makers import carriage_bus, set_up
+from hil.drives.table import ActuatorTable
 from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
-from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.frame_map import plain

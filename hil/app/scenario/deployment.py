@@ -17,7 +17,8 @@ from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
-from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuator
+from hil.drives.makers import ACTUATORS, read_actuator
+from hil.drives.table import ActuatorTable
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
@@ -323,7 +324,7 @@ def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> 
     """The drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind, limits)
     check_no_key(table, bus.key_file)
-    if needs_fd(table) and not bus.fd:
+    if table is not None and table.fd and not bus.fd:
         raise ValueError("bus.fd must be true with [moteus], whose frames are CAN FD; got false")
     return table
 

@@ -6,8 +6,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from models.assembly.model import effect_parameters
-from models.checks.instrument.usable import cleaned
-from models.checks.one_clock import on_one_clock
+from models.checks.usable import cleaned, on_one_clock
 from models.effects import REFINEMENTS
 from models.identification.kinds.axis import report as axis_report
 from models.identification.kinds.axis.axis import AxisKind

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import chi2, qmc
 
-from models.checks.instrument.usable import lead_in_s
+from models.checks.usable import lead_in_s
 from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of
 from models.identification.kind import Kind, Split
 from models.identification.search.fitted_model import judged_cost

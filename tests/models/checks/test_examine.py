@@ -8,9 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from models.checks.examine import examine, stopping
-from models.checks.information.excitation import cannot_show, inseparable
-from models.checks.instrument.usable import cleaned
-from models.checks.one_clock import on_one_clock
+from models.checks.excitation import cannot_show, inseparable
+from models.checks.usable import cleaned, on_one_clock
 from models.effects import CATALOGUE
 from models.records.record import USED, Record, record_of
 from models.rigs.reader import parse_rig

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.checks.instrument.usable import used
+from models.checks.usable import used
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, Kind, present

@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from models.checks.instrument.noise import noise_used, told_noise
-from models.checks.instrument.usable import counted, filled, from_row, used
-from models.checks.view import grid_step
+from models.checks.estimators import grid_step, told_noise
+from models.checks.noise import noise_used
+from models.checks.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
 from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive

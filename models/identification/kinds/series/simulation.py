@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from models.assembly.model import Assembly, assemble, followed_by
-from models.checks.instrument.usable import gone
+from models.checks.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import Catalogue

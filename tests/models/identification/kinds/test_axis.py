@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from models.checks.instrument.usable import used
+from models.checks.usable import used
 from models.effects.effect import Effect
 from models.identification.kinds import ready
 from models.identification.kinds.axis import report

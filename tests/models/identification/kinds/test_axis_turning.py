@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.checks.information.excitation import cannot_show
+from models.checks.excitation import cannot_show
 from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
 from models.identification.fitting.fit import Fit

@@ -24,7 +24,7 @@ from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
 from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.variant import Range
+from models.identification.kinds.ranges import Range
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -149,10 +149,11 @@ class AxisKind(Kind):
         load = c.load_in(record.columns)
         s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, load=record[load] if load else 0.0)
         acting = present(self.effects, theta)
-        friction = theta[c.viscous] * m.v + theta[c.coulomb] * s.direction
+        inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
+        friction = viscous * m.v + coulomb * s.direction
         level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
         extra: Any = sum(e.force(s, p, {}) for e, p in acting)
-        force = theta[c.inertia] * m.a + friction * level + theta[c.offset] - extra
+        force = inertia * m.a + friction * level + offset - extra
         late = sum(float(e.delay(p)) for e, p in acting)
         if late:
             force = np.interp(m.t + late, m.t, force)

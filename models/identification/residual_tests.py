@@ -41,18 +41,9 @@ def residual_checks(
     limits = SET.limit_wider * np.mean(largest, axis=0)
     if effects:
         limits[1] = max(limits[1], len(residual) * SET.unseen**2)
-    words = (
-        (
-            "residual_size",
-            "size of the residual",
-            "mean square of the residuals in units of the noise; 1 for a right model",
-        ),
-        (
-            "whiteness",
-            "whiteness",
-            f"mean of the first {SET.lags} squared autocorrelations of the residuals, times their number (Ljung-Box)",
-        ),
-    )
+    power = "mean square of the residuals in units of the noise; 1 for a right model"
+    rho = f"mean of the first {SET.lags} squared autocorrelations of the residuals, times their number (Ljung-Box)"
+    words = (("residual_size", "size of the residual", power), ("whiteness", "whiteness", rho))
     return tuple(
         Check(name, title, float(value), float(limit), bool(value <= limit or actual[0] < SET.unseen), meaning)
         for (name, title, meaning), value, limit in zip(words, actual, limits, strict=True)

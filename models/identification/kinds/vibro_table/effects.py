@@ -11,7 +11,7 @@ from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
 from models.effects.friction.stribeck import Stribeck
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
 from models.effects.inner_mass.spring_hardening import SpringHardening
-from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
+from models.identification.kinds.vibro_table.solver import GRAVITY, VibroCycle
 from models.parameter import Name
 from models.rigs.vibro_table import VIBRO_TABLE
 from models.theta import Theta, spelled

@@ -15,7 +15,7 @@ from models.effects.effect import Effect
 from models.identification.kind import Array, Split
 from models.identification.kinds.table import TableKind, distinct, left_out_in_turn
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
-from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
+from models.identification.kinds.vibro_table.solver import STEP_S, mean_velocities
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -61,45 +61,26 @@ class VibroTableKind(TableKind):
             raise ValueError(
                 f"rig must have a drive and a plate for kind {VIBRO_TABLE.id!r}; got kind {rig.kind!r} without them"
             )
-        made = cls.around(
-            rig.capsule.mass_kg,
-            drive.inner_mass_kg,
-            drive.spring_stiffness_N_per_m,
-            drive.force_N,
-            surface.friction_coefficient,
-            drive.reaction_on_body,
-        )
-        return made.settled(records) if records and made.quantity in records[0].columns else made
-
-    @classmethod
-    def around(
-        cls,
-        body_mass_kg: float = 0.193,
-        inner_mass_kg: float = 0.074,
-        spring_stiffness_N_per_m: float = 256.23,
-        force_N: float = 1.25,
-        friction_coefficient: float = 0.29,
-        reaction_on_body: bool = True,
-        mirror: float = 1.0,
-    ) -> VibroTableKind:
-        """A rig with these nominal numbers; masses are weighed and stay, stiffness may be off by 20 %."""
 
         def number(name: str, value: float, unit: str, low: float, high: float) -> Parameter:
             ends = sorted((low * value, high * value))
             return Parameter(name, value, unit, ends[0], ends[1], _BELIEF, fit=low < high)
 
-        return cls(
-            (
-                number("spring_stiffness_N_per_m", spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
-                Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
-                number("friction_coefficient", friction_coefficient, "1", 0.5, 1.7),
-                number("force_N", force_N, "N", 1.0, 1.0),
-                number("body_mass_kg", body_mass_kg, "kg", 1.0, 1.0),
-                number("inner_mass_kg", inner_mass_kg, "kg", 1.0, 1.0),
-                Parameter("mirror", mirror, "1", -1.0, 1.0, "settled once from the records"),
-            ),
-            reaction_on_body,
+        base = (
+            number("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
+            Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
+            number("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7),
+            number("force_N", drive.force_N, "N", 1.0, 1.0),
+            number("body_mass_kg", rig.capsule.mass_kg, "kg", 1.0, 1.0),
+            number("inner_mass_kg", drive.inner_mass_kg, "kg", 1.0, 1.0),
+            Parameter("mirror", 1.0, "1", -1.0, 1.0, "settled once from the records"),
         )
+        made = cls(base, drive.reaction_on_body)
+        return made.settled(records) if records and made.quantity in records[0].columns else made
+
+    def keys(self, record: Record) -> Array:
+        """Period in s, duty and cycles."""
+        return np.column_stack((record["period_s"], record["duty"], record["cycles"]))
 
     def settled(self, records: Sequence[Record]) -> VibroTableKind:
         """The same kind with the mirror under which models with some damping of the spring come nearest to the
@@ -113,10 +94,6 @@ class VibroTableKind(TableKind):
             lost[mirror] = min(self.error(records, [self.predict(r, t) for r in records]) for t in trials)
         best = min(lost, key=lambda mirror: lost[mirror])
         return replace(self, base=tuple(p.at(best) if p.name == "mirror" else p for p in self.base))
-
-    def keys(self, record: Record) -> Array:
-        """Period in s, duty and cycles."""
-        return np.column_stack((record["period_s"], record["duty"], record["cycles"]))
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""

@@ -11,7 +11,7 @@ from controller.baselines.pid import PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Estimator, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
-from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
+from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
@@ -133,7 +133,7 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
     driven = driven_of(model.drive)
     classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
     if estimator == "default" and classical is not None:
-        return KinematicFilter(model, Kinematics(classical.jerkiness), FilterNoise().up_to(age_s))
+        return KinematicFilter(model, classical.jerkiness, FilterNoise().up_to(age_s))
     sharp = model.sharp
     noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Final
+from typing import Any, Final
 
 from models.parameter import Name
 from models.theta import bare
@@ -20,19 +20,19 @@ TOLD_S: Final = 0.4
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
-def check_numbers(record: object, word: str, names: Iterable[str], positive: bool = False) -> None:
-    """ValueError unless the numbers of `record` by these names are finite and 0 or more, or `positive`."""
+def check_numbers(record: Any, word: str, but: str = "", positive: bool = False, finite: bool = True) -> None:
+    """ValueError unless the fields of `record`, `but` for one, are 0 or more, or `positive`, and `finite`."""
     must = "a positive number" if positive else "zero or more"
-    for name in names:
+    for name in (f.name for f in fields(record) if f.name != but):
         value = getattr(record, name)
-        if not 0 <= value < math.inf or (positive and value == 0):
+        if not value >= 0 or (positive and value == 0) or (finite and value == math.inf):
             raise ValueError(f"{word} {name} must be {must}; got {value!r}")
 
 
 @dataclass(frozen=True)
 class PidGains:
     """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within
-    `windup_N`. `jerkiness`, in m/s per root s, is that of the kinematic filter (`Kinematics`) that it sees through, nan
+    `windup_N`. `jerkiness`, in m/s per root s, is that of the `KinematicFilter` that it sees through, nan
     where it sees what the friction-aware estimator believes.
     """
 
@@ -43,7 +43,7 @@ class PidGains:
     jerkiness: float = math.nan
 
     def __post_init__(self) -> None:
-        check_numbers(self, "PID gain", [f.name for f in fields(self) if f.name != "jerkiness"])
+        check_numbers(self, "PID gain", but="jerkiness")
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Correction:
     reach_s: float = 1e-3
 
     def __post_init__(self) -> None:
-        check_numbers(self, "loop", [f.name for f in fields(self)])
+        check_numbers(self, "loop")
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class FilterNoise:
     drive_wander: Mapping[str, float] = field(default_factory=lambda: dict(_DRIVE_SPREADS))
 
     def __post_init__(self) -> None:
-        check_numbers(self, "noise", [f.name for f in fields(self) if f.name != "drive_wander"], positive=True)
+        check_numbers(self, "noise", but="drive_wander", positive=True)
 
     def up_to(self, age_s: float) -> FilterNoise:
         """The same, with positions taken as old as `Limits.age_s` lets a command rest on: the bus tells no greater age

@@ -13,6 +13,7 @@ from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.model.linear import Array, Linear, linearise
 from controller.signals import Action, Controller, Estimate, Reference
+from controller.tuned import check_numbers
 from models.parameter import Name
 
 
@@ -28,15 +29,7 @@ class LqrWeights:
     integral_m_s: float = 2e-5
 
     def __post_init__(self) -> None:
-        for name in ("command", "position_m", "speed_m_s", "integral_m_s"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"weight {name} must be positive; got {getattr(self, name)!r}")
-
-    @classmethod
-    def suited(cls, plant: Linear) -> LqrWeights:
-        """A command is large that moves the capsule by 0.2 mm at 20 1/s."""
-        moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
-        return cls(2e-4 / float(np.abs(moved)))
+        check_numbers(self, "weight", positive=True)
 
 
 @dataclass(frozen=True)
@@ -71,7 +64,9 @@ def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
     """
     import control  # draws matplotlib in, a second that other controllers need not wait
 
-    weights = LqrWeights.suited(plant) if weights is None else weights
+    if weights is None:  # a command is large that moves the capsule by 0.2 mm at 20 1/s
+        moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
+        weights = LqrWeights(2e-4 / float(np.abs(moved)))
     A, B = augmented(plant)
     Q = np.diag(
         [weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2]

@@ -1,7 +1,7 @@
 """What an MPC is told beside its drive's limits: horizon and weights."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from controller.tuned import check_numbers
 
@@ -37,11 +37,10 @@ class Horizon:
     hold_m: float = 2e-5
 
     def __post_init__(self) -> None:
-        for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):
+        whole = (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100), ("late_slip", 0, 1))
+        for name, low, high in whole:
             if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name)}")
-        if not 0 <= self.late_slip <= 1:
-            raise ValueError(f"late_slip must lie in [0, 1]; got {self.late_slip:g}")
+                raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name):g}")
         if not 0 <= self.hold_s <= 0.5 * self.stages * self.stage_s:
             raise ValueError(
                 f"hold_s must lie within half the horizon of {self.stages * self.stage_s:g} s; got {self.hold_s:g}"
@@ -70,4 +69,4 @@ class Weights:
     force: float = 5e3
 
     def __post_init__(self) -> None:
-        check_numbers(self, "weight", [f.name for f in fields(self)], positive=True)
+        check_numbers(self, "weight", positive=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 STEP_S = 1e-3  # of a trajectory's table
 LONGEST_S = 3600.0  # of a trajectory: its table is in memory
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array, Linear, linearise
-from controller.signals import Action, Controller, Estimate, Reference
+from controller.model.linear import Linear, linearise
+from controller.signals import Action, Array, Controller, Estimate, Reference
 from controller.tuned import check_numbers
 from models.parameter import Name
 

@@ -17,8 +17,9 @@ from controller.baselines.lqr import Gains
 from controller.design.margins import Complex
 from controller.design.tuning import Pid, feedback
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array, Linear, linearise
+from controller.model.linear import Linear, linearise
 from controller.model.symbols import assembled
+from controller.signals import Array
 from models.assembly.model import assemble
 from models.compiled.kernel import lower
 from models.drives.pull import Pull

@@ -12,9 +12,8 @@ import numpy as np
 from controller.baselines.lqr import LQR
 from controller.design.tuning import Pid
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array
 from controller.move import SetpointMove
-from controller.signals import Estimate
+from controller.signals import Array, Estimate
 from models.assembly.model import Assembly, assemble
 from models.effects import BY_ID
 from models.rigs.parts import surface_of

@@ -9,7 +9,8 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.model.linear import Array, Linear
+from controller.model.linear import Linear
+from controller.signals import Array
 
 Complex = NDArray[np.complex128]
 _POINTS = 4000  # frequencies up to half the sampling rate

@@ -15,7 +15,8 @@ import numpy as np
 
 from controller.baselines.lqr import Gains, LqrWeights, augmented, lqr_gains
 from controller.design.margins import Complex, OpenLoop, closed_loop
-from controller.model.linear import Array, Linear
+from controller.model.linear import Linear
+from controller.signals import Array
 
 FILTER_S = 5e-3  # s, of the PID's derivative
 PEAK = 1.6  # most that the sensitivity may rise to: the loop stays 1/1.6 off -1

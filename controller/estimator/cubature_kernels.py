@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 Indices = NDArray[np.int64]
 LEAST_SHARE = 1e-12  # of a variance: below it a pivot counts as rounding
 

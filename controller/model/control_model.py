@@ -11,10 +11,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
+from controller.signals import Array
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
 from models.effects.effect import Effect
@@ -25,8 +25,6 @@ from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
-
-Array = NDArray[np.float64]
 
 # m/s over which sticking passes into slipping: of plans, and where it must be as good as exact
 SMOOTHING, SHARP_M_S = 2e-5, 1e-6

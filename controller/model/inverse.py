@@ -4,12 +4,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
+from controller.signals import Array
 
-Array = NDArray[np.float64]
 _EVALUATIONS: Final = 30  # of the model at most, to find a command
 _SHARE: Final = 1e-4  # of the commands that come into question, to which one is found
 _JUMP_S: Final = 1e-7  # step in which the command in force goes over to one that is tried

@@ -6,13 +6,12 @@ from functools import partial
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from controller.model.symbols import Symbols
+from controller.signals import Array
 from models.compiled.kernel import LANES
 from models.compiled.machine_code import Code, addresses, call
 
-Array = NDArray[np.float64]
 compiled = njit(cache=True, error_model="numpy")
 
 

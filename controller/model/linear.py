@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
+from controller.signals import Array
 from models.effects import followed_by
 from models.parameter import Name
 from models.theta import bare
@@ -19,7 +20,6 @@ from models.theta import bare
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 Phase = Literal["stick", "slip", "averaged"]
 PHASES: tuple[Phase, ...] = ("stick", "slip")
 _MEMORIES = ("direction", "travelled", "slip")

@@ -11,9 +11,9 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.drives import INNER_MASS
+from controller.signals import Array
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel, lower
@@ -27,7 +27,6 @@ from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta, spelled
 
-Array = NDArray[np.float64]
 STEP_S = 6e-5  # longest step of a cycle's integration
 SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a pace is measured, and s for which it is
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 _LONGEST_STEP_S = 1.0  # after a longer pause the filter goes on as if this had passed
 _ENOUGH = 1e-6  # m/s, change of the commands below which a plan is done
 _GATE = 6.0  # standard deviations beyond which a reading is put down to an outlier

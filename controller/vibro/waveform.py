@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 _TINY = 1e-12  # of a cycle: a part as short as rounding is none
 
 

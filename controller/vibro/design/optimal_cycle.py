@@ -18,14 +18,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.signals import Array
 from controller.vibro.cycles import COPPER_N2_PER_W, Cycles, Gait, VibroModel
 from controller.vibro.design.smooth_cycle import SCALE, CyclePart, smooth_part
 from controller.vibro.waveform import Waveform
 from models.parameter import Name
 
-Array = NDArray[np.float64]
 PARTS, STEPS = 32, 6  # of a cycle, and integration steps of each
 SHORTEST_S, LONGEST_S = 0.008, 0.25  # least and most period
 ROUNDS = 6  # of the solver from ever better guesses

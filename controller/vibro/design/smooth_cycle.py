@@ -8,8 +8,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.signals import Array
 from controller.vibro.cycles import VibroModel
 from models.assembly.effects import Active
 from models.assembly.step import Grip, Stepper
@@ -19,7 +19,6 @@ from models.parameter import Name
 from models.surfaces.gut import Drag
 from models.theta import Theta
 
-Array = NDArray[np.float64]
 NODES: tuple[Name, ...] = ("x", "v", (Vibro.name, "stretch_m"), (Vibro.name, "rate_m_s"), "u")
 SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
 """What every node holds (m, m/s, m, m/s, m) and the size of 1 in it."""

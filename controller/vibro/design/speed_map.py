@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.signals import Array
 from controller.vibro.cycles import IMPACTS, Cycles, Gait, Impact, VibroModel, impact_of
 from controller.vibro.waveform import Waveform
 
-Array = NDArray[np.float64]
 # period over the inner mass's own, dense about the resonance
 PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
 # of the square waves; at a half they move nothing

@@ -81,12 +81,11 @@ class Session:
         rate = 1 / (_EVERY * rig.step_s)
         seeds = np.random.SeedSequence(seed).spawn(2)
         hidden = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
-        self._place = Stream("position_m", instruments.localisation, np.random.default_rng(seeds[0]), rate, hidden)
+        place, feedback = (np.random.default_rng(seed) for seed in seeds)
+        self._place = Stream("position_m", instruments.localisation, place, rate, hidden)
         self._drive: Stream | None = None
-        if instruments.feedback is not None and self.feedback_channel:
-            self._drive = Stream(
-                self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None
-            )
+        if instruments.feedback is not None and rig.drive.feedback:
+            self._drive = Stream(rig.drive.feedback, instruments.feedback, feedback, rate, None)
         self._waiting: list[Reading] = []
         self._shares = np.arange(2.0)
 
@@ -94,11 +93,6 @@ class Session:
     def time(self) -> float:
         """Seconds so far."""
         return self.plant.time
-
-    @property
-    def feedback_channel(self) -> str:
-        """The column of the drive's feedback; empty where it has none."""
-        return self.plant.rig.drive.feedback
 
     def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
         """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were
@@ -119,7 +113,10 @@ class Session:
             self.rows.append(rows)
         self._waiting += self._place.take(rows[:, at.O_T], rows[:, at.O_X])
         if self._drive is not None:
-            self._waiting += self._drive.take(rows[:, at.O_T], self._fed_back(rows, values, first))
+            fed_back = rows[:, at.O_CURRENT]
+            if self.plant.rig.drive.straight:
+                fed_back = values[np.round(rows[:, at.O_T] / self.plant.rig.step_s).astype(int) - first]
+            self._waiting += self._drive.take(rows[:, at.O_T], fed_back)
         now = self.time + 1e-9
         if not any(r.arrives_s <= now for r in self._waiting):
             return ()
@@ -137,8 +134,3 @@ class Session:
             values[-1] = command
             return values
         return np.full(steps + 1, drive.command_scale * command)
-
-    def _fed_back(self, rows: Floats, values: Floats, first: int) -> Floats:
-        if self.plant.rig.drive.straight:
-            return np.asarray(values[np.round(rows[:, at.O_T] / self.plant.rig.step_s).astype(int) - first])
-        return np.asarray(rows[:, at.O_CURRENT])

@@ -61,35 +61,27 @@ def make_series(
             )
     truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
     effect_stream, *record_streams = streams
-    rig = replace(BELIEVED[kind].truth(truth), hidden={name: draw(name, effect_stream) for name in ids})
+    belief = BELIEVED[kind]
+    rig = replace(belief.truth(truth), hidden={name: draw(name, effect_stream) for name in ids})
+    std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
+    sensor = Sensor(rate_Hz, noise * std, span=span)
     out.mkdir(parents=True, exist_ok=True)
-    for name, stream in zip(RECORDS, record_streams, strict=True):
-        columns = _record(kind, rig, stream, duration_s, noise, rate_Hz)
-        write_record(out / f"{name}.csv.gz", columns)
+    for name, rng in zip(RECORDS, record_streams, strict=True):
+        run = RunTable("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
+        scenario = Scenario(run, belief.kind, rig, belief.profile, sensor)
+        columns = record_scenario(scenario, rng if belief.plain else None)
+        write_record(out / f"{name}.csv.gz", {n: v for n, v in columns.items() if n not in belief.unlogged})
     write_text(out / "rig.toml", rig_text(kind, noise))
     write_text(out / "answer.toml", _answer_text(rig, effect, seed))
     return out
-
-
-def _record(
-    kind: str, rig: Truth, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
-) -> dict[str, Floats]:
-    belief = BELIEVED[kind]
-    std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
-    run = RunTable("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
-    scenario = Scenario(run, belief.kind, rig, belief.profile, Sensor(rate_Hz, noise * std, span=span))
-    columns = record_scenario(scenario, rng if belief.plain else None)
-    return {name: values for name, values in columns.items() if name not in belief.unlogged}
 
 
 def write_record(path: Path, columns: dict[str, Floats]) -> None:
     """Write columns as CSV (gzipped for `.gz`), complete or not at all: a temporary file beside `path` takes its name
     at the end.
     """
-    table = io.StringIO()
-    np.savetxt(
-        table, np.column_stack(list(columns.values())), delimiter=",", fmt="%.9g", header=",".join(columns), comments=""
-    )
+    table, rows = io.StringIO(), np.column_stack(list(columns.values()))
+    np.savetxt(table, rows, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
     data = table.getvalue().encode()
     _replace(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
 

@@ -1,6 +1,4 @@
-"""The drives that can be led, each declared once: its limits in the command's unit, how it is commanded, what its loop
-is tuned by, and what pages call it. Whoever needs a property of a drive reads it here.
-"""
+"""The drives that can be led, each declared once: limits, inverse, what its loop is tuned by, what pages call it."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -53,9 +51,7 @@ class Driven:
 
 
 def gap_of_force(force: float, drive: Drive, p: Numbers, most: float) -> float:
-    """The gap in m up to `most`, on the stable branch, at which the magnet with the parameters `p` pulls `force` in N;
-    `most` where it never does.
-    """
+    """The gap in m at which the magnet pulls `force` in N on its stable branch; `most` where it never does."""
     if drive.force(0.0, 0.0, most, p) <= force:
         return most
     low, high = 0.0, most

@@ -1,6 +1,4 @@
-"""Feedforward compensation: the model inverted along the reference, with the wall as the estimator sees it, and a slow
-position loop.
-"""
+"""Feedforward: the model inverted along the reference against the wall as it is believed, and a slow position loop."""
 
 import math
 from dataclasses import replace
@@ -57,9 +55,7 @@ class Feedforward(Controller):
         self._effects = any(p.effect for p in model.symbols.parameters)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin anew; but for what play remembers of `command` the answer depends on the estimate alone, so whoever
-        changes over blends.
-        """
+        """Begin anew; whoever changes over blends."""
         self._returning, self._command = False, command
 
     def follow(self, command: float, rate: float) -> None:

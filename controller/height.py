@@ -19,9 +19,7 @@ _HEIGHTS: Final = 61  # heights that the command is chosen from
 
 @dataclass(frozen=True)
 class Height:
-    """A height in m with what the magnet can pull there at the most, the friction it meets and with what it presses the
-    capsule on the tissue, all in N.
-    """
+    """A height in m: the greatest pull there, the friction it meets, what presses on the tissue, in N."""
 
     height_m: float
     pull_N: float

@@ -118,9 +118,7 @@ class Envelope:
         return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else self.without_gap_m
 
     def neutral(self, position_m: float) -> float:
-        """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),
-        else 0.
-        """
+        """The command without force: 0, a carriage's above the capsule (mid-travel where its place is unknown)."""
         if not self.placed:
             return 0.0
         return _within(position_m, self.low, self.high) if math.isfinite(position_m) else 0.5 * (self.low + self.high)
@@ -254,7 +252,5 @@ def _reached(
 
 
 def _braking(room: float, dt: float, a: float) -> float:
-    """Greatest rate w for the next `dt` after which deceleration `a` still ends within `room`: `w dt + w^2/(2 a) =
-    room`.
-    """
+    """Greatest rate w for `dt` that deceleration `a` still ends within `room`: `w dt + w^2/(2 a) = room`."""
     return a * dt * (math.sqrt(1 + 2 * max(room, 0.0) / (a * dt * dt)) - 1)

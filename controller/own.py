@@ -1,6 +1,4 @@
-"""Controllers from outside the project: classes in a user's file, or in an installed package (entry point group
-`capsule.controllers`).
-"""
+"""Controllers from outside: classes in a user's file or in a package (entry point group `capsule.controllers`)."""
 
 import inspect
 from collections.abc import Collection, Iterator, Sequence

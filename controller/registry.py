@@ -127,9 +127,7 @@ def checked_estimator(name: str) -> str:
 
 
 def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
-    """What the controller `name` sees the measurements through, those up to `age_s` old, unless another `estimator` is
-    asked for.
-    """
+    """What `name` sees the measurements through, those up to `age_s` old, unless `estimator` is another."""
     driven = driven_of(model.drive)
     classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
     if estimator == "default" and classical is not None:

@@ -116,9 +116,7 @@ class FilterNoise:
         check_numbers(self, "noise", but="drive_wander", positive=True)
 
     def up_to(self, age_s: float) -> FilterNoise:
-        """The same, with positions taken as old as `Limits.age_s` lets a command rest on: the bus tells no greater age
-        than `TOLD_S`.
-        """
+        """The same for positions as old as a command may rest on (`Limits.age_s`), at most `TOLD_S`."""
         return replace(self, age_s=age_s, latest_s=min(age_s, TOLD_S))
 
     def surprised(self, before: float, size: float) -> float:

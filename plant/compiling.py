@@ -1,6 +1,4 @@
-"""The one way in which the plant is compiled: numba, no Python object inside, cached until any file of the plant
-changes.
-"""
+"""The one way in which the plant is compiled: numba, no Python object inside, cached until a file changes."""
 
 import hashlib
 from collections.abc import Callable

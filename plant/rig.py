@@ -30,9 +30,7 @@ class TruePlate:
 
 @dataclass(frozen=True)
 class Truth:
-    """All that is true of a simulated rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop
-    stress.
-    """
+    """All that is true of a rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop stress."""
 
     drive: TrueDrive
     capsule: Capsule = Capsule()

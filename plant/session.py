@@ -17,9 +17,7 @@ FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
 
 
 class Stepped(Protocol):
-    """What a session steps: a `Plant`, or what stands in for it. `state` in the places of `plant.layout`, `advance` as
-    `Plant.advance`.
-    """
+    """What a session steps: a `Plant`, or what stands in for it with the same state and `advance`."""
 
     @property
     def rig(self) -> Truth:
@@ -39,9 +37,7 @@ class Stepped(Protocol):
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A; None:
-    it says nothing).
-    """
+    """What is measured in the loop: the capsule's place, and what the drive does (None: it says nothing)."""
 
     localisation: Instrument = LOCALISATION
     feedback: Instrument | None = FEEDBACK
@@ -67,9 +63,7 @@ class Session:
         *,
         keeps: bool = True,
     ) -> None:
-        """At rest at 0 with `command` in force; `plant` steps in place of the rig's own. Raises ValueError for a rig
-        whose capsule is not free, or numbers that cannot be.
-        """
+        """At rest at 0 under `command`. Raises ValueError for a capsule that is not free, impossible numbers."""
         if not rig.drive.free:
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {rig.drive.kind}")
         self.instruments = instruments = instruments or Instruments()

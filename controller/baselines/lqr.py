@@ -1,6 +1,4 @@
-"""LQR with integral action (python-control): a classical baseline that knows the linearised plant but no stick and
-slip.
-"""
+"""LQR with integral action (python-control): a baseline that knows the linear plant but no stick and slip."""
 
 from __future__ import annotations
 
@@ -59,9 +57,7 @@ def augmented(plant: Linear) -> tuple[Array, Array]:
 
 
 def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
-    """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on
-    `plant`.
-    """
+    """The gains of the least `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2`."""
     import control  # draws matplotlib in, a second that other controllers need not wait
 
     if weights is None:  # a command is large that moves the capsule by 0.2 mm at 20 1/s
@@ -77,9 +73,7 @@ def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
 
 
 class LQR(Controller):
-    """State feedback on the estimate with an integral of the position error that stops where the command would leave
-    its range.
-    """
+    """State feedback on the estimate; its integral of the position error stops at the ends of the command's range."""
 
     name = "lqr"
 

@@ -1,6 +1,4 @@
-"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: the baselines that know little of the
-wall.
-"""
+"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: they know little of the wall."""
 
 import math
 from typing import Final
@@ -17,9 +15,7 @@ _SPEED_M_S: Final = 5e-4  # of the feedforward's tanh
 
 
 class PID(Controller):
-    """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no
-    feedforward.
-    """
+    """Force from the error, command from the force by the drive's static inverse. `friction_N` 0: no feedforward."""
 
     def __init__(
         self,

@@ -58,9 +58,7 @@ class Describing:
 
 @dataclass(frozen=True)
 class Balance:
-    """A cycle that the harmonic balance predicts: `x = A sin`, and whether it comes back after a small disturbance
-    (`stable`).
-    """
+    """A cycle `x = A sin` of the harmonic balance; `stable`: it comes back after a small disturbance."""
 
     amplitude_m: float
     frequency_Hz: float
@@ -96,9 +94,7 @@ def describe(
 
 
 def without_wall(model: ControlModel) -> Linear:
-    """The linear plant about rest with the wall taken away: mass and drive alone, which is what stands across from the
-    wall.
-    """
+    """The linear plant about rest without the wall, mass and drive alone: what stands across from the wall."""
     known, mass = model.theta, surface_of(model.rig).body_kg
     symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in known.effects), model.smoothing)
     values = [0.0 if p.key == "friction_coefficient" else known[p.key] for p in symbols.parameters]
@@ -106,9 +102,7 @@ def without_wall(model: ControlModel) -> Linear:
 
 
 def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) -> Complex:
-    """`G(j omega)` in m/N, (k,): how far a force on the capsule moves it in closed loop with `law`, measurements
-    `delay_s` late.
-    """
+    """`G(j omega)` in m/N, (k,): how far a force moves the capsule under `law`, measurements `delay_s` late."""
     z = np.exp(1j * omega * plant.tick_s)
     late = np.exp(-1j * omega * delay_s)
     n = len(plant.states)

@@ -1,6 +1,4 @@
-"""Does the loop hunt? The loop simulated on the model with set-valued friction, without noise: slow motion, then a
-hold.
-"""
+"""Does the loop hunt? Simulated with set-valued friction and without noise: slow motion, then a hold."""
 
 import math
 from collections import deque
@@ -29,9 +27,7 @@ speed in m/s.
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """What the position error does in the last half of a run: `peak_to_peak_m`, `period_s` (NaN without a repetition),
-    `rms_m`.
-    """
+    """The position error in the last half of a run; `period_s` is NaN without a repetition."""
 
     peak_to_peak_m: float
     period_s: float

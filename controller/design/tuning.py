@@ -1,6 +1,4 @@
-"""Fair baselines: the PID and the LQR with the strongest integral that the plant bears, stuck and slipping, at the
-delay there is.
-"""
+"""Fair baselines: PID and LQR with the strongest integral that the plant bears, stuck and slipping, with delay."""
 
 from __future__ import annotations
 
@@ -51,9 +49,7 @@ Law = TypeVar("Law", Pid, Gains)
 
 
 def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
-    """What the controller makes of each state, (n, k) at the points `z`: the command is minus their sum, delay
-    aside.
-    """
+    """What the controller makes of each state, (n, k) at the points `z`; the command is minus their sum."""
     n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
     if isinstance(law, Pid):
         return np.asarray(first * law.response(z, plant.tick_s))

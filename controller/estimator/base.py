@@ -182,9 +182,7 @@ class Estimator(ABC):
         self.offset = 0.0
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
-        """The estimate at `now`, a tick after the last call; `command` was in force since, `measurements` came in
-        since.
-        """
+        """The estimate at `now`, a tick after the last; `command` in force and `measurements` come in since."""
         self._command = command if math.isfinite(command) else self._command
         if self._count:
             self._go_on(now, self._command + self.offset)

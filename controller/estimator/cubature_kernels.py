@@ -1,6 +1,4 @@
-"""The filter's arithmetic as machine code: points around a belief, their moments, one scalar measurement. Nothing here
-can fail.
-"""
+"""The filter's machine code: points around a belief, their moments, one measurement. Nothing here can fail."""
 
 import math
 

@@ -1,6 +1,4 @@
-"""The filter that a laboratory without a friction model has: position and speed from localisation alone, no force, no
-wall.
-"""
+"""What a laboratory without a friction model has: position and speed from localisation, no force, no wall."""
 
 import math
 from collections.abc import Sequence

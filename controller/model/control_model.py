@@ -1,6 +1,4 @@
-"""The model that estimator, feedforward and MPC predict with: surface, drive and effects of one stage of a model file,
-smoothed.
-"""
+"""The model that estimator, feedforward and MPC predict with: one stage of a model file, smoothed."""
 
 from __future__ import annotations
 
@@ -113,9 +111,7 @@ class ControlModel:
         return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
     def left(self, before: float, command: float) -> float:
-        """From where the command goes in a tick that `command` ends: a carriage from the one `before`, all others are
-        held.
-        """
+        """From where a tick's command goes to `command`: a carriage from the one `before`, others are held."""
         return before if self.drive.anchored else command
 
     def index(self, name: Name) -> int:
@@ -159,9 +155,7 @@ class ControlModel:
 
     @cached_property
     def kernels(self) -> Kernels:
-        """The step compiled to machine code, by a C compiler or by numba; kept on disk, so only the first use of a kind
-        of model waits.
-        """
+        """The step as machine code, kept on disk: only the first use of a kind of model waits."""
         return compile_kernels(self.symbols, self.values, self.tick_s, self.substeps)
 
     @cached_property

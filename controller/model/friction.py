@@ -8,9 +8,7 @@ AT_FIRST = 5.0  # times what it proved off that it may be off at the start
 
 
 def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
-    """What a tanh feedforward takes friction to be, in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate
-    Coulomb's.
-    """
+    """Friction in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate Coulomb's."""
     p = model.theta.base
     surface = surface_of(model.rig)
     pressing = model.drive.pressing(0.0, 0.0, p)

@@ -217,9 +217,7 @@ class Kernels:
 
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
-    """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same
-    model reuse it.
-    """
+    """The functions of `symbols`; the code holds no parameter, so other `values` of the model reuse it."""
     n, m = len(symbols.states), len(symbols.parameters)
     end = n + m + 1
     codes = [

@@ -1,6 +1,4 @@
-"""The control model linearised while the capsule slides: once with the wall stuck to it, once with the wall
-slipping.
-"""
+"""The control model linearised while the capsule slides, with the wall stuck to it and with the wall slipping."""
 
 from __future__ import annotations
 
@@ -58,9 +56,7 @@ class Linear:
         return np.asarray(found[..., 0].T, dtype=np.complex128)
 
     def rates(self) -> Array:
-        """Poles as continuous rates in 1/s, `log(eigenvalue)/tick`, slowest first; a pole at 0 of the discrete system
-        is left out.
-        """
+        """Poles as continuous rates in 1/s, `log(eigenvalue)/tick`, slowest first, without poles at 0."""
         poles = np.linalg.eigvals(self.A)
         rates = np.log(poles[np.abs(poles) > 1e-12].astype(complex)) / self.tick_s
         return np.asarray(rates[np.argsort(np.abs(rates))])

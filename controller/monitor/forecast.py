@@ -69,9 +69,7 @@ class Forecast:
         self._readings, self._sum, self._lacking, self._score, self._weight = 0, 0.0, 0.0, 0.0, 0.0
 
     def step(self, now: float, command: float, estimate: Estimate) -> Second | None:
-        """A tick on, to the `estimate` at `now` which `command` led to; the second that this tick ends, None within
-        one.
-        """
+        """A tick on, to the `estimate` at `now` which `command` led to; the second that it ends, or None."""
         if estimate.lost or not math.isfinite(command + float(estimate.state[0])):
             self.drop()
             return None

@@ -136,9 +136,7 @@ class MPC(Controller):
         return True
 
     def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
-        """The disturbance to count on, with the parameters that it goes with where the estimator has learned some or
-        slips come late.
-        """
+        """The disturbance to count on, and the parameters that it goes with where they are not the model's."""
         force, parameters = estimate.disturbance_N, None
         learned = estimate.adapted
         if learned is not None:
@@ -171,9 +169,7 @@ class MPC(Controller):
         return np.asarray(commands)
 
     def _rests(self, state: Array, std_m: float, targets: Array) -> bool:
-        """Whether the capsule is to be left alone where it stands: as near as the estimate, sure to `std_m`, can
-        tell.
-        """
+        """Whether the capsule is to be left alone: as near as the estimate, sure to `std_m`, can tell."""
         band = max(self.horizon.rest_m, min(REST_STDS * std_m, _WIDEST * self.horizon.rest_m))
         near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * band
         slow = targets[1, 0] == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m

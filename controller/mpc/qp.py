@@ -122,9 +122,7 @@ class Program:
     def solve(
         self, path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, last_rate: float
     ) -> Array | None:
-        """Changes (N,) of the rates, or None where daqp finds no finite solution. The changes may break an acceleration
-        or range that the plan before was far from.
-        """
+        """Changes (N,) of the rates within the bounds that the plan is near to; None without a finite solution."""
         n, upper, lower = self.stages, self._upper, self._lower
         step = self.unit * self.stage_s
         count = soft_rows(path, commands, forces, slopes, Z, step, self._soft, self._rows, upper[n + 3 :])

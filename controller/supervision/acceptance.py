@@ -1,6 +1,4 @@
-"""The gate that a learned model passes before a controller may use it: better on held-out records, parameters within
-bounds.
-"""
+"""What a learned model must show before a controller uses it: better on held-out records, numbers in bounds."""
 
 import math
 from collections.abc import Mapping

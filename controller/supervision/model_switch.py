@@ -1,6 +1,4 @@
-"""A new model's way in: its estimator looks on from the offer, and takes over together with its controllers, at a
-rest.
-"""
+"""A new model's way in: its estimator looks on from the offer, both take over with its controllers at a rest."""
 
 from __future__ import annotations
 
@@ -21,9 +19,7 @@ from controller.supervision.supervisor import Supervisor
 
 @dataclass(frozen=True)
 class Offer:
-    """A `model` of the rig in use that is to take over from `at_s` on, in s of the reference's time, if its `verdict`
-    passed.
-    """
+    """A `model` that is to take over from `at_s` on, in s of the reference's time, if its `verdict` passed."""
 
     model: ControlModel
     verdict: Acceptance
@@ -63,9 +59,7 @@ class ModelSwitch:
         deadline_s: float = math.inf,
         estimator: str = "default",
     ):
-        """Raises ValueError for a model that this controller cannot use, and for one of another tick than the one in
-        use.
-        """
+        """Raises ValueError for a model that this controller cannot use, or one of another tick."""
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
         self._estimator = estimator
         self._age_s = supervisor.envelope.limits.age_s

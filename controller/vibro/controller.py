@@ -1,6 +1,4 @@
-"""The vibro drive's controller: a waveform for the commanded mean speed, changed at the ends of cycles only, and a slow
-loop about it.
-"""
+"""The vibro drive's controller: a waveform for the mean speed, changed at cycles' ends, a slow loop about it."""
 
 import math
 import time
@@ -48,9 +46,7 @@ class VibroController(Controller):
         self._solve_s = 0.0
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin at `now` in s at rest where `estimate` says, with what was learnt before; the first cycle begins with
-        the next tick.
-        """
+        """Begin at `now` in s at rest where `estimate` says, with what was learnt before."""
         position = self._position(estimate)
         self._begin(now, 0.0 if position is None else position)
 

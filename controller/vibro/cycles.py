@@ -1,6 +1,4 @@
-"""The control model of a vibro rig run through many cycles of a waveform: mean speed, energy, travel of the inner
-mass.
-"""
+"""The control model of a vibro rig run through many cycles of a waveform: speed, energy, travel."""
 
 from __future__ import annotations
 
@@ -165,9 +163,7 @@ class Cycles:
         return np.array(rows)
 
     def _run(self, state: Array, levels: Array, cycles: int, period: float) -> Array:
-        """Steps through `cycles`, changing `state`; the path begins after one step more, which the compiled loop does
-        first.
-        """
+        """Steps through `cycles`, changing `state`; the path begins one step more after, which comes first."""
         command = np.concatenate((np.tile(levels, cycles), levels[:1]))
         output = np.zeros(command.size)
         self._kernel.one(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
@@ -180,9 +176,7 @@ def _sampled(waveform: Waveform) -> Array:
 
 
 def _metered(assembly: Assembly, on_board: bool) -> Kernel:
-    """The step with four more states: work of the coil on the inner mass in J, integral of the squared command,
-    furthest swings in m.
-    """
+    """The step with four more states: coil's work in J, integral of the squared command, furthest swings in m."""
     state, c0, c1, t, h, q = assembly.step.sx_in()
     meter = ca.SX.sym("meter", 4)
     new, _ = assembly.step(state, c0, c1, t, h, q)

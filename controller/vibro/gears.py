@@ -1,6 +1,4 @@
-"""Families of waveforms, each a path along which the mean speed only grows: from a commanded mean speed to a
-waveform.
-"""
+"""Families of waveforms along which the mean speed only grows: from a commanded mean speed to a waveform."""
 
 import math
 from bisect import bisect_left
@@ -100,9 +98,7 @@ def _longest_rise(values: Sequence[float]) -> list[int]:
 
 @dataclass(frozen=True)
 class Choice:
-    """A waveform for a commanded mean speed: which gear (None at rest), the `speed_m_s` it has on the model, and
-    whether that is what was commanded (`reachable`).
-    """
+    """A waveform, its gear (None at rest) and the speed that it has on the model; `reachable` where as commanded."""
 
     waveform: Waveform
     gear: int | None

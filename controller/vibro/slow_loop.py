@@ -154,9 +154,7 @@ class AveragedMpc:
         high_m_s: float,
         sweeps: int = 20,
     ) -> Array:
-        """Commands (horizon,) in m/s from the state `z` = (p, s, b), for progress and speed wanted at the steps'
-        ends.
-        """
+        """Commands (horizon,) in m/s from `z` = (p, s, b), for what is wanted at the steps' ends."""
         wanted = np.concatenate((places_m, speeds_m_s)) * self._scale - self._free @ z
         gradient = self._forced.T @ wanted + self._change.T @ (self._first * last_m_s)
         u = self._inverse @ gradient

@@ -53,9 +53,7 @@ class Waveform:
         return cls(period_s, (*(i / inside.size for i in range(inside.size)), 1.0), tuple(inside.tolist()))
 
     def mean(self, start: float, end: float) -> float:
-        """Mean level between the turns `start` < `end` within one cycle, so that an edge inside a tick keeps its
-        impulse.
-        """
+        """Mean level between two turns within a cycle: an edge inside a tick keeps its impulse."""
         if end - start < _TINY:
             return self.levels[min(int(np.searchsorted(self.edges, start, side="right")) - 1, len(self.levels) - 1)]
         total = 0.0

@@ -9,9 +9,7 @@ _RAMP_S = 0.02  # time in which a stage comes to speed
 
 
 def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:
-    """Positions in m, one a step of `dt`, of runs `(speed in m/s, duration in s)` one after the other; speed ramps take
-    `ramp_s`.
-    """
+    """Positions in m, one a step, of runs (m/s, s) one after the other; speed ramps take `ramp_s`."""
     speed = np.concatenate([np.full(max(1, round(duration / dt)), v) for v, duration in segments])
     width = max(1, round(ramp_s / dt))
     sums = np.cumsum(np.concatenate([np.zeros(width), speed]))

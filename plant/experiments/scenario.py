@@ -81,9 +81,7 @@ class Scenario:
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file. `ValueError` says which key, what it must be, what it is, and the nearest known
-    name.
-    """
+    """Read and check a scenario file; a `ValueError` says which key, what it must be and what it is."""
     raw, _ = read_toml(path, "scenario")
     try:
         return parse_scenario(raw, path.parent)
@@ -103,9 +101,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
-    """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as
-    `load_scenario`.
-    """
+    """How long a scenario runs, its kind of rig and all that is true of it. Errors as `load_scenario`."""
     run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")

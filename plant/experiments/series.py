@@ -1,6 +1,4 @@
-"""A made-up experiment: three training records and a hold-out of one rig whose numbers are off and which may have one
-hidden effect.
-"""
+"""A made-up experiment: training records and a hold-out of a rig that is off nominal, maybe with a hidden effect."""
 
 import gzip
 import io
@@ -77,9 +75,7 @@ def make_series(
 
 
 def write_record(path: Path, columns: dict[str, Floats]) -> None:
-    """Write columns as CSV (gzipped for `.gz`), complete or not at all: a temporary file beside `path` takes its name
-    at the end.
-    """
+    """Write columns as CSV (gzipped for `.gz`), complete or not at all."""
     table, rows = io.StringIO(), np.column_stack(list(columns.values()))
     np.savetxt(table, rows, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
     data = table.getvalue().encode()
@@ -100,9 +96,7 @@ def _replace(path: Path, data: bytes) -> None:
 
 
 def rig_text(kind: str, noise: float = 1.0) -> str:
-    """The rig file that the experimenter believes: nominal values in the keys of interfaces.md, `noise` times the usual
-    noise.
-    """
+    """The rig file that the experimenter believes: nominal values, `noise` times the usual noise."""
     belief = BELIEVED[kind]
     capsule, tissue = belief.nominal.capsule, Tissue()
     lines = ["# rig of one experiment series; SI units", "[capsule]"]

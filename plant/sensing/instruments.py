@@ -1,6 +1,4 @@
-"""Instruments that report while the plant runs: rate, latency, noise, drop-outs, outliers; each reading says when it
-was true.
-"""
+"""Instruments that report while the plant runs; each reading says when it was true."""
 
 import math
 from dataclasses import dataclass
@@ -87,9 +85,7 @@ class Stream:
         self._samples = 0
 
     def take(self, t: Floats, y: Floats) -> list[Reading]:
-        """Readings of the samples that fall into the stretch of truth `y` at the times `t` in s; both 1-D of one
-        length.
-        """
+        """Readings of the samples that fall into the truth `y` at the times `t` in s, (n,) both."""
         if not t.size:
             return []
         values = y.tolist()

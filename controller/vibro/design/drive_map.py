@@ -1,6 +1,4 @@
-"""The drive map of a model: seeds from its speed map, checked against wrong parameters, made cheap by the optimiser,
-put in gears.
-"""
+"""The drive map of a model: seeds from its speed map, checked against wrong parameters, optimised, in gears."""
 
 import hashlib
 import json

@@ -1,6 +1,4 @@
-"""One part of a cycle of the smooth model as a CasADi function, with the wall's stick and slip given: what the
-optimiser shoots through.
-"""
+"""One part of a smooth model's cycle with the wall's stick and slip given: what the optimiser shoots through."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,9 +24,7 @@ SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
 
 @dataclass(frozen=True)
 class KnownSlip(Stepper):
-    """A step whose wall keeps the slip that it is told: `u' = v` while it sticks, `-s v_i` while it slips, nothing
-    switches.
-    """
+    """A step whose wall keeps the slip that it is told: `u' = v` in stick, `-s v_i` in slip, nothing switches."""
 
     def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
         if not self.surface.dragged:

@@ -42,9 +42,7 @@ class SpeedMap:
     impact: NDArray[np.int8]
 
     def squares(self, low_m_s: float, high_m_s: float, impact: Impact | None = None) -> list[Waveform]:
-        """The square waves whose speed lies in [`low_m_s`, `high_m_s`], the cheapest first; of those that hit `impact`
-        alone where given.
-        """
+        """The square waves with speeds between the two, the cheapest first, of those that hit `impact`."""
         fits = (self.speed >= low_m_s) & (self.speed <= high_m_s)
         inside = np.argwhere(fits if impact is None else fits & (self.impact == IMPACTS.index(impact)))
         inside = inside[np.argsort(self.energy[tuple(inside.T)], kind="stable")] if len(inside) else inside
@@ -104,9 +102,7 @@ Shape = Literal["square", "optimal", "map"]
 
 @dataclass(frozen=True)
 class Alternative:
-    """One way to go at a mean speed: the `waveform` with what it does, the stop that it strikes and where it comes
-    from: a square wave, the optimiser, or the drive map that a controller runs on.
-    """
+    """One way to go at a mean speed, what it does, the stop that it strikes and where it comes from."""
 
     waveform: Waveform
     pace: Gait

@@ -1,6 +1,4 @@
-"""What a vibro rig's drive map and slow loop are worth on paper: resonances, gears, cost by impact, the averaged loop's
-poles and margins.
-"""
+"""What a drive map and the slow loop are worth on paper: resonances, gears, cost by impact, margins."""
 
 import math
 from collections.abc import Sequence
@@ -73,9 +71,7 @@ class VibroStudy:
 
 
 def vibro_study(model: VibroModel, drive: DriveMap, table: SpeedMap, delay_s: float = 0.015) -> VibroStudy:
-    """Study `model` under its `drive` map; speeds that it does not reach are left out. Raises ValueError for a delay
-    outside [0, 0.2] s.
-    """
+    """Study `model` under its `drive` map at the speeds reached. Raises ValueError for a delay outside [0, 0.2] s."""
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
     cycles, wrong = Cycles(model), [Cycles(m) for m in wrong_models(model)]

@@ -161,12 +161,10 @@ def driven_of(drive: Drive) -> Driven:
 
 
 def envelope_of(drive: Drive, limits: Limits | None = None) -> Envelope:
-    """`limits` (the default ones where None) in the unit of `drive`'s command.
-
-    Carriage: position within `travel_m`, and the gap at which the magnet pulls `force_N`, at most `gap_share`
-    of that of the greatest pull. Coil: current within `current_A` and `force_N/k`, or the voltage that holds it. Inner
-    mass: a switch from 0 to the rated command; what it puts on the tissue is the body's friction, which `force_N` does
-    not reach. Raises ValueError for a drive without a command to limit.
+    """`limits` (the default ones where None) in the unit of `drive`'s command. A carriage: its travel, and the gap at
+    which the magnet pulls `force_N`, at most `gap_share` of that of the greatest pull. A coil: `current_A` and
+    `force_N/k`, or the voltage that holds it. An inner mass: 0 to the rated command; `force_N` does not reach what it
+    puts on the tissue, the body's friction. Raises ValueError for a drive without a command to limit.
     """
     driven, limits = driven_of(drive), Limits() if limits is None else limits
     numbers = driven.bounds(drive, limits)

@@ -151,17 +151,16 @@ def limited(
     wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope
 ) -> tuple[Issued, tuple[str, ...]]:
     """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits it ran
-    into.
+    into. Never raises.
 
-    Whatever comes in, out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate
-    differs by at most `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt`
-    counts as 0 below 1 us or where it is no number, and as `longest_tick_s` beyond that. A `wanted` that is no finite
-    number asks for the safe state: zero current, inner mass off, carriage at rest. So does a lost, stale or impossible
-    belief, and the temperature limit. Above `derate_C` a current's range (the carriage's rate) shrinks in proportion. A
-    capsule faster than `speed_m_s` is not pushed on and the carriage does not leave the gap in which the magnet holds,
-    less `gap_stds` of the position: it brakes ahead of the gap's end as of the range's, and only a capsule that jumps
-    or is not where it is believed gets further. A `previous` that is not finite or out of range counts as the nearest
-    one that is neither, at rest. Never raises.
+    Out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate differs by at most
+    `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt` counts as 0 below 1
+    us or where it is no number, and as `longest_tick_s` beyond that. The safe state (zero current, inner mass off,
+    carriage at rest) is for a `wanted` that is no finite number, a lost, stale or impossible belief, and the
+    temperature limit; above `derate_C` a current's range (the carriage's rate) shrinks in proportion. A capsule faster
+    than `speed_m_s` is not pushed on. The carriage does not leave the gap in which the magnet holds, less `gap_stds` of
+    the position: it brakes ahead of its end. A `previous` that is not finite or out of range counts as the nearest one
+    that is neither, at rest.
     """
     e, limits, broken = envelope, envelope.limits, list[str]()
     aim, before, rate, dt = number(wanted), number(previous.command), number(previous.rate), number(dt)
@@ -229,11 +228,8 @@ def _reached(
     room: tuple[float, float],
     envelope: Envelope,
 ) -> Issued:
-    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room` and
-    the range.
-
-    The carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still
-    brake.
+    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room`. The
+    carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still brake.
     """
     if dt == 0 or math.isinf(envelope.rate):
         command, new_rate = (before, rate) if dt == 0 else (aim, 0.0)

@@ -13,9 +13,8 @@ GROUP: Final = "capsule.controllers"
 
 
 def own_controllers(paths: Sequence[Path], taken: Collection[str]) -> dict[str, type[Controller]]:
-    """The controllers of the files `paths` and of installed packages by name; none may be one of those `taken`.
-
-    Raises ValueError, one sentence with the file, where one cannot be used.
+    """The controllers of the files `paths` and of installed packages by name; none may be one of those `taken`. Raises
+    ValueError, one sentence with the file, where one cannot be used.
     """
     found: dict[str, type[Controller]] = {}
     for where, cls in _declared(paths):

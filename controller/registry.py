@@ -94,9 +94,8 @@ def leads(name: str) -> tuple[str, ...]:
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
-    """Let the controllers of the Python files `paths`, and those of installed packages, be asked for by name from here
-    on, in place of those of an earlier call; a PID steps in for one that leads a body. Raises ValueError of one
-    sentence, and uses none, where one cannot be used.
+    """Let the controllers of the files `paths` and of installed packages be asked for by name, in place of those of an
+    earlier call; a PID steps in for one that leads a body. Raises ValueError, and uses none, where one cannot be used.
     """
     for name in _OWN:
         del _BUILDERS[name]
@@ -145,7 +144,6 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
 
 def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:
     """The controller `name` for `model` within `envelope`, with those that step in for it; `deadline_s` is the MPC's.
-
     Raises ValueError for an unknown name, naming the nearest, and for a drive that these controllers cannot lead.
     """
     if name not in CONTROLLERS:

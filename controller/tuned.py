@@ -48,13 +48,11 @@ class PidGains:
 
 @dataclass(frozen=True)
 class Correction:
-    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
-
-    While the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not
-    turn friction round; no correction exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what
-    keeps a held capsule from hunting; beyond it the capsule is brought back to half of that. `reach_s` is the time
-    within which the inverse gets to the speed; a coil's must leave its current some ticks, and a lagging drive gets
-    most of its time constant, with a slower pace.
+    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)`, corrected by at most `most_m_s`. While
+    the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not turn
+    friction round. At rest errors up to `slack_m` are left alone, so that a held capsule does not hunt; beyond it the
+    capsule is brought back to half of that. Within `reach_s` the inverse gets to the speed: a coil's current needs some
+    ticks, a lagging drive most of its time constant.
     """
 
     pace_1_s: float = 20.0

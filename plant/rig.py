@@ -75,11 +75,8 @@ class Plant:
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
         """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last
-        rate).
-
-        A pull takes positions in m, a magnet carriage positions in m, a coil voltages in V, a vibro drive forces in N
-        or, with a coil, voltages in V, each step's mean. Returns a row each `every` steps. Raises `ValueError` for
-        fewer than two values or values that are not finite.
+        rate): positions in m of a pull or carriage, a coil's V, an inner mass's N or V, each step's mean. Returns a row
+        each `every` steps. Raises `ValueError` for fewer than two values or values that are not finite.
         """
         values = np.ascontiguousarray(drive, dtype=float)
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():

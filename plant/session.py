@@ -45,12 +45,10 @@ class Instruments:
 
 class Session:
     """A rig that is commanded step by step. `newest` is the last row of the truth, `rows` all of it where the session
-    `keeps` it for whoever judges the run; no controller may see either.
-
-    A magnet's carriage goes in a straight line to each command, a carriage position in m; a coil holds the commanded
-    voltage in V, an inner mass without a coil the commanded share 0..1 of its force. Feedback of a carriage is its own
-    encoder's, which neither lag nor play behind it reaches. The same rig, instruments and seed under the same commands
-    give the same numbers, whatever the ticks; so does `Plant.advance` in one go.
+    `keeps` it for whoever judges the run; no controller may see either. A carriage goes in a straight line to each
+    command in m; a coil holds a voltage in V, an inner mass without a coil the share 0..1 of its force. A carriage's
+    feedback is its own encoder's, before lag and play. The same rig, instruments, seed and commands give the same
+    numbers, whatever the ticks.
     """
 
     def __init__(
@@ -89,10 +87,8 @@ class Session:
         return self.plant.time
 
     def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
-        """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were
-        not before.
-
-        Raises ValueError for a command that is not finite or a time that is not at least a step ahead.
+        """Go on under `command` to the step nearest to `until_s`; the readings that are newly at hand then. Raises
+        ValueError for a command that is not finite or a time that is not a step ahead.
         """
         first = int(self.plant.state[at.S_STEP])
         steps = round(until_s / self.plant.rig.step_s) - first

@@ -22,12 +22,9 @@ _PER_DRAG = (at.NODES - 1) / at.DRAG_SPAN
 
 @lru_cache(maxsize=16)
 def tabulate(capsule: Capsule, tissue: Tissue) -> Floats:
-    """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), all SI, on the grids of
-    `plant.layout`.
-
-    Interpolation error below 1e-7 N, 2e-6 N about 20 mm/s where the moduli blend. The array is shared and read-only.
-
-    Raises `ValueError` when the wall's tension does not grow with its drag over the grid: then there is no u_c.
+    """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), SI, on the grids of
+    `plant.layout`, within 1e-7 N, 2e-6 N about 20 mm/s where the moduli blend; shared and read-only. Raises
+    `ValueError` where the wall's tension does not grow with its drag over the grid: then there is no u_c.
     """
     rows = np.empty((at.L_COUNT, at.NODES))
     speed = np.linspace(0.0, at.SPEED_SPAN, at.NODES)

@@ -29,11 +29,8 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
 
 @compiled
 def clipped_speed(v: float, force: float, limit: float, kinetic: float, mass: float, dt: float) -> float:
-    """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic`
-    once it slides.
-
-    `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`. A body at rest under less than `limit` stays at exactly zero. The
-    impulse is clipped, nothing is smoothed (Moreau's time stepping).
+    """Speed after a step: `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`, `kinetic` once it slides. A body at rest
+    under less than `limit` stays at exactly zero: the impulse is clipped, nothing is smoothed (Moreau's time stepping).
     """
     momentum = mass * v + force * dt
     if abs(momentum) <= limit * dt:
@@ -74,12 +71,9 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
 
 @compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
-    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside the step, where the base
-    model says so: the wall slips where `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back,
-    `s v > -v_i`.
-
-    The tension is taken as linear in the step; the rest of the step is spent in the other mode, so that the teeth's
-    period does not grow with the step.
+    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside it: the wall slips where
+    `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back, `s v > -v_i`. The tension is linear
+    in the step; its rest is spent in the other mode, so that the teeth's period does not grow with the step.
     """
     if p[P_SURFACE] != GUT:
         return

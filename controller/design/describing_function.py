@@ -1,8 +1,6 @@
-"""How far may the loop be pushed, and does it hunt? Harmonic balance: its answer to a force against the first harmonic
-of stick and slip.
-
-Where the balance has an unstable cycle of amplitude A, the loop comes to rest in stiction from less and goes off from
-more: the friction, whose describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
+"""Does the loop hunt? Harmonic balance: its answer to a force against the first harmonic of stick and slip. Where that
+has an unstable cycle of amplitude A, the loop comes to rest from less and goes off from more: friction, whose
+describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
 """
 
 import math
@@ -68,10 +66,8 @@ class Balance:
 def describe(
     model: ControlModel, amplitude_m: Array = AMPLITUDES_M, frequency_Hz: Array = FREQUENCIES_HZ
 ) -> Describing:
-    """The describing function of `model`'s surface and of those effects that a pull feels too, with set-valued
-    friction, by running it.
-
-    On a plate in closed form: `A N = j 4 mu m g/pi`.
+    """The describing function of `model`'s surface, and of effects that a pull feels too, by running it with set-valued
+    friction; on a plate in closed form: `A N = j 4 mu m g/pi`.
     """
     omega = 2 * math.pi * np.asarray(frequency_Hz, dtype=np.float64)
     surface, known = surface_of(model.rig), model.theta
@@ -114,10 +110,8 @@ def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) ->
 
 def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) -> list[Balance]:
     """All (A, omega) within the grid of `wall` at which `F = 1 + N(A, omega) G(j omega) = 0`, smallest first; `plant`
-    is the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega.
-
-    A cycle comes back where, with s = sigma + j omega, F = 0 along a disturbance dA gives sigma = omega Im(F_A/F_w) dA
-    below 0.
+    is the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega. A cycle comes back
+    where, with s = sigma + j omega, F = 0 along a disturbance dA gives sigma = omega Im(F_A/F_w) dA below 0.
     """
     force = wall.force()
 

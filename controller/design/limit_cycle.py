@@ -93,9 +93,8 @@ def simulate(
     delay_s: float,
     exact: Assembly | None = None,
 ) -> LoopRun:
-    """Run `law` on `model` with friction that holds a resting capsule: `seconds` at `speed_m_s`, then a hold of
-    `hold_s`; what the law sees is `delay_s` late. Returns the whole run, one sample a tick. `exact` is what
-    `exactly(model)` gives, built here where None.
+    """Run `law`, which sees states `delay_s` late, on `model` with friction that holds a resting capsule (`exact`,
+    `exactly(model)` where None): `seconds` at `speed_m_s`, then a hold of `hold_s`; one sample a tick.
     """
     exact = exactly(model) if exact is None else exact
     p, state, tick = exact.vector(model.theta), exact.start(), model.tick_s

@@ -69,11 +69,9 @@ def state_loop(plant: Linear, gains: Gains, delay_s: float) -> OpenLoop:
 
 
 def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> Pid:
-    """The PID with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`.
-
-    The integral is what overcomes friction that the controller does not know, so its gain is what counts (Astrom and
-    Hagglund's M-constrained integral gain optimisation, here on a grid). Raises ValueError for a peak of 1 or less, or
-    where none of the grid fits.
+    """The PID with the largest `K_i`, which overcomes friction that nobody knows, whose sensitivity peak is at most
+    `peak` on all of `plants` (Astrom and Hagglund's M-constrained integral gain optimisation, on a grid). Raises
+    ValueError where none of the grid fits.
     """
     sizes, rates, leads = np.geomspace(1e-2, 1e2, _STEPS), np.geomspace(0.3, 300, _STEPS), (0.0, 5e-3, 1e-2, 2e-2)
     gains = product(_scale(plants) * sizes, rates, leads)

@@ -129,11 +129,9 @@ class _Tick:
 
 
 class CubatureEstimator(base.Estimator):
-    """A cubature Kalman filter with the control model as its process.
-
-    A late measurement is taken in at the tick of its stamp and the ticks since are computed again: their number, and so
-    the time this takes, is bounded. Its points lie a standard deviation away, some stick while others slip: the mean
-    glides where the capsule jumps.
+    """A cubature Kalman filter with the control model as its process. After a late measurement the ticks since are
+    computed again: their number is bounded. Its points lie a standard deviation away, some stick while others slip: the
+    mean glides where the capsule jumps.
     """
 
     process: ClassVar[type[Process]] = Process

@@ -15,12 +15,9 @@ _START_SPEED_M_S = 5e-3  # standard deviation before anything was measured
 
 class KinematicFilter:
     """Kalman filter of `x' = v, v' = w` (w white), corrected at the stamp of each position and run on to now by `x + v
-    (now - stamp)`.
-
-    The wall and the drive's own states stay where the model starts them. Outliers, lost estimate and faults as
-    `Estimator`. A position older than the last one is not used. `jerkiness`, how far the speed walks in a second, in
-    m/s per root s: the larger, the quicker and the noisier the filter. Raises ValueError on making where that is not
-    positive, later never.
+    (now - stamp)`; wall and drive stay where the model starts them. Outliers, lost estimate and faults as `Estimator`;
+    a position older than the last one is not used. `jerkiness`: how far the speed walks in a second, in m/s per root s,
+    the larger, the quicker and the noisier. Raises ValueError on making where that is not positive, later never.
     """
 
     def __init__(self, model: ControlModel, jerkiness: float = 5e-3, noise: FilterNoise | None = None) -> None:

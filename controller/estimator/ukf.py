@@ -16,7 +16,6 @@ from models.parameter import Name
 
 def safe_root(P: Array) -> Array:
     """Upper Cholesky factor (n, n) of `P`, symmetrised first and lifted where rounding made it indefinite: `P = U' U`.
-
     filterpy takes SciPy's Cholesky as it is, which raises for a covariance that lost its sign by rounding.
     """
     L = np.zeros_like(P)

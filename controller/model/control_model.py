@@ -160,10 +160,8 @@ class ControlModel:
 
     @cached_property
     def sharp(self) -> ControlModel:
-        """This model with friction as sharp as it is: for estimating and inverting, which need no derivatives of it.
-
-        Rounded over 50 um/s, friction at 1 mm/s is 5 % too low, and the path runs 0.5 mm ahead of the exact stick and
-        slip; over 1 um/s by 0.04 mm.
+        """This model with friction as sharp as it is, for estimating and inverting: rounded over 50 um/s, friction at 1
+        mm/s is 5 % too low and the path runs 0.5 mm ahead of the exact stick and slip, over 1 um/s by 0.04 mm.
         """
         sharp = control_model(self.rig, self.theta, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
         return replace(sharp, held_out_error=self.held_out_error)
@@ -192,13 +190,11 @@ def checked_tick(tick_s: float) -> float:
 def control_model(
     rig: Rig, values: Mapping[Name, float], tick_s: float, smoothing: float = SMOOTHING, driven: str = ""
 ) -> ControlModel:
-    """The model of `rig` with `values`, one stage of a model file.
-
-    `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column
-    that is commanded where the rig has several (`coil_voltage_V`). `values` may hold the stage's `HELD_OUT` error. What
-    they lack keeps the rig file's number; an effect with the amplitude 0 is left out, and so are how late a record's
-    switch was logged and a free curve over speed. Raises ValueError for a rig without a free capsule, an unknown name,
-    a value that is no finite number.
+    """The model of `rig` with `values`, one stage of a model file; `tick_s` in s is the controller's, `smoothing` in
+    m/s what friction is rounded over, `driven` the column that is commanded where there are several. What `values` lack
+    keeps the rig file's number; an effect of amplitude 0 is left out, as are `HELD_OUT`, how late a switch was logged
+    and a free curve over speed. Raises ValueError for a rig without a free capsule, an unknown name, a value that is no
+    finite number.
     """
     drive = drive_of(rig, driven)
     if drive.imposed:

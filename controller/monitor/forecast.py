@@ -43,12 +43,9 @@ class Second:
 
 
 class Forecast:
-    """Runs the model, with the friction level and force that the estimator has come to believe, for `SPAN_S` from an
-    estimate on, under the commands in force: so far ahead no filter corrects it. `noise_m` is the standard deviation of
-    a localisation as the estimator believes it.
-
-    A second in which the estimate was lost, as it is without positions and after a new start, is no second: sensors are
-    not judged here. One state a tick; nothing is allocated but numbers.
+    """Runs the model, with the friction level and force that the estimator believes, for `SPAN_S` from an estimate on
+    under the commands in force: so far ahead no filter corrects it. `noise_m` is a localisation's standard deviation. A
+    second in which the estimate was lost is none: sensors are not judged here. One state a tick.
     """
 
     def __init__(self, model: ControlModel, noise_m: float) -> None:

@@ -11,11 +11,8 @@ compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"co
 
 @compiled
 def keep_feasible(commands: Array, last_rate: float, stage: float, first: float, bounds: Array) -> None:
-    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold; the first one
-    stays.
-
-    `first` in s is the time within which the rate may change from `last_rate` to the first one. The rate stays low
-    enough to stop within the range.
+    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold and they can
+    stop within the range; the first one stays, the rate may change from `last_rate` within `first` s.
     """
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
     rate = min(max(last_rate, -most), most)

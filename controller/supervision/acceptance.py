@@ -46,10 +46,9 @@ def judge(
     share: float = BETTER,
 ) -> Acceptance:
     """Judge `stage` of a `model` that close-loop wrote with its `report` (the object of report.json) for `rig`: its
-    held-out error must be at most `share` of the current model's on the same records.
-
-    `current` is the stage in use, or the held-out error of the model in use on the same records. A report or a model
-    that cannot be read does not pass. Raises ValueError for an unknown stage.
+    held-out error must be at most `share` of the current model's on the same records. `current` is the stage in use, or
+    the held-out error of the model in use on the same records. A report or a model that cannot be read does not pass.
+    Raises ValueError for an unknown stage.
     """
     for name in (stage, current):
         if isinstance(name, str) and name not in STAGES:

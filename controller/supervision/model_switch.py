@@ -41,13 +41,10 @@ class Prepared:
 
 
 class ModelSwitch:
-    """The estimator in use, and the one of an offered model beside it.
-
-    `observe` answers with the one in use. From `begin` + `offer.at_s` on the offered one sees the same measurements;
-    once it is not lost and the supervisor has seen the capsule at rest long enough, it and the controllers of its model
-    take over in one tick, `taken_at` in s of the reference's time; `switches` counts how often. A model that is offered
-    later waits until those before it have taken over. An offer's controllers and estimator are built when it is made,
-    that of the constructor before the first tick. `history`, where there is one, keeps what was measured.
+    """The estimator in use, and the one of an offered model beside it. From `begin` + `offer.at_s` on the offered one
+    sees the same measurements; once it is not lost and capsule and reference have been at rest, it and the controllers
+    of its model take over in one tick, `taken_at` in s of the reference's time. Offers wait for each other and are
+    built when made; `history`, where there is one, keeps what was measured.
     """
 
     def __init__(

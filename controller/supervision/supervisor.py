@@ -22,15 +22,12 @@ _NO_ACTION = Action(math.nan, "failed")
 class Supervisor:
     """A controller made of a `chain` of controllers, best first, and a controlled stop below them.
 
-    Each tick the best one that is not suspended is asked. One that raises, answers with a command that is no finite
-    number, with `failed`, `lost` or `stopped`, or `late` more than `late_allowed` times in a row, is suspended and the
-    next one is asked in the same tick. With nobody left, or while the estimate is lost, the drive stops: carriage at
-    rest where it is (it is not drawn back unasked), current and inner mass to 0. Whoever takes over is reset to the
-    command in force and what is left of a step between them fades. Nothing here raises; a controller that never returns
-    cannot be stopped from inside, the drive's time to live does that.
-
-    `place` and `pace` are the indices of position and speed in the estimate's state. `temperature_C` is what the drive
-    last said, `most` what a command may be either way for now.
+    Each tick the best one that is not suspended is asked. One that raises, answers with no finite number, `failed`,
+    `lost` or `stopped`, or `late` more than `late_allowed` times in a row, is suspended and the next one is asked in
+    the same tick. With nobody left, or while the estimate is lost, the drive stops: carriage at rest where it is,
+    current and inner mass to 0. Whoever takes over is reset to the command in force and what is left of a step between
+    them fades. Nothing here raises; against a controller that never returns stands the drive's time to live.
+    `temperature_C` is what the drive last said, `most` what a command may be either way for now.
     """
 
     name = "supervised"

@@ -56,7 +56,6 @@ class Gait:
 @dataclass(frozen=True)
 class VibroModel:
     """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model.
-
     `mirror` -1 turns speeds round, as a `vibro_table` record may count them.
     """
 
@@ -69,9 +68,7 @@ class VibroModel:
     @classmethod
     def from_rig(cls, rig: Rig, values: Mapping[Name, float] | None = None) -> VibroModel:
         """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes
-        them.
-
-        Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
+        them. Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
         """
         if rig.drive is None or rig.kind not in INNER_MASS.models:
             kinds = " or ".join(map(repr, INNER_MASS.models))
@@ -207,11 +204,9 @@ def impact_of(model: VibroModel, pace: Gait) -> Impact:
 
 
 def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
-    """The `vibro` rig with the table's masses in kg, and the values that its control model takes.
-
-    `load_scale` multiplies force and friction alike. `mirror` says how the record counted speeds and is left to whoever
-    compares with that record; here +x is where the drive's force pushes the inner mass. Raises ValueError for a rig
-    without an inner mass, or masses that are not positive.
+    """The `vibro` rig with the table's masses, and the values that its control model takes: `load_scale` multiplies
+    force and friction, `mirror` is left to whoever compares with the record. Raises ValueError without an inner mass,
+    or for masses that are not positive.
     """
     if rig.drive is None:
         raise ValueError(f"rig must have an inner mass for the values of a vibro_table; got a {rig.kind} rig")

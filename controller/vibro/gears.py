@@ -125,7 +125,6 @@ class DriveMap:
 
     def choose(self, speed_m_s: float, gear: int | None = None) -> Choice:
         """The waveform for `speed_m_s`: in the given `gear` as long as that reaches it, else in the nearest that does.
-
         A speed beyond reach gives that direction's fastest waveform and is marked as not reachable, as is one that is
         no number.
         """

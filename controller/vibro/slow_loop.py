@@ -38,10 +38,9 @@ class Tuning:
 
 @dataclass
 class ProgressFilter:
-    """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions.
-
-    `wander` in m/s per root second and `wander_share` of the commanded speed say how fast b may change by itself,
-    `slope_doubt` by which share of a change of command; `ripple_m` is what a cycle moves the body to and fro.
+    """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions. `wander` in m/s per
+    root second and `wander_share` of the commanded speed say how fast b may change by itself, `slope_doubt` by which
+    share of a change of command; `ripple_m` is what a cycle moves the body to and fro.
     """
 
     lag_s: float
@@ -115,9 +114,8 @@ _PROGRESS_M, _SPEED_M_S, _CHANGE_M_S = 1.0e-3, 2.0e-3, 4.0e-3
 
 class AveragedMpc:
     """Over `horizon` steps of `step_s`: least squares of progress, speed and change of command, the command within
-    bounds.
-
-    Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the commands.
+    bounds. Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the
+    commands.
     """
 
     def __init__(self, lag_s: float, step_s: float = 0.1, horizon: int = 12) -> None:

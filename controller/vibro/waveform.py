@@ -16,10 +16,8 @@ _TINY = 1e-12  # of a cycle: a part as short as rounding is none
 @dataclass(frozen=True)
 class Waveform:
     """The command `levels[i]` (0 to 1, share of the full force) from the turn `edges[i]` to `edges[i + 1]` of each
-    `period_s`.
-
-    `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that do not rise
-    from 0 to 1 or levels outside [0, 1].
+    `period_s`. `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that
+    do not rise from 0 to 1 or levels outside [0, 1].
     """
 
     period_s: float

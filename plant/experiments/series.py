@@ -36,17 +36,14 @@ def make_series(
     noise: float = 1.0,
     rate_Hz: float = 500.0,
 ) -> Path:
-    """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to the
-    folder `out`.
+    """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to `out`.
 
-    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
-    a coil's or inner mass's force and spring (a magnet's on a plate too) by up to 7 %; `coil` logs the coil's current,
-    `coil_voltage` the voltage alone, where what acts before the current shows; `vibro` is a capsule in the gut,
-    `vibro_plate` the capsubot on a plate, `magnetic_plate` and `coil_plate` a capsule on one. `effect` is a hidden
-    effect's id, or several joined by "+", with numbers drawn from their ranges, or None. Samples at `rate_Hz`; noise
-    `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed gives the same
-    bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown kind or
-    effect, or one that the drive cannot have.
+    The truth differs from nominal by up to 15 % in hoop stress and friction, 5 % in a magnet's stiffness, 7 % in a
+    coil's or inner mass's force and spring (a magnet's on a plate too). `coil` logs the current, `coil_voltage` the
+    voltage alone; `vibro` is in the gut, `vibro_plate` the capsubot on a plate. `effect` is a hidden effect's id, or
+    several joined by "+", with numbers drawn from their ranges. `noise` times 1 mN on a pull's force, 50 um on a
+    position. The same seed gives the same bytes; its rig, drive and noise stay the same with another effect. Raises
+    `ValueError` for an unknown kind or effect, or one that the drive cannot have.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")

@@ -28,7 +28,6 @@ class Reading:
 @dataclass(frozen=True)
 class Instrument:
     """Samples at `rate_Hz`, at hand `latency_s` later, with white noise of `std`, rounded to `quantum` (0: not at all).
-
     A share `missing_share` of the readings never comes and `outlier_share` is off by up to `outlier_size` either way.
     Within each pair of `gaps_s` (start, length, start, length, ...) nothing comes; within `nan_s` NaN does. Hidden
     offsets of the sensor count in `span`, the range in which it works. `std`, `quantum`, `outlier_size` and `span` are
@@ -60,7 +59,6 @@ class Instrument:
 
 class Stream:
     """One instrument at work. The same truth gives the same readings, in however many pieces it is handed over.
-
     `truth_rate_Hz` is how often `take` sees the truth; a sample is the newest truth at its time.
     """
 

@@ -36,7 +36,6 @@ class Sensor:
 
     def measure(self, t: Floats, y: Floats, rng: np.random.Generator, h: Floats | None = None) -> tuple[Floats, Floats]:
         """Sample times in s and readings of the truth `y` over the even grid `t`; `h` is the table of hidden effects.
-
         Order: low-pass, delay (before the start the first value holds), hidden gain and offsets, noise, rounding.
         """
         if t.size < 2:

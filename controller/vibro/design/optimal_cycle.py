@@ -67,10 +67,8 @@ class Optimum:
 def optimal_cycle(
     cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = ROUNDS, close: float = CLOSE
 ) -> Optimum:
-    """The least-energy cycle at the mean `speed_m_s`, not 0, found from `guess`; the exact model's may be off by
-    the share `close`.
-
-    Local: it keeps to the order of events that `guess` begins with. Raises ValueError for a speed of 0.
+    """The least-energy cycle at the mean `speed_m_s`, not 0, found from `guess`; the exact model's may be off by the
+    share `close`. Local: it keeps to the order of events that `guess` begins with. Raises ValueError for a speed of 0.
     """
     if speed_m_s == 0 or not np.isfinite(speed_m_s):
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")

@@ -112,10 +112,8 @@ def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_
 
 def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSpace:
     """From progress to minus the commanded mean speed: the filter at its steady gain and the unbounded plan, once a
-    period.
-
-    With the filter's z = (p, s, b), `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`; readings within a
-    period count as one of as much less variance.
+    period: `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`; a period's readings count as one of less
+    variance.
     """
     F, g = transition(period_s, lag_s)
     K = _steady_gain(ProgressFilter(lag_s), F, period_s, speed_m_s)

@@ -21,7 +21,6 @@ from controller.signals import Array
 from models.assembly.model import assemble
 from models.compiled.kernel import lower
 from models.drives.pull import Pull
-from models.effects import BY_ID
 from models.rigs.parts import surface_of
 from models.surfaces.plate import Plate
 
@@ -74,7 +73,7 @@ def describe(
     if not surface.dragged:
         force, _ = surface.hold(0.0, known.base, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
-    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in known.effects if Pull.name in BY_ID[name].kinds))
+    pulled = assemble(surface, Pull(), tuple(e for e in model.symbols.effects if Pull.name in e.kinds))
     kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
     N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
     for j, w in enumerate(omega):
@@ -92,7 +91,7 @@ def describe(
 def without_wall(model: ControlModel) -> Linear:
     """The linear plant about rest without the wall, mass and drive alone: what stands across from the wall."""
     known, mass = model.theta, surface_of(model.rig).body_kg
-    symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in known.effects), model.smoothing)
+    symbols = assembled(Plate(mass, 0.0), model.drive, model.symbols.effects, model.smoothing)
     values = [0.0 if p.key == "friction_coefficient" else known[p.key] for p in symbols.parameters]
     return linearise(replace(model, symbols=symbols, values=np.array(values)), "slip", 0.0)
 

@@ -13,7 +13,6 @@ from controller.model.control_model import ControlModel
 from controller.move import SetpointMove
 from controller.signals import Array, Estimate
 from models.assembly.model import Assembly, assemble
-from models.effects import BY_ID
 from models.rigs.parts import surface_of
 
 STILL = 1e-6  # m, peak to peak: below it the loop rests
@@ -117,4 +116,4 @@ def simulate(
 
 def exactly(model: ControlModel) -> Assembly:
     """The same parts with set-valued friction."""
-    return assemble(surface_of(model.rig), model.drive, tuple(BY_ID[name] for name in model.theta.effects))
+    return assemble(surface_of(model.rig), model.drive, model.symbols.effects)

@@ -13,8 +13,9 @@ import numpy as np
 from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
 from controller.signals import Array
+from models.assembly.model import followed_by
 from models.drives.drive import Drive
-from models.effects import BY_ID, followed_by
+from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.effects.refinements.level_over_speed import LevelOverSpeed
 from models.identification.kinds.series.drive_input import OF_THE_LOG
@@ -125,13 +126,17 @@ class ControlModel:
         """State (n,) at rest at `position_m` with `command` in force for long."""
         x = np.zeros(len(self.states))
         for k, name in enumerate(self.states):
-            if name == "x" or followed_by(name) == "position":
+            if name == "x" or self.followed_by(name) == "position":
                 x[k] = position_m
             elif name == "direction":
                 x[k] = 1.0
-            elif followed_by(name) == "command":
+            elif self.followed_by(name) == "command":
                 x[k] = command
         return x
+
+    def followed_by(self, state: Name) -> str:
+        """What a `state` is at after a long rest: "command", "position", or "" for 0."""
+        return followed_by(self.symbols.effects, state)
 
     @cached_property
     def step(self) -> ca.Function:
@@ -204,7 +209,7 @@ def control_model(
     if not 1e-7 <= smoothing <= 1e-2:
         raise ValueError(f"smoothing must lie in [1e-7, 1e-2] m/s; got {smoothing:g}")
     theta = Theta.of(values)
-    effects = _effects(rig.kind, theta)
+    effects = _effects(rig.kind, theta, Catalogue.of(rig))
     symbols = assembled(surface_of(rig), drive, effects, smoothing)
     numbers = Theta.declared(symbols.parameters)
     given = theta.only([e.id for e in effects])
@@ -226,14 +231,14 @@ def control_model(
     return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
 
 
-def _effects(kind: str, values: Theta) -> tuple[type[Effect], ...]:
+def _effects(kind: str, values: Theta, known: Catalogue) -> tuple[type[Effect], ...]:
     """The effects that `values` gives an amplitude to, but for a free curve over speed: it mends a prediction, but its
     slopes from knot to knot would make an inverse of friction that falls where the tissue's does not.
     """
     ids = sorted(values.effects)
     for name in ids:
-        if name not in BY_ID or kind not in BY_ID[name].kinds:
-            known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
-            raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
-    left = [BY_ID[name] for name in ids if name != LevelOverSpeed.id]
+        if name not in known or kind not in known[name].kinds:
+            choices = [e for e, effect in known.items() if kind in effect.kinds]
+            raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, choices)}")
+    left = [known[name] for name in ids if name != LevelOverSpeed.id]
     return tuple(effect for effect in left if values.get((effect.id, effect.amplitude().name), 0.0) != 0)

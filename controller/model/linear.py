@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
 from controller.signals import Array
-from models.effects import followed_by
 from models.parameter import Name
 from models.theta import bare
 
@@ -133,7 +132,7 @@ def _followed(model: ControlModel, state: Array, command: float) -> Array:
     """`state` with the drive's own states as they are after `command` was in force for long: a current after 0.2 s."""
     state = state.copy()
     for k, name in enumerate(model.states):
-        if followed_by(name) == "command":
+        if model.followed_by(name) == "command":
             state[k] = command
         elif bare(name) == "current_A":
             trial = state.copy()

@@ -50,6 +50,7 @@ class Symbols:
     wall_force: ca.Function
     wall_slopes: ca.Function
     pursuit: ca.Function
+    effects: tuple[type[Effect], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
         ca.Function("wall_force", [x, t, q], [ca.cse(wall)]),
         ca.Function("wall_slopes", [x, t, q], ca.cse([wall, ca.densify(ca.jacobian(wall, x))])),
         ca.Function("pursuit", [x, speed, d, t, q], [ca.cse(pursuit)]),
+        tuple(effects),
     )
 
 

@@ -17,7 +17,7 @@ from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel, lower
 from models.drives.coil import Winding
 from models.drives.vibro import Vibro
-from models.effects import BY_ID
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
@@ -75,21 +75,21 @@ class VibroModel:
             raise ValueError(f"rig must be of kind {kinds}; got {rig.kind!r}")
         drive = drive_of(replace(rig, kind=INNER_MASS.name))
         assert isinstance(drive, Vibro)
-        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})))
+        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})), Catalogue.of(rig))
 
     @classmethod
-    def of(cls, surface: Surface, drive: Vibro, values: Theta) -> VibroModel:
+    def of(cls, surface: Surface, drive: Vibro, values: Theta, known: Catalogue = CATALOGUE) -> VibroModel:
         """The model with the effects that `values` names."""
         for name in values.effects:
-            if name not in BY_ID:
-                raise ValueError(f"effect must be one of the catalogue; got {name!r}; {nearest(name, list(BY_ID))}")
-        effects = tuple(BY_ID[name] for name in values.effects)
+            if name not in known:
+                raise ValueError(f"effect must be one of the catalogue; got {name!r}; {nearest(name, list(known))}")
+        effects = tuple(known[name] for name in values.effects)
         own = Theta({name: value for name, value in values.base.items() if name not in _ELSEWHERE}, values.effects)
         model = cls(surface, drive, effects, own, float(values.get("mirror", 1.0)))
-        known = [spelled(p.key) for p in model.assembly().parameters]
+        keys = [spelled(p.key) for p in model.assembly().parameters]
         for name in map(spelled, own):
-            if name not in known:
-                raise ValueError(f"value must be of a parameter of this rig; got {name!r}; {nearest(name, known)}")
+            if name not in keys:
+                raise ValueError(f"value must be of a parameter of this rig; got {name!r}; {nearest(name, keys)}")
         return model
 
     @property

@@ -10,8 +10,8 @@ from numba import njit, types
 
 from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
-from hil.nodes.actuators import ACTUATORS
-from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
+from hil.drives.makers import ACTUATORS
+from hil.simulated.fmu_plant import FORCE, input_of, outputs_of
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at

@@ -8,8 +8,7 @@ from hil.bus.catalogue import Field, Frame
 from models.parameter import nearest
 
 Reason = Literal["length", "range", "crc", "counter", "repeated", "unknown"]
-PAYLOAD = 12
-"""Bits of a frame that its protection takes: CRC and counter."""
+PAYLOAD = 12  # bits of a frame that its protection takes: CRC and counter
 
 
 class FrameError(ValueError):
@@ -25,10 +24,8 @@ class Refusal:
 
 
 class Codec:
-    """One frame's codec. `encode` refuses what is out of range, `decode` what came out of range; neither sets nor
-    checks the protection.
-
-    A value goes on the wire as `round((value - offset)/scale)`, ties to even. Bits that no signal owns are 0.
+    """One frame's codec; neither sets nor checks the protection. A value goes on the wire as `round((value -
+    offset)/scale)`, ties to even. Bits that no signal owns are 0.
     """
 
     __slots__ = ("_reading", "_writing", "frame", "length")

@@ -1,6 +1,4 @@
-"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing and is counted; age makes data
-invalid.
-"""
+"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing; age makes data invalid."""
 
 import math
 from collections import Counter
@@ -29,10 +27,8 @@ _TABLE = crc_table(POLYNOMIAL)
 
 
 def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
-    """CRC of `data` followed by the byte `data_id`: start 0xFF, result inverted.
-
-    On a frame of 8 bytes, one of them the CRC itself, it misses no error of one, two or three bits (Hamming distance
-    4).
+    """CRC of `data` and the byte `data_id`: start 0xFF, inverted. On 8 bytes, one of them the CRC, its Hamming distance
+    is 4.
     """
     table, rest = _TABLE, _START
     for byte in data:
@@ -81,12 +77,11 @@ class Receiver:
     they came.
 
     The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is
-    refused. After the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew (a
-    sender that has restarted); while they are fresh no other sequence is let in, so a replay beside the true sender is
-    not, unless it is 15 frames old to the frame, where the counter has come round. A replay of a whole recording after
-    the sender fell silent cannot be told from its restart by counters of 4 bits: heartbeats and the time to live bound
-    what it can do. Frames that are not cyclic (safe stop, fault, reset) come after silences of any length: every
-    counter but the last one is let in at once, none of them can start anything.
+    refused. After the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew;
+    while they are fresh no other sequence is let in, so a replay beside the true sender is not, unless it is 15 frames
+    old to the frame. A replay of a whole recording after the sender fell silent cannot be told from its restart:
+    heartbeats and the time to live bound what it can do. Frames that are not cyclic come after silences of any length:
+    every counter but the last one is let in at once, none of them can start anything.
     """
 
     __slots__ = (
@@ -103,9 +98,7 @@ class Receiver:
     )
 
     def __init__(self, frame: Frame, longest_s: float | None = None) -> None:
-        """`longest_s` is the age in s at which data become invalid: `CYCLES` cycles where None, inf for a frame sent on
-        events.
-        """
+        """`longest_s`: age at which data become invalid; None: `CYCLES` cycles, inf for a frame sent on events."""
         self.frame = frame
         self.longest_s = (CYCLES * frame.cycle_s or math.inf) if longest_s is None else longest_s
         self.statistics = Statistics()
@@ -177,9 +170,7 @@ class Reception:
     unknown: Counter[int] = field(default_factory=Counter)
 
     def accept(self, identifier: int, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
-        """Hand a frame to its receiver. Never raises; identifiers nobody knows are counted, at most 2048 different
-        ones.
-        """
+        """Hand a frame to its receiver. Never raises; counts at most 2048 identifiers that nobody knows."""
         receiver = self.receivers.get(identifier)
         if receiver is None:
             if len(self.unknown) < 2048 or identifier in self.unknown:

@@ -15,7 +15,6 @@ class OwnBus(can.BusABC):
     """Frames are sent one by one: those of a dead process, or a dead controller's commands, must end with it."""
 
     def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused."""
         raise NotImplementedError(f"frames of {self.channel_info} are sent one by one")
 
 
@@ -27,11 +26,9 @@ class WrappingBus(OwnBus):
         self.inner, self.channel_info = inner, channel_info
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As `inner`."""
         self.inner.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """As `inner`."""
         return self.inner.recv(timeout)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -39,7 +36,6 @@ class WrappingBus(OwnBus):
 
     @property
     def state(self) -> can.BusState:
-        """As `inner`."""
         return self.inner.state
 
     @state.setter
@@ -50,6 +46,5 @@ class WrappingBus(OwnBus):
         """Nothing of its own to release; `inner` warns where it was not closed."""
 
     def shutdown(self) -> None:
-        """Close both."""
         super().shutdown()
         self.inner.shutdown()

@@ -1,6 +1,4 @@
-"""A bus on which a drive of another maker speaks as the catalogue's carriage: the controller behind it, its guard and
-its log stay as they are.
-"""
+"""A bus on which a drive of another maker speaks as the catalogue's carriage: all behind it stays as it is."""
 
 import math
 from abc import abstractmethod
@@ -26,10 +24,9 @@ class CarriageBus(WrappingBus):
     """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
     what of the catalogue the drive's own become.
 
-    The frames made here are protected anew, so CRC and counter guard nothing beyond this process; on the wire such a
-    drive has the bus's own CRC alone. None of them tells a temperature that a limit of ours is for: they look after
-    that themselves. What another master commands the drive comes in as a CarriageCommand, which only a controller
-    sends.
+    The frames made here are protected anew, so CRC and counter guard nothing beyond this process. None tells a
+    temperature that a limit of ours is for: such drives look after that. What another master commands the drive comes
+    in as a CarriageCommand, which only a controller sends.
     """
 
     maker: ClassVar[str]
@@ -126,9 +123,7 @@ class CarriageBus(WrappingBus):
             self._hear("CarriageFault", {"Code": code, "Detail": detail & 0xFFFF}, stamp)
 
     def refuse(self, name: str, message: can.Message) -> None:
-        """Let it hear a frame of the drive's that is not as long as it must be: it is refused for its length, and told
-        of, as the catalogue's `name`.
-        """
+        """Let it hear a frame that is too short: it is refused for its length, as the catalogue's `name`."""
         self._ready.append(self._as_received(message, self._speakers[name][0], _TOO_SHORT))
 
     @staticmethod

@@ -11,8 +11,7 @@ from hil.drives.carriage_bus import CarriageBus
 from hil.drives.table import TurningTable
 from hil.nodes.frame_map import ENABLE, QUICK_STOP_M_S2, READY, STANDBY
 
-IDLE_TICKS: Final = 5
-"""How often a drive that has been braked is told to take its torque away."""
+IDLE_TICKS: Final = 5  # how often a drive that has been braked is told to take its torque away
 _SETTLE: Final = 2  # steps that a drive has to come to rest
 
 
@@ -25,13 +24,10 @@ class BrakePath:
         self._rested = 0
 
     def leave(self) -> None:
-        """Brake no more."""
         self._rate_m_s, self._rested = math.nan, 0
 
     def step(self, place_m: float, speed_m_s: float) -> tuple[float, float] | None:
-        """The next place and rate, beginning at `place_m` with `speed_m_s`; None once the drive has had `_SETTLE` steps
-        to come to rest there, until `leave`.
-        """
+        """The next place and rate, from where it moves at first; None once it has had `_SETTLE` steps to rest there."""
         if math.isnan(self._rate_m_s):
             self._place_m, self._rate_m_s = place_m, speed_m_s
         if self._rested >= _SETTLE:
@@ -80,7 +76,6 @@ class TurningBus(CarriageBus):
         self._armed = False
 
     def _arm(self) -> None:
-        """ "Ready" is asked for."""
         self._armed, self._led, self._asked, self._left = True, False, 0, ""
         self._last_m, self._stopped = math.nan, 0
 

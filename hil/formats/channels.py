@@ -79,8 +79,8 @@ def library(name: str, extra: str) -> Any:
 
 @contextmanager
 def alone(path: Path) -> Iterator[BinaryIO]:
-    """The record `path`, open; within it no further file can be opened, by whatever library: what a record names
-    outside itself is refused by the system, a pipe before it is waited for. Modules must be loaded before.
+    """The record `path`, open; within it the system refuses to open a further file, whatever the record names. Modules
+    must be loaded before.
     """
     with opened(path, "record") as file:
         fence = os.dup(file.fileno())

@@ -1,6 +1,4 @@
-"""The process that reads one file: what a damaged file does to a library ends here. Headings go to standard output, the
-names to read come from standard input, samples go out.
-"""
+"""The process that reads one file: what a damaged file does to a library ends here."""
 
 import json
 import os
@@ -21,23 +19,20 @@ ADDRESSES: Final = 8 << 30
 """Most memory in bytes of the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
 which libraries reserve without using them.
 """
-SECONDS: Final = 600
-"""Most time on a processor in s."""
-UNPACKED: Final = 1 << 30
-"""Most bytes of a file that the process may write: what a library unpacks beside the record."""
+SECONDS: Final = 600  # most time on a processor in s
+UNPACKED: Final = 1 << 30  # most bytes of a file that the process may write: what a library unpacks beside the record
 LEAST_S: Final = 10  # that a reader may run
 SLOWEST: Final = 500_000
 """Time on a processor in s that any file may take, and bytes of a file for which it may take a second more."""
 
 
 def allowed_s(size: int) -> int:
-    """Time on a processor in s that a file of `size` bytes may take."""
     return min(LEAST_S + size // SLOWEST, SECONDS)
 
 
 def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
-    """Do `task` with the file that the command line names and standard output, within limits of memory, and of time on
-    a processor that go with the size of the file. HDF5 loads no filters from a folder.
+    """Do `task` with the file that the command line names and standard output, within limits of memory and of processor
+    time that go with its size. HDF5 loads no filters from a folder.
     """
     os.environ["HDF5_PLUGIN_PRELOAD"] = "::"
     path = Path(sys.argv[1])
@@ -53,8 +48,8 @@ def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
 
 
 def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
-    """Read the channels of `path` that are asked for through `source`; headings, then samples or a sentence go to
-    `target`, a line of JSON each, samples as numbers of 8 bytes below it.
+    """Headings go to `target`, then the samples of what is asked for through `source`, or a sentence: a line of JSON
+    each, samples as numbers of 8 bytes below it.
     """
 
     def pick(headings: Sequence[Heading]) -> Collection[str]:

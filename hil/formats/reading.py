@@ -1,6 +1,4 @@
-"""Channels of a file, read in a process of its own: a library that crashes, hangs or wants all memory at a damaged file
-takes nothing with it.
-"""
+"""Channels of a file, read in a process of its own: a library that crashes or hangs takes nothing with it."""
 
 import json
 import subprocess
@@ -36,9 +34,7 @@ def read_channels(path: Path, pick: Pick) -> list[Channel]:
 
 @contextmanager
 def reading_process(module: str, path: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """The process in which `module` reads `path`, spoken with through its standard input and output; it is ended on
-    leaving, and after `LONGEST_S`.
-    """
+    """The process in which `module` reads `path`; it is ended on leaving, and after `LONGEST_S`."""
     with subprocess.Popen(
         [*own_module(module), str(path.absolute())],
         stdin=subprocess.PIPE,

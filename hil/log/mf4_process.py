@@ -17,9 +17,7 @@ from hil.log.blf_file import PACKED, Logged, way_of
 
 
 def library_frames(path: Path) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of a file that python-can reads by its ending, within this
-    process. Raises ValueError of one sentence.
-    """
+    """The classic data frames with 11-bit identifiers of a file that python-can reads. Raises ValueError."""
     try:
         reader: Any = can.LogReader(path)
     except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file

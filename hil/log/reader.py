@@ -24,11 +24,9 @@ def is_log(path: Path) -> bool:
 
 
 def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of the log `path`, in its order; others are left out. Times of a
-    log of ours are its node's clock's, of others what they say.
-
-    A BLF file that ends in the middle gives what is whole, and `tell` gets a sentence that says so. Raises ValueError
-    of one sentence for what is no log.
+    """The classic data frames with 11-bit identifiers of the log `path`, in its order. Times of a log of ours are its
+    node's clock's. A BLF file that ends in the middle gives what is whole, and `tell` gets a sentence. Raises
+    ValueError.
     """
     if check_source(path, "log") == 0:
         raise ValueError(f"{path}: log must hold frames; got an empty file")

@@ -42,9 +42,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Sources:
-    """A kind of rig's driven and measured column; `held` drives hold between commands, others go straight between
-    feedbacks.
-    """
+    """A kind of rig's driven and measured column; `held` drives hold between commands."""
 
     driven: Source
     measured: Source
@@ -72,9 +70,7 @@ SOURCES: Final[Mapping[str, Sources]] = {
 
 
 def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """A record of `rig` from a CSV file, a CAN log or a file of one of the formats in `hil.formats.table`; a
-    `lenient` reading takes times and values of a CSV file as they stand. Raises ValueError of one sentence.
-    """
+    """A record of `rig` from a CSV file, a CAN log or a file of another format; `lenient`: as `read_record`."""
     if is_log(path):
         return log_record(path, rig, driven_only=driven_only)
     if format_of(path):
@@ -83,9 +79,8 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """Every signal of the good frames of the log `path` as a channel `Frame/Signal`, at the frames' times of arrival,
-    NaN where it says nothing.
-    `tell` as `read_frames`. Raises ValueError of one sentence.
+    """Every signal of the good frames of `path` as a channel `Frame/Signal`, at the times of arrival, NaN where it says
+    nothing. `tell` as `read_frames`. Raises ValueError of one sentence.
     """
     reading = _Reading(str(path), load_catalogue())
     reading.take(read_frames(path, tell))
@@ -107,10 +102,9 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
     """The record that the log `path` holds of `rig`.
 
     Rows are the measured values' own times, arrival less the age that the frame states. A position or current that was
-    fed back is taken straight between its frames; a held drive is the mean of what was commanded since the row before,
-    as records of a switched drive have it, with rows between those of the measured values as often as commands come.
-    Frames that protection refuses and values that the sensor does not vouch for are left out. With `driven_only` the
-    measured frames may be missing: rows are then the drive's. Raises ValueError of one sentence.
+    fed back goes straight between its frames; a held drive is the mean of what was commanded since the row before, with
+    rows in between as often as commands come. What protection refuses and the sensor does not vouch for is left out.
+    With `driven_only` rows may be the drive's. Raises ValueError of one sentence.
     """
     if rig.kind not in SOURCES:
         raise ValueError(
@@ -229,9 +223,7 @@ def _increasing(times: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) -> tuple[Array, Array]:
-    """When the drive's level changed and to what: that of the newest command while it lives and the drive is
-    enabled.
-    """
+    """When the level changed and to what: the newest command's while it lives and the drive is enabled."""
     states = reading.good.get("InnerMassFeedback", [(0.0, {"State": float(_ENABLED)})])
     at = np.searchsorted(np.array([t for t, _ in states]), np.array([t for t, _ in frames]), "right") - 1
     runs = [states[max(k, 0)][1]["State"] in (_ENABLED, _DERATED) for k in at.tolist()]

@@ -1,6 +1,4 @@
-"""The process that writes a log: frames from standard input to a BLF file, and to an MCAP file where one is asked for,
-until the input ends.
-"""
+"""The process that writes a log: frames from standard input to a BLF file, and to an MCAP file beside it."""
 
 import contextlib
 import os
@@ -34,10 +32,9 @@ def write_until_end(
     mcap: Path | None = None,
     told: Callable[[int], object] = lambda count: None,
 ) -> int:
-    """Write the frames that come from the file descriptor `source` to `path`, on file every `flush_s`. `told` gets how
-    many are, at the begin and after each time; the whole number is returned. With `append` it goes on with the file,
-    after a note that frames are missing. `mcap` gets the good frames, too, as long as it takes them. Raises OSError
-    where the disk does not take them.
+    """Write the frames that come from `source` to `path`, on file every `flush_s`; how many. `told` gets how many are,
+    each time. With `append` it goes on with the file, after a note that frames are missing. `mcap` gets the good
+    frames, too. Raises OSError where the disk does not take them.
     """
     file, rest, count = BlfFile(path, calendar_s, append=append), b"", 0
     beside = None if mcap is None else _Beside(mcap)
@@ -85,12 +82,10 @@ class _Beside:
         self._file = McapLog(self._path)
 
     def write(self, frame: Logged) -> None:
-        """Add a frame."""
         if self._file is not None:
             self._doing(partial(self._file.write, frame))
 
     def close(self) -> None:
-        """End the file."""
         if self._file is not None:
             self._doing(self._file.close)
 
@@ -105,9 +100,7 @@ class _Beside:
 
 
 def main() -> int:
-    """`PATH CALENDAR_S MCAP [append]`, MCAP "" for none; says on standard output how many frames are on file, or what
-    is wrong with it.
-    """
+    """`PATH CALENDAR_S MCAP [append]`; says on standard output how many frames are on file, or what is wrong."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)

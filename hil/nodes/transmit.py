@@ -9,16 +9,13 @@ from hil.bus.protection import Sender
 
 
 class FrameTransmitter:
-    """Senders of the frames `names` on a bus. `unsent` counts what did not go out: off the bus, queue full, or out of
-    range.
-    """
+    """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
 
     def __init__(self, bus: can.BusABC, catalogue: Catalogue, names: Iterable[str]) -> None:
         self._bus, self._senders = bus, {name: (catalogue[name].id, Sender(catalogue[name])) for name in names}
         self.unsent = 0
 
     def say(self, name: str, values: Mapping[str, float]) -> None:
-        """Send one frame."""
         identifier, sender = self._senders[name]
         try:
             message = can.Message(

@@ -44,7 +44,6 @@ _INNER: Final = (
 
 
 def input_of(drive: TrueDrive) -> Named:
-    """The command of a drive."""
     if isinstance(drive, TruePull):
         return Named("pull_position_m", "m", "imposed position, reached at the end of a communication step")
     if _by_coil(drive):
@@ -55,7 +54,6 @@ def input_of(drive: TrueDrive) -> Named:
 
 
 def outputs_of(drive: TrueDrive) -> list[Named]:
-    """What a rig with this drive shows beside the force."""
     return [*_EVERY, *([_CURRENT] if _by_coil(drive) else []), *(_INNER if isinstance(drive, TrueVibro) else [])]
 
 
@@ -63,8 +61,7 @@ def _by_coil(drive: TrueDrive) -> bool:
     return isinstance(drive, TrueCoil) or (isinstance(drive, TrueVibro) and drive.coil is not None)
 
 
-UNPACKED: Final = 1 << 30
-"""Most bytes that an FMU may unpack to."""
+UNPACKED: Final = 1 << 30  # most bytes that an FMU may unpack to
 
 
 @dataclass(frozen=True)
@@ -77,9 +74,7 @@ class FmuFile:
 
 
 def read_fmu(path: Path, rig: Truth) -> FmuFile:
-    """The FMU `path` for a plant like `rig`, Co-Simulation of FMI 2 or 3. Raises ValueError of one sentence for a file
-    that is none, or one with other variables.
-    """
+    """The FMU `path` for a plant like `rig`. Raises ValueError of one sentence where it is none for it."""
     if find_spec("fmpy") is None:
         raise ValueError("plant.fmu needs the package fmpy, which is not installed: pip install '.[fmu]'")
     import fmpy
@@ -154,7 +149,6 @@ class FmuPlant:
 
     @property
     def time(self) -> float:
-        """Seconds simulated so far."""
         return float(self.state[at.S_STEP] * self.rig.step_s)
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:

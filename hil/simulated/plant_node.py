@@ -1,6 +1,4 @@
-"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, and, where wanted, the force
-sensor.
-"""
+"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, the force sensor."""
 
 import math
 import secrets
@@ -26,8 +24,7 @@ from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
 from plant.sensing.instruments import Reading
 from plant.session import Session
 
-SLOT_S: Final = 1e-3
-"""The drives' firmware runs this often."""
+SLOT_S: Final = 1e-3  # the drives' firmware runs this often
 _COIL_PARTS: Final = 2  # steps of the plant in a tick: a coil's current is quick
 _FORCE_STD_N: Final = 1e-3  # noise of the simulated force cell
 
@@ -56,8 +53,7 @@ def simulated_drive(bus: can.BusABC, table: ActuatorTable, power: Power, limits:
 
 
 class PlantNode:
-    """`tick(now)` once a firmware slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on to the
-    next slot.
+    """`tick(now)` once a slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on.
 
     The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
     where none comes for one and a half cycles the localiser says so (Valid 0).
@@ -76,9 +72,8 @@ class PlantNode:
         drive: MakersDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
-        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
-        numbers of the drive's challenges. Raises ValueError for a drive that is not on the bus, or a tick that is no
-        multiple of a slot.
+        """`drive`: another one than the catalogue's. `draw`: of its challenges. Raises ValueError for a rig that is not
+        on the bus.
         """
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:

@@ -1,6 +1,4 @@
-"""What the controller node makes of sensor and drive together: a probe before it leads, contradictions and jumps while
-it leads, a drive that does not rest while it must.
-"""
+"""What the controller node makes of sensor and drive together: probe, contradictions, jumps, unrest."""
 
 import math
 from collections import Counter, deque
@@ -18,10 +16,8 @@ from controller.supervision.probe import Probe
 from controller.tuned import TOLD_S
 from hil.nodes.frame_map import STANDBY, WAITING
 
-_JUMP_M: Final = 2e-3
-"""Step of the believed position from which on it is told, and the drive's rate begins anew."""
-_ASTRAY: Final = 3
-"""Ticks in a row in which it must be so: a report may be an old one."""
+_JUMP_M: Final = 2e-3  # step of the believed position from which on it is told, and the drive's rate begins anew
+_ASTRAY: Final = 3  # ticks in a row in which it must be so: a report may be an old one
 
 
 class Onlooker:
@@ -51,15 +47,14 @@ class Onlooker:
         return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
 
     def not_led(self, wanted: str, health: Health) -> str:
-        """Why a run that came to its end was not led as asked for, "" where it was: another controller than `wanted`
-        led for more than 1 % of the ticks, or the monitor says "broken" after the localisation jumped.
+        """Why a run that ended was not led as asked for, "" where it was: see `fallback.not_led`, or the model broke
+        after a jump.
         """
         if self.jumps and health.state == "broken":
             return f"the model broke after the localisation had jumped: {self.words}"
         return not_led(self.led, wanted)
 
     def probe(self) -> Probe:
-        """A new probe of this drive."""
         return Probe(self._envelope)
 
     @property
@@ -82,8 +77,8 @@ class Onlooker:
         reference: Reference,
         probe: Probe | None,
     ) -> str:
-        """A tick at `now` in s: the drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s`
-        before its stamp. Why to stop, "" where there is no reason.
+        """The drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s` before its stamp. Why to
+        stop, "" where there is no reason.
         """
         self._ticks.append((drive, wanted_m))
         reason = self._contradiction.drove(drive, wanted_m, self._tick_s)

@@ -1,6 +1,4 @@
-"""The guard between controller and bus: what leaves is allowed, finite, within range and slew, fresh and in time,
-whatever is asked for.
-"""
+"""The guard between controller and bus: what leaves is allowed, finite, within range and slew, and in time."""
 
 from __future__ import annotations
 
@@ -46,7 +44,6 @@ class Fence:
 
     @classmethod
     def of(cls, envelope: Envelope, wiring: FrameMap, tick_s: float) -> Fence:
-        """The fence that a drive's limits set."""
         e, limits, speed = envelope, envelope.limits, envelope.limits.carriage_speed_m_s
         held = (e.low, e.high, e.rate, e.placed, tick_s, wiring.feedback_s, wiring.braking_m_s2)
         first, growth = limits.first_speed_m_s / speed, limits.first_acceleration_m_s2 / speed
@@ -64,9 +61,7 @@ class Fence:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """How old in s the newest good localisation and drive feedback are (inf: none), and the `state` the drive
-    reports.
-    """
+    """Ages in s of the newest good localisation and drive feedback (inf: none), and the drive's `state`."""
 
     localisation_s: float
     feedback_s: float
@@ -75,9 +70,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Passed:
-    """What the guard lets out: a command, its change a second, a mode; commands missing in a row; why it is not what
-    was asked for.
-    """
+    """What the guard lets out; commands missing in a row; why it is not what was asked for."""
 
     value: float
     rate: float
@@ -87,7 +80,7 @@ class Passed:
 
 
 def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: float, fence: Fence) -> Passed:
-    """The command that may leave `dt` s after `before`, when `wanted` is asked for in `mode`. Never raises.
+    """The command that may leave `dt` s after `before`. Never raises.
 
     Any mode but `ENABLE` moves nothing and passes. A stop holds until another mode than `ENABLE` has been asked for. A
     `wanted` that is no finite number is a missing command.
@@ -177,8 +170,8 @@ class Guard:
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
-        """Send the drive's command for `wanted`, `since_s` s after it was enabled, and a safe stop beside one that the
-        guard had to make of it.
+        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside a stop of the
+        guard's.
         """
         fence = self.fence.after(since_s)
         out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)

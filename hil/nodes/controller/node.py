@@ -1,6 +1,4 @@
-"""The controller as a node on the bus: protected fresh frames in, estimate, supervised controller, guard, frames
-out.
-"""
+"""The controller as a node on the bus: fresh frames in, estimate, supervised controller, guard, frames out."""
 
 import math
 import time
@@ -63,9 +61,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What one tick came to: `time_s` it was computed for, what was believed and wanted, what the guard let out, and
-    the time in s that estimate and controller took.
-    """
+    """What one tick came to, for which time; `seconds` that estimate and controller took."""
 
     time_s: float
     estimate: Estimate
@@ -85,31 +81,25 @@ class Shifted:
     shift_m: float = 0.0
 
     def position(self, t: Array) -> Array:
-        """Position in m at the times `t` in s, same shape."""
         return self.path.position(t - self.origin_s) + self.shift_m
 
     def speed(self, t: Array) -> Array:
-        """Speed in m/s at the times `t` in s, same shape."""
         return self.path.speed(t - self.origin_s)
 
 
 __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
-IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
-"""States of the node, in the numbers of its heartbeat."""
+IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
 """Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
 long ago and a tick more.
 """
 _RESTS_M_S: Final = 1e-4  # speed of a reference that rests
-_REST_S: Final = 0.05
-"""A reference rests at a time around which, so long before and after, it is no faster."""
-OTHER_CONTROLLER: Final = 9
-"""Reason of a SafeStop."""
+_REST_S: Final = 0.05  # A reference rests at a time around which, so long before and after, it is no faster
+OTHER_CONTROLLER: Final = 9  # reason of a SafeStop
 _CROWDED_S: Final = 0.1  # after a foreign controller's frame
 _ROUNDING_S: Final = 1e-6  # of a frame's life
-GRID_SLACK: Final = 1e-3
-"""Share of a tick by which a time may lie before its point of the grid, by rounding."""
+GRID_SLACK: Final = 1e-3  # share of a tick by which a time may lie before its point of the grid, by rounding
 
 
 class ControllerNode:
@@ -222,7 +212,6 @@ class ControllerNode:
 
     @property
     def enabled(self) -> bool:
-        """Whether it says that it does."""
         return self._led and self.receiver.state in wire.MOVING
 
     @property
@@ -250,9 +239,7 @@ class ControllerNode:
             self.state, self.reason = HALTING, reason
 
     def tick(self, now: float, solved: bool = True) -> Tick:
-        """One tick at `now` in s. `solved` False is a tick whose solution did not come in time. A clock that shows no
-        number counts as one that jumped.
-        """
+        """One tick at `now` in s. `solved` False: its solution came too late. No number is a jump of the clock."""
         began = self._clock()
         if not math.isfinite(now):
             now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
@@ -289,9 +276,7 @@ class ControllerNode:
         )
 
     def _speak(self, now: float) -> None:
-        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault where
-        `start` asked for one.
-        """
+        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault."""
         if self._began == -math.inf:
             self._began = now
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
@@ -373,9 +358,7 @@ class ControllerNode:
         return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
-        """A SafeStop: for all drives while another controller speaks beside this one, which has stopped for it, for the
-        own one while it does not rest.
-        """
+        """A SafeStop: for all drives beside another controller, for the own one while it does not rest."""
         crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
         restless = bool(self.answer.unrest) and self.state != IDLE
         waits = 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s
@@ -435,7 +418,6 @@ class ControllerNode:
             self._begin_reference(now + self.tick_s, self.wanted_m(now) - start_m)
 
     def _judge(self, now: float, arrived: list[Measurement], evidence: Evidence) -> None:
-        """Stop for good where there is a reason to."""
         if self.receiver.foreign and not self.guard.dry:
             self._fail(self.receiver.other_controller)
         self.answer.rests(self.receiver.state, self.receiver.still)
@@ -460,16 +442,13 @@ class ControllerNode:
             self._fail(reason)
 
     def _fail(self, reason: str) -> None:
-        """A latched stop."""
         if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
             ends = {CONTRADICT: "sensor_or_drive", "the drive does not rest": "no_rest"}
             self.end = ends.get(reason.partition(":")[0], "stopped")
 
     def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
-        """What the drive is asked for: up through its states one by one while running, off else (quick stop while it
-        still moves).
-        """
+        """Up through the drive's states one by one while running, off else (quick stop while it still moves)."""
         if self.state != RUNNING or self._acknowledge:
             return wire.OFF
         if self._led:
@@ -489,9 +468,7 @@ class ControllerNode:
         return wire.OFF
 
     def _act(self, now: float, mode: int, estimate: Estimate) -> Action:
-        """The command for the next tick: the supervised controller's once the drive is being enabled, else where the
-        drive is.
-        """
+        """The supervised controller's command once the drive is being enabled, else where the drive is."""
         if mode != wire.ENABLE:
             return Action(self.receiver.report, "stopped")
         if not self._led:

@@ -174,7 +174,7 @@ class _Reading:
         if self.has(name):
             return self.good[name]
         frame = self.catalogue[name]
-        refused = self.receivers[frame.id].statistics.refused
+        refused = self.receivers[frame.id].refused
         source = Path(self.catalogue.source).name
         if refused:
             why = ", ".join(f"{count} for {reason}" for reason, count in refused.items())

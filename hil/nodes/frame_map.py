@@ -121,6 +121,11 @@ def frame_map_of(kind: str) -> FrameMap:
     return FRAME_MAPS[kind]
 
 
+def controllers_frames(catalogue: Catalogue) -> dict[int, str]:
+    """Identifiers and names of the frames that a controller alone sends."""
+    return {frame.id: frame.name for frame in catalogue.frames.values() if frame.sender == "Controller"}
+
+
 @cache
 def frames() -> Catalogue:
     """The project's own catalogue, read once."""

@@ -91,7 +91,7 @@ class DriveNode:
 
     @property
     def rejected(self) -> int:
-        return self.stale + self.strange + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+        return self.stale + self.strange + self.reception.refused
 
     @property
     def safe(self) -> bool:

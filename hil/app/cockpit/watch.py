@@ -113,11 +113,7 @@ class FrameWatch:
             "readings": readings(self),
             "model": self._model(),
             "bus": self._bus(),
-            "refused": [
-                [r.frame.name, str(why), n]
-                for r in self._receivers()
-                for why, n in sorted(r.statistics.refused.items())
-            ],
+            "refused": [[r.frame.name, str(why), n] for r in self._receivers() for why, n in sorted(r.refused.items())],
         }
 
     def _by_source(self, data: bytes) -> Receiver:
@@ -178,7 +174,7 @@ class FrameWatch:
         span = sum(s for s, _, _ in self._seconds)
         frames, bits = (sum(one[k] for one in self._seconds) for k in (1, 2))
         rate, load = (frames / span, bits / span / self.catalogue.bit_rate) if span else (0.0, 0.0)
-        statistics = [r.statistics for r in self._receivers()]
+        statistics = list(self._receivers())
         return {
             "rate": f"{fixed(rate, 0)} /s",
             "load": f"{fixed(100 * load, 1)} %",

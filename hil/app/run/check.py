@@ -54,7 +54,7 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     while clock.now() - began < LISTEN_S:
         receiver.listen(clock.now())
         time.sleep(0.002)
-    got = {r.frame.name: r.statistics for r in receiver.reception.receivers.values()}
+    got = {r.frame.name: r for r in receiver.reception.receivers.values()}
     good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
     others = receiver.reception.unknown.total()
     words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{receiver.error_words}"

@@ -13,7 +13,7 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.nodes.frame_map import ENABLE, MOVING, QUICK_STOP, WAITING, FrameMap, Observer
+from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer, controllers_frames
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
 GUARD_REASON: Final = 2  # `Reason` of the guard's stop
@@ -153,20 +153,9 @@ class Guard:
         self.unsent = 0
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
-        allowed = (
-            "SafeStop",
-            "DriveReset",
-            "EnableAnswer",
-            "Sync",
-            "ControllerHeartbeat",
-            "ModelHealth",
-            "BelievedMotion",
-            "BelievedForces",
-            "WantedMotion",
-            "OperatorStatus",
-            wiring.command,
-        )
-        self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}
+        others = {one.command for one in FRAME_MAPS.values()} - {wiring.command}
+        own = {name: number for number, name in controllers_frames(catalogue).items() if name not in others}
+        self._senders = {name: (number, Sender(catalogue[name])) for name, number in own.items()}
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:

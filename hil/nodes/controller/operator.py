@@ -202,7 +202,7 @@ class Operator:
 
     def document(self) -> dict[str, object]:
         """What became of setpoints, for the document of a run."""
-        accepted = sum(receiver.statistics.accepted for receiver in self._receivers.values())
+        accepted = sum(receiver.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
 

@@ -13,7 +13,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception, crc8
 from hil.nodes.controller.guard import Evidence
 from hil.nodes.controller.operator import SETPOINT, Operator
-from hil.nodes.frame_map import BOOT, FrameMap, Observer, plain
+from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, plain
 from hil.nodes.listening import waiting
 
 BACK_S: Final = 0.5  # by how much an uptime must go back: further than frames that a link swaps or repeats
@@ -52,12 +52,6 @@ MOST: Final = 256  # frames of a tick
 SKIPPED: Final = 20_000  # frames that waited before the node began
 HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
-CONTROLLER: Final = "Controller"  # the node of the catalogue that this one is
-
-
-def controllers_frames(catalogue: Catalogue) -> dict[int, str]:
-    """Identifiers and names of the frames that a controller alone sends."""
-    return {frame.id: frame.name for frame in catalogue.frames.values() if frame.sender == CONTROLLER}
 
 
 class FrameReceiver:
@@ -106,9 +100,8 @@ class FrameReceiver:
 
     @property
     def rejected(self) -> int:
-        refused = sum(r.statistics.refused.total() for r in self.reception.receivers.values())
         operator = 0 if self.operator is None else self.operator.refused.total()
-        return refused + operator + self.reception.unknown.total() + self.foreign.total()
+        return self.reception.refused + operator + self.reception.unknown.total() + self.foreign.total()
 
     @property
     def errors(self) -> int:
@@ -168,10 +161,7 @@ class FrameReceiver:
 
     @property
     def refused(self) -> dict[str, dict[str, int]]:
-        found: dict[str, Mapping[str, int]] = {
-            r.frame.name: {str(why): n for why, n in r.statistics.refused.items()}
-            for r in self.reception.receivers.values()
-        }
+        found: dict[str, Counter[Any]] = {r.frame.name: r.refused for r in self.reception.receivers.values()}
         if self.operator is not None:
             found[SETPOINT] = self.operator.refused
         return {name: {str(why): n for why, n in whys.items()} for name, whys in found.items() if whys}

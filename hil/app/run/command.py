@@ -38,6 +38,7 @@ from hil.log.recorder import Recorder, log_record
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.frame_map import controllers_frames, plain
 from hil.nodes.listening import heard_for
+from models.effects import CATALOGUE, Catalogue
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -63,6 +64,7 @@ def run(
     learn: bool = False,
     mcap: Path | None = None,
     move: bool = False,
+    effects: Catalogue = CATALOGUE,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
     (`hil.app.ends.RUN_ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
@@ -75,7 +77,7 @@ def run(
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path, reference), load_catalogue()
+    deployment, catalogue = load_deployment(path, reference, effects), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
     if move and (action != "check" or dry_run):
         raise ValueError("--move must go with check; got it with leading, reset or --dry-run")

@@ -2,11 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from hil.bus.catalogue import Frame
+import can
+
+from hil.bus.catalogue import Catalogue, Frame
 from hil.bus.codec import Codec, Reason, Refusal
+from hil.bus.wrapping import classic_frame
 
 POLYNOMIAL = 0x2F  # of AUTOSAR's CRC-8
 _START = _END = 0xFF  # of it
@@ -56,6 +59,25 @@ class Sender:
     def skip(self, frames: int) -> None:
         """Count on as if `frames` had been made."""
         self._counter = (self._counter + frames) % COUNTS
+
+
+class FrameTransmitter:
+    """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
+
+    def __init__(self, bus: can.BusABC, catalogue: Catalogue, names: Iterable[str]) -> None:
+        self._bus, self._senders = bus, {name: (catalogue[name].id, Sender(catalogue[name])) for name in names}
+        self.unsent = 0
+
+    def say(self, name: str, values: Mapping[str, float]) -> None:
+        identifier, sender = self._senders[name]
+        try:
+            self._bus.send(classic_frame(identifier, sender.frame(values)), timeout=0)
+        except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
+            self.unsent += 1
+
+    def skip(self, name: str, frames: int) -> None:
+        """Count `frames` that there was no time to send."""
+        self._senders[name][1].skip(frames)
 
 
 class Receiver:

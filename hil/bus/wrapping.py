@@ -11,6 +11,11 @@ def fd_frame(identifier: int, data: bytes) -> can.Message:
     return can.Message(0.0, identifier, long, is_fd=True, bitrate_switch=True, data=data, is_rx=False)
 
 
+def classic_frame(identifier: int, data: bytes | bytearray, stamp: float = 0.0, *, heard: bool = False) -> can.Message:
+    """A classic data frame with an 11-bit identifier, for sending, or as one that was `heard`."""
+    return can.Message(stamp, identifier, False, data=data, is_rx=heard)
+
+
 class OwnBus(can.BusABC):
     """Frames are sent one by one: those of a dead process, or a dead controller's commands, must end with it."""
 

@@ -7,11 +7,10 @@ from typing import Any, ClassVar, Final
 
 import can
 
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Codec
+from hil.bus.codec import NOT_MEASURED_C, Codec
 from hil.bus.protection import Sender
-from hil.bus.wrapping import WrappingBus
+from hil.bus.wrapping import WrappingBus, classic_frame
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, heartbeat
 
@@ -129,7 +128,7 @@ class CarriageBus(WrappingBus):
     @staticmethod
     def _as_received(message: can.Message, identifier: int, most: int) -> can.Message:
         """A frame of the wire as one of the catalogue with the same first bytes; it fits neither CRC nor counter."""
-        return can.Message(message.timestamp, identifier, False, data=message.data[:most], is_rx=True)
+        return classic_frame(identifier, message.data[:most], message.timestamp, heard=True)
 
     def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
         """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
@@ -138,8 +137,8 @@ class CarriageBus(WrappingBus):
             data = sender.frame(values)
         except ValueError:
             return
-        self._ready.append(can.Message(stamp, identifier, False, data=data, is_rx=True))
+        self._ready.append(classic_frame(identifier, data, stamp, heard=True))
 
     def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
         """Send one of the drive's own frames, classic, with an 11-bit identifier."""
-        self.inner.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), timeout)
+        self.inner.send(classic_frame(identifier, data), timeout)

@@ -113,10 +113,10 @@ def check_size(samples: Mapping[str, int]) -> None:
         )
 
 
-def own_names(grouped: Sequence[tuple[str, str]], separator: str = "/") -> list[str]:
+def own_names(grouped: Sequence[tuple[str, str]]) -> list[str]:
     """A name of its own for each (group, name): the name, with its group before it where others have it, too."""
     count = Counter(name for _, name in grouped)
-    full = [f"{group}{separator}{name}" if count[name] > 1 and group else name for group, name in grouped]
+    full = [f"{group}/{name}" if count[name] > 1 and group else name for group, name in grouped]
     again, seen = Counter(full), Counter[str]()
     for k, name in enumerate(full):
         seen[name] += 1

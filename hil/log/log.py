@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 ROOM: Final = 1 << 20  # bytes between node and writer
 _F_SETPIPE_SZ: Final = 1031  # of fcntl(2)
 _STOP_S: Final = 30.0  # in which a writer must end
+_CONTAINER_S: Final = 1.0  # of the node's clock, in lockstep
 _AGAIN_S: Final = 1.0  # between two looks
 _BEGINS_S = 10.0  # in which it must begin
 _TOGETHER: Final = 4096 // PACKED.size  # frames that the pipe takes together or not at all
@@ -222,19 +223,17 @@ def _unused(path: Path) -> Path:
 class LockstepLog(NodeLog):
     """The same log written at once, in the node's own process: for simulated time, which waits."""
 
-    def __init__(
-        self, path: Path, record: Mapping[str, Any], flush_s: float = 1.0, mcap: McapLog | None = None
-    ) -> None:
-        """Begin the log; a container every `flush_s` of the node's clock; frames go to `mcap`, too."""
+    def __init__(self, path: Path, record: Mapping[str, Any], mcap: McapLog | None = None) -> None:
+        """Begin the log; frames go to `mcap`, too."""
         super().__init__(path, record)
-        self._file, self._flush_s, self._flushed_s, self._mcap = BlfFile(path), flush_s, 0.0, mcap
+        self._file, self._flushed_s, self._mcap = BlfFile(path), 0.0, mcap
 
     def _write(self, frames: Sequence[Logged]) -> int:
         for frame in frames:
             self._file.write(frame)
             if self._mcap is not None:
                 self._mcap.write(frame)
-        if frames[-1].time_s - self._flushed_s >= self._flush_s:
+        if frames[-1].time_s - self._flushed_s >= _CONTAINER_S:
             self._file.flush()
             self._flushed_s = frames[-1].time_s
         return len(frames)

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Final
 
-from hil.bus.absent import without_absent
 from hil.bus.catalogue import load_catalogue
-from hil.bus.codec import Refusal
+from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver, Reception
 from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged

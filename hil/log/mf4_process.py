@@ -11,8 +11,7 @@ import can
 
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, check_within
-from hil.formats.reader_process import confined
-from hil.formats.reading import reading_process
+from hil.formats.reading import confined, reading_process
 from hil.log.blf_file import PACKED, Logged, way_of
 
 

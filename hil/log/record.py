@@ -8,9 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bus.absent import without_absent
 from hil.bus.catalogue import Catalogue, load_catalogue
-from hil.bus.codec import Refusal
+from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
 from hil.formats.channels import Channel, Heading
 from hil.formats.clock import between, increasing, mean_before

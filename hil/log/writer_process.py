@@ -25,21 +25,20 @@ _BLOCK: Final = PACKED.size * 2048  # bytes read at once
 def write_until_end(
     source: int,
     path: Path,
-    flush_s: float = FLUSH_S,
     *,
     calendar_s: float = 0.0,
     append: bool = False,
     mcap: Path | None = None,
     told: Callable[[int], object] = lambda count: None,
 ) -> int:
-    """Write the frames that come from `source` to `path`, on file every `flush_s`; how many. `told` gets how many are,
+    """Write the frames that come from `source` to `path`, on file every `FLUSH_S`; how many. `told` gets how many are,
     each time. With `append` it goes on with the file, after a note that frames are missing. `mcap` gets the good
     frames, too. Raises OSError where the disk does not take them.
     """
     file, rest, count = BlfFile(path, calendar_s, append=append), b"", 0
     beside = None if mcap is None else _Beside(mcap)
     told(count)
-    due = time.monotonic() + flush_s
+    due = time.monotonic() + FLUSH_S
     while True:
         ready, _, _ = select.select([source], [], [], max(due - time.monotonic(), 0.0))
         if ready:
@@ -59,7 +58,7 @@ def write_until_end(
         if time.monotonic() >= due:
             file.flush()
             told(count)
-            due = time.monotonic() + flush_s
+            due = time.monotonic() + FLUSH_S
     file.flush()
     file.stop()
     if beside is not None:

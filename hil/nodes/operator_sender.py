@@ -11,11 +11,10 @@ import can
 
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver
+from hil.bus.protection import FrameTransmitter, Receiver
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.frame_map import frames, plain
 from hil.nodes.listening import waiting
-from hil.nodes.transmit import FrameTransmitter
 
 CYCLE_S: Final = 0.02  # how often a setpoint is to be sent, released ones too
 _MOST: Final = 256  # frames that are read at once

@@ -8,14 +8,12 @@ from typing import Final
 import can
 
 from controller.limits import Limits
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver, Reception
+from hil.bus.codec import NOT_MEASURED_C, Refusal
+from hil.bus.protection import FrameTransmitter, Receiver, Reception
 from hil.nodes import frame_map as wire
 from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
 from hil.nodes.listening import waiting
-from hil.nodes.transmit import FrameTransmitter
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
@@ -52,7 +50,6 @@ class DriveNode:
         power: Power,
         limits: Limits,
         tick_s: float,
-        now: float = 0.0,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         self._draw = draw
@@ -66,7 +63,7 @@ class DriveNode:
             catalogue[n].id: n
             for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
         }
-        self.boot(now)
+        self.boot(0.0)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.app.quantities import DASH, fixed, quantity
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Refusal
+from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS

@@ -13,9 +13,9 @@ from hil.app.run import machine
 from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import Catalogue
+from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import FrameReceiver

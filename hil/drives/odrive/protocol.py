@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import can
 
+from hil.bus.wrapping import classic_frame
 from hil.drives.table import TurningTable
 from hil.nodes.frame_map import (
     INTERNAL,
@@ -37,7 +38,7 @@ class Command:
         """The frame with these values, `more` following them; without any it is a question, where it has some."""
         asks = not values and self.layout != "<"
         data = b"" if asks else (struct.pack(self.layout, *values) + more).ljust(self.length, b"\0")
-        return can.Message(arbitration_id=node << 5 | self.number, is_extended_id=False, data=data, is_rx=False)
+        return classic_frame(node << 5 | self.number, data)
 
     def read(self, data: bytes) -> tuple[Any, ...] | None:
         """The values of a frame, None for one that is shorter than they are."""

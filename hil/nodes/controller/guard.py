@@ -13,6 +13,7 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
+from hil.bus.wrapping import classic_frame
 from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer, controllers_frames
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
@@ -184,7 +185,7 @@ class Guard:
         except ValueError:
             self.refused[name] += 1
             return False
-        message = can.Message(timestamp=now, arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False)
+        message = classic_frame(identifier, data, now)
         if not self.dry:
             try:
                 self._bus.send(message, timeout=0)

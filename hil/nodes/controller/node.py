@@ -3,7 +3,6 @@
 import math
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +16,6 @@ from controller.model.control_model import ControlModel
 from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT
-from controller.supervision.fallback import Rules
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
@@ -122,8 +120,7 @@ class ControllerNode:
     While nobody has been in charge for long enough the drive is stopped; it is enabled again as at first, with the
     reference where the capsule is, once somebody is.
 
-    `tick` never raises, never sleeps and takes bounded time. `observer` sees every frame in and out, `clock` times
-    estimate and solve alone.
+    `tick` never raises, never sleeps and takes bounded time. `observer` sees every frame in and out.
     """
 
     def __init__(
@@ -132,36 +129,26 @@ class ControllerNode:
         bus: can.BusABC,
         *,
         catalogue: Catalogue | None = None,
-        rules: Rules | None = None,
         observer: Observer | None = None,
         dry_run: bool = False,
-        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
         catalogue = catalogue or frames()
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
-        self.supervisor = Supervisor(
-            build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
-        )
+        first = build(task.controller, task.model, self.envelope, task.deadline_s)
+        self.supervisor = Supervisor(first, self.envelope)
         self._own, self.wanted = self.supervisor, self.supervisor.first
-        self.estimator = ModelSwitch(
-            self.supervisor, task.controller, task.model, task.offer, task.deadline_s, task.estimator
-        )
+        models = task.controller, task.model, task.offer, task.deadline_s, task.estimator
+        self.estimator = ModelSwitch(self.supervisor, *models)
         for offer in task.learned:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
         self.operator = None if task.operator is None else Operator(task.operator, catalogue)
         self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer, self.operator)
-        self.guard = Guard(
-            bus,
-            catalogue,
-            self.wiring,
-            Fence.of(self.envelope, self.wiring, self.tick_s),
-            dry=dry_run,
-            observe=observer,
-        )
+        fence = Fence.of(self.envelope, self.wiring, self.tick_s)
+        self.guard = Guard(bus, catalogue, self.wiring, fence, dry=dry_run, observe=observer)
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
         self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
@@ -172,7 +159,7 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
-        self._bus, self._catalogue, self._clock = bus, catalogue, clock
+        self._catalogue = catalogue
         self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._surprise = math.nan
         self._origin, self._index = 0.0, 0
@@ -240,7 +227,7 @@ class ControllerNode:
 
     def tick(self, now: float, solved: bool = True) -> Tick:
         """One tick at `now` in s. `solved` False: its solution came too late. No number is a jump of the clock."""
-        began = self._clock()
+        began = time.perf_counter()
         if not math.isfinite(now):
             now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
             self._fail("clock jumped")
@@ -249,13 +236,13 @@ class ControllerNode:
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
         self.answer.believe(now, self._place(estimate), self.estimator.counts.followed)
-        middle = self._clock()
+        middle = time.perf_counter()
         self._steer(now, estimate)
         evidence = self.receiver.evidence(now)
         self._judge(now, arrived, evidence)
         mode = self._mode(evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
-        end = self._clock()
+        end = time.perf_counter()
         self._before = self.guard.sent
         if mode == wire.READY and self.receiver.challenge >= 0:
             answer = answer_of(self.receiver.challenge, self.wiring.target)
@@ -271,9 +258,8 @@ class ControllerNode:
         self._stop_all(now)
         self._show(now, estimate)
         self._last = now
-        return Tick(
-            now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, (middle - began, end - middle)
-        )
+        seconds = middle - began, end - middle
+        return Tick(now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, seconds)
 
     def _speak(self, now: float) -> None:
         """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault."""

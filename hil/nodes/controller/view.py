@@ -7,7 +7,7 @@ from typing import Final
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Estimate
-from hil.bus.absent import NO_SURPRISE
+from hil.bus.codec import NO_SURPRISE
 from hil.nodes.frame_map import LONGEST_S
 
 VIEW_S: Final = 0.04  # period

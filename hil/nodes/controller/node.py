@@ -386,7 +386,7 @@ class ControllerNode:
         """Let the probe come before the reference, from `place_m` on, where it is asked for and has not been."""
         if self._probed:
             return
-        self._probe = self.answer.probe()
+        self._probe = Probe(self.envelope)
         self._probe_ends = begin_s + self._probe.path.end_s + self.envelope.limits.age_s
         self._reference = Shifted(self._probe.path, begin_s, place_m)
         self.estimator.begin(math.inf)
@@ -472,5 +472,5 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self._own.most = self.answer.most
+        self._own.most = self.answer.contradiction.most
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

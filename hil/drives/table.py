@@ -8,8 +8,7 @@ import can
 
 from models.files.tables import Declared, check_ranges, check_word
 
-HOMES: Final = ("kept", "here")
-"""What becomes of the drive's zero: it stays, or is made the present place."""
+HOMES: Final = ("kept", "here")  # what becomes of the drive's zero: it stays, or is made the present place
 
 RESTS_M_S: Final = 5e-3
 """Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""

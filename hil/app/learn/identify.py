@@ -25,7 +25,6 @@ from models.identification.kinds import AnyKind, Known, kind_for, ready
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
-from models.identification.search.validation import free_run
 from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -206,7 +205,7 @@ def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
     for _ in range(_ROUNDS):
         kind = kind_for(rig, [record])
         assert isinstance(kind, SeriesKind)
-        left = evaluate(kind, [record], theta, free_run(kind))
+        left = evaluate(kind, [record], theta, kind.free_run)
         ratio = float(np.sqrt(left @ left / left.size))
         if ratio <= _AS_STATED:
             break

@@ -8,12 +8,13 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import can
 
 from hil.app.console import note, output_to_notes, print_json, say
 from hil.app.run.log_task import task_of
+from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.place import FORMAT, record_path
@@ -110,10 +111,14 @@ class Replay:
         return not self.differences
 
 
-def replay(path: Path, *, json_output: bool = False) -> int:
-    """Run the controller of the log `path` again; 0 where all frames of a whole log are the same, else 1. Raises
-    ValueError of one sentence.
-    """
+def replay(
+    path: Annotated[Path, argument("LOG", "A log of the controller, its record beside it.")],
+    *,
+    json_output: Json = False,
+    effects: OwnEffects,
+    controllers: OwnControllers,
+) -> int:
+    """Run the controller of a log again; 0 where all frames of a whole log are the same, else 1."""
     if path.suffix.lower() != ".blf":
         raise ValueError(
             f"{path}: log must be the .blf file that a run wrote: other formats keep neither times to the ns nor the"

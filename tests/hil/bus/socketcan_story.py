@@ -25,7 +25,7 @@ from typing import Any
 import can
 
 from hil.app.main import run
-from hil.app.run import command as _imported  # noqa: F401 - before the fork
+from hil.app.run import run as _imported  # noqa: F401 - before the fork
 from hil.app.run.simulated_plant import run_plant
 from hil.app.scenario.deployment import BusTable
 from hil.bus.catalogue import load_catalogue

@@ -12,7 +12,7 @@ from hil.app.docs.api import described
 from hil.app.docs.keys import CHECKED, DEPLOYMENT_TABLES, all_keys, rig_tables, unit_of
 from hil.app.docs.meanings import MEANINGS
 from hil.app.docs.pages import PARTS, filled, main
-from hil.app.run import command
+from hil.app.run import simulated_plant
 from hil.app.scenario.deployment import OWN_TABLES
 from hil.app.scenario.scenario import BUS_TABLES
 from models.effects import EFFECTS
@@ -96,10 +96,10 @@ def test_a_function_is_described_by_signature_and_docstring() -> None:
 
 
 def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
-    text = described(command)
-    assert "```python\nrun(\n    path: Path,\n" in text
-    assert "\n    *,\n    dry_run: bool = False,\n" in text
-    assert "\n) -> int\n```" in text
+    text = described(simulated_plant)
+    assert "```python\nrun_plant(\n    scenario_path: Path,\n" in text
+    assert "\n    priority: int = 0,\n    *,\n    drive: " in text
+    assert "\n) -> dict[str, Any]\n```" in text
 
 
 FULL: dict[str, Any] = {

@@ -56,7 +56,7 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
         raise ValueError(f"[{where}] must have {', '.join(missing)}; got {', '.join(table) or 'nothing'}")
     built = cls(**values)
     for key, value in values.items():
-        _check_magnitude(value, f"{where}.{key}")
+        check_magnitude(value, f"{where}.{key}")
     return built
 
 
@@ -101,7 +101,7 @@ def check_word(word: str, where: str, choices: Collection[str]) -> str:
     return word
 
 
-def _check_magnitude(value: Any, where: str) -> None:
+def check_magnitude(value: Any, where: str) -> None:
     """Raises ValueError of one sentence for a number, or one of a list, that nothing in the unit of its key `where` can
     have: whatever a file states is refused there before it reaches a law.
     """

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from controller.limits import Limits
-from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
-from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Pace, PlantTable
-from hil.app.scenario.model_offer import OfferTable
+from hil.app.scenario.deployment import BusTable, ControlTable, Pace, PlantTable
+from hil.app.scenario.model_offer import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
@@ -26,11 +25,10 @@ from hil.nodes.odrive.table import FREE_NODES, OdriveTable
 from hil.nodes.odrive.table import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES
 from models.files.units import unit_at_end
-from models.identification.finding import STAGES
 from models.rigs.columns import RANGES, TIME
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
-from models.rigs.schema import Table, field_of
+from models.rigs.schema import Among, NamedTable, Table, field_of
 from models.rigs.tables import BodyTable, CapsuleTable, Checks, ColumnTable, Noise, TissueTable
 
 _COMMON: Final[Mapping[str, tuple[type[Table], ...]]] = {
@@ -87,30 +85,17 @@ _WHERE: Final[Mapping[type[Table], str]] = {
     TissueTable: "in the gut",
     BodyTable: "on a plate",
 }
-_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
-    "controller": tuple(CONTROLLERS),
-    "estimator": ESTIMATORS,
-    "stage": STAGES,
-    "home": HOMES,
-    "mode": tuple(MODES),
-}
+_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {"home": HOMES, "mode": tuple(MODES)}
 
 _NESTED: Final[Mapping[str, str]] = {"options": '`"index.sub" = value`', "endpoints": '`"path" = id`'}
 """Tables within a table, by what stands in a line of them."""
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
-    (JogTable, "life_ms"): (1, 200),
     (Cia402Table, "node_id"): (1, 15),
     **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
     **{(OperatorLimits, name): (lower, upper) for name, lower, upper in OPERATOR_RANGES},
     **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
     **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
-    **{
-        (cls, field.name): field.metadata["range"]
-        for cls in DEPLOYMENT_TABLES.values()
-        for field in dataclasses.fields(cls)
-        if math.isfinite(field.metadata.get("range", (math.nan,))[0])
-    },
 }
 """Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 
@@ -127,7 +112,7 @@ def rig_keys() -> str:
 
 def deployment_keys() -> str:
     """The tables that a deployment or a scenario has beside those of the rig, as Markdown."""
-    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_dataclass(cls))}" for name, cls in DEPLOYMENT_TABLES.items())
+    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_stated(cls))}" for name, cls in DEPLOYMENT_TABLES.items())
 
 
 def columns() -> str:
@@ -157,25 +142,19 @@ def formats() -> str:
     return "\n".join(lines)
 
 
-def all_keys() -> Iterator[str]:
-    """Every key of a deployment or a scenario, which needs a meaning."""
-    for cls in DEPLOYMENT_TABLES.values():
-        yield from (field.name for field in dataclasses.fields(cls))
-
-
 def _head(name: str) -> str:
     table, _, rest = name.partition("]")
     return f"`{table}]`{rest}"
 
 
-def _rows(rows: Iterator[tuple[str, str, str, str, str]]) -> str:
+def _rows(rows: Iterator[tuple[str, str, str, str]]) -> str:
     lines = ["| key | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
-    for key, span, default, meaning, source in rows:
-        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {meaning}{source and f' ({source})'} |")
+    for key, span, default, meaning in rows:
+        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {meaning} |")
     return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
 
 
-def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str, str]]:
+def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str]]:
     strictest, loosest = models[0].model_json_schema(), models[-1].model_json_schema()
     for key, schema in strictest["properties"].items():
         default = loosest["properties"][key].get("default")
@@ -186,7 +165,7 @@ def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, 
             said = "required"
         else:
             said = "may be left out" if default is None else _value(default)
-        yield key, span(schema), said, field_of(models[0], key).description or "", ""
+        yield key, span(schema), said, field_of(models[0], key).description or ""
 
 
 def span(schema: Mapping[str, Any]) -> str:
@@ -202,10 +181,33 @@ def span(schema: Mapping[str, Any]) -> str:
     return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 
 
-def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str, str]]:
+_TYPES: Final = {"string": "text", "number": "number"}
+
+
+def _stated(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
+    """The rows of a table of a deployment or a scenario."""
+    if not issubclass(cls, NamedTable):
+        yield from _dataclass(cls)
+        return
+    for key, _, default, meaning in _pydantic((cls,)):
+        schema, field = cls.model_json_schema()["properties"][key], cls.model_fields[key]
+        words = next(
+            (", ".join(f"`{one}`" for one in mark.choices) for mark in field.metadata if isinstance(mark, Among)), ""
+        )
+        kind = schema.get("type", "")
+        free = (
+            f"list of {_TYPES[schema['items']['type']]}s".replace("texts", "text")
+            if kind == "array"
+            else _TYPES.get(kind, "")
+        )
+        yield key, words or span(schema) or free, default, meaning
+
+
+def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         known = Limits.ranges().get(field.name) if cls is Limits else CHECKED.get((cls, field.name))
+        meaning = field.metadata.get("meaning") or MEANINGS[field.name]
         if known is not None:
             lower, upper = known
             span = f">= {lower:g}" + (f", <= {upper:g}" if math.isfinite(upper) else "")
@@ -219,8 +221,7 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str, str]]:
             other = _NESTED.get(field.name, other)
             span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
         missing = field.default is dataclasses.MISSING
-        default, source = "required" if missing else _value(field.default), field.metadata.get("source", "")
-        yield field.name, span, default, MEANINGS[field.name], source
+        yield field.name, span, "required" if missing else _value(field.default), meaning
 
 
 def _value(value: Any) -> str:

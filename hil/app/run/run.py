@@ -182,7 +182,9 @@ def _moved(asked: _Asked, good: bool) -> Point:
     """Whether the capsule answers the drive: the probe alone, led on the bus, where all else is `good`."""
     if not good:
         return Point("answer", False, "the drive was not moved, as something else is bad")
-    short = replace(asked.deployment, control=replace(asked.deployment.control, duration_s=PROBED_S, probe=True))
+    short = replace(
+        asked.deployment, control=asked.deployment.control.model_copy(update={"duration_s": PROBED_S, "probe": True})
+    )
     probing = replace(asked, deployment=short, action="lead", mcap=None)
     with probing.begun() as (task, bus):
         outcome = _lead(probing, task, bus)[0]
@@ -340,30 +342,29 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
     writes to the record which were offered when. Both are there before the first tick; a thread that holds the
     interpreter gives it back within `_TURN_S`.
     """
-    background, maker, turn_s = Background(), ThreadPoolExecutor(1), sys.getswitchinterval()
+    maker, turn_s = ThreadPoolExecutor(1), sys.getswitchinterval()
 
     def keep(record: Mapping[str, Any]) -> None:
         maker.submit(frames_log.add_to_record, record)
 
-    try:
+    with maker, Background() as background:
         background.begin()
         maker.submit(int).result()
         sys.setswitchinterval(_TURN_S)
-        yield Learner(
-            node.estimator,
-            deployment.rig,
-            deployment.values,
-            deployment.believed,
-            background,
-            replace(deployment.pace, answer_s=math.inf),
-            maker.submit,
-            keep,
-            node.drive,
-        )
-    finally:
-        sys.setswitchinterval(turn_s)
-        background.close()
-        maker.shutdown(cancel_futures=False)
+        try:
+            yield Learner(
+                node.estimator,
+                deployment.rig,
+                deployment.values,
+                deployment.believed,
+                background,
+                deployment.pace.model_copy(update={"answer_s": math.inf}),
+                maker.submit,
+                keep,
+                node.drive,
+            )
+        finally:
+            sys.setswitchinterval(turn_s)
 
 
 def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log: FrameLog) -> dict[str, Any]:

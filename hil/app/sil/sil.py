@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,7 +34,7 @@ from hil.app.shared_options import (
     option,
 )
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import Learning, SilTrace, judged_loop, learning_of, run_sil
+from hil.app.sil.loop import SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import document, score
@@ -87,10 +86,11 @@ def sil(
                 nullcontext() if watch is None else Watched(watch) as shown,
                 progress_bar(scenario.loop.name, even=True) as report,
                 _log(out, mcap, scenario, text, name, values, number, offered) as log,
+                Background() if learn else nullcontext() as background,
             ):
+                learning = None if background is None else learning_of(scenario, values, background)
                 more = {"offer": offer, "recorder": None if log is None else Recorder(log), "shown": shown}
-                with _learning(scenario, values, learn) as learning:
-                    found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
+                found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
                 found |= told(offered, trace.taken_at)
                 if learn:
                     found["learned"] = [lesson.document() for lesson in trace.lessons]
@@ -104,19 +104,6 @@ def sil(
     else:
         _say(scenario, found, trace)
     return int(found["ended"] != DONE)
-
-
-@contextmanager
-def _learning(scenario: SilScenario, values: Theta, wanted: bool) -> Iterator[Learning | None]:
-    """What makes the learner of a run, with its process in the background, where `wanted`."""
-    if not wanted:
-        yield None
-        return
-    background = Background()
-    try:
-        yield learning_of(scenario, values, background)
-    finally:
-        background.close()
 
 
 def _log(

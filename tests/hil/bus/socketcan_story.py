@@ -115,7 +115,7 @@ def _lead(*arguments: str) -> tuple[int, str]:
 def main(folder: Path) -> None:
     """The whole story."""
     wire, log, rig = Wire(), SCRATCH / "run.blf", str(folder / "rig.toml")
-    plant = Child(run_plant, folder / "plant.toml", BusTable("socketcan", CHANNEL), 3600.0, 20)
+    plant = Child(run_plant, folder / "plant.toml", BusTable(interface="socketcan", channel=CHANNEL), 3600.0, 20)
     found: dict[str, Any] = {"stopped": _stopped(wire, rig, log)}
     found["frames"] = _counts(wire)
     wire.heard.clear()

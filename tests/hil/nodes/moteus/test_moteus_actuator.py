@@ -347,4 +347,4 @@ def test_the_bus_must_be_opened_for_its_frames() -> None:
 @pytest.mark.parametrize(("key", "value"), [("data_bitrate", 4_500_001), ("sample_point", 0.3)])
 def test_bit_timing_that_no_clock_makes_is_refused(key: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"bus\.{key} must"):
-        BusTable("socketcan", fd=True, **{key: value})  # type: ignore[arg-type]
+        BusTable(interface="socketcan", fd=True, **{key: value})  # type: ignore[arg-type]

@@ -11,19 +11,19 @@ from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
 from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show
-from models.effects import effects_for
+from models.effects import Catalogue
 
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
 def check(records: Records, rig: RigFile, *, json_output: Json = False, effects: OwnEffects) -> int:
     """Print the findings and the effects that the records cannot show; status 1 where a finding stops a fit."""
-    belief = read_deployed_rig(rig)
+    belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
     read, _ = read_series(records, (), belief, lenient=True)
     findings = examine(belief, read)
-    hidden = cannot_show(belief, read, effects_for(belief.kind)) if stopping(findings) is None else {}
+    hidden = cannot_show(belief, read, catalogue.acting_on(belief.kind)) if stopping(findings) is None else {}
     if json_output:
         print_json({"findings": [finding.to_dict() for finding in findings], "cannot_show": hidden})
     else:

@@ -55,9 +55,7 @@ ControllerName = Annotated[str | None, option("--controller", "NAME", "Which con
 LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.")]
 Stage = Annotated[str, option("--stage", _STAGES, "Which model.")]
 StageOrScenario = Annotated[str | None, option("--stage", _STAGES, "Which model.")]
-_EFFECTS = ("--effects", "FILE.py", "Effects of your own; may be given several times.")
-EffectFiles = Annotated[list[Path], several(*_EFFECTS)]
-OwnEffects = Annotated[list[Path], several(*_EFFECTS, "models.effects:use_effects")]
+OwnEffects = Annotated[list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.")]
 OwnControllers = Annotated[
     list[Path],
     several(

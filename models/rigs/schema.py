@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Strict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Strict, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails
 from pydantic_core.core_schema import no_info_after_validator_function
@@ -69,6 +69,9 @@ class Among:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_after_validator_function(self.check, handler(source))
 
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core), "enum": list(self.choices)}
+
     def check(self, word: str) -> str:
         """The word, where it is one of them."""
         if word not in self.choices:
@@ -99,6 +102,10 @@ class NamedTable(Table):
         if not isinstance(content, Mapping):
             raise ValueError(f"{cls.where} must be a table; got {shown(content)}")
         return cls(**content)
+
+    def but(self, **changed: Any) -> Self:
+        """The same but for what is `changed`. Raises ValueError."""
+        return type(self)(**{**dict(self), **changed})
 
 
 def field_of(table: type[Table], name: str) -> FieldInfo:

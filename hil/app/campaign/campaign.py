@@ -20,9 +20,9 @@ from hil.app.campaign.running import Results, check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.quantities import number
-from hil.app.shared_options import MOST_SEED, EffectFiles, Json, argument, option
+from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
 from hil.app.write import own_folder, write_files
-from models.effects import use_effects
+from models.effects import Catalogue
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5  # worst cases that the terminal shows
@@ -52,7 +52,7 @@ def campaign(
     seed: Annotated[
         int, typer.Option("--seed", min=0, max=MOST_SEED, help="Of folders: sets every random number.")
     ] = 0,
-    own: EffectFiles,
+    own: OwnEffects,
 ) -> int:
     """Do the runs of a campaign file that are not done yet, or close the loop on each series in the folders; write
     `campaign.html` and `campaign.json`, and each series' report below `series`. 1 where a run failed, else 0.
@@ -132,7 +132,7 @@ def _one(plan: Campaign, number: int) -> int:
 
 
 def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers) -> Outcome:
-    use_effects(effects)
+    Catalogue.read(effects)  # refused before any series is begun
     jobs = find_series(paths, out / REPORTS, effects, seed)
     results = Results(out / RESULTS, _MARK)
     try:

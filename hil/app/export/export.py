@@ -8,6 +8,7 @@ from hil.app.console import json_text, output_to_notes, print_json, say
 from hil.app.export.found import Found, read_found
 from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
+from models.effects import Catalogue
 from models.files.tables import check_word
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
@@ -40,14 +41,14 @@ def export(
         raise ValueError(f"--driven must be {VOLTAGE}; got {driven!r}")
     if driven and (form != "fmu" or scenario is not None):
         raise ValueError(f"--driven must stand with export fmu --model; got it with export {form}")
-    targets = _targets(form, out)
+    targets, catalogue = _targets(form, out), Catalogue.read(effects)
     check_targets(targets, "--out", [p for p in (scenario, model, rig) if p is not None])
     with output_to_notes():
         if scenario is not None:
             files, found = _plant(scenario, out)
         elif rig is not None and model is not None:
             make = {"fmu": _model, "table": _table, "mujoco": _mujoco}[form]
-            files, found = make(read_found(rig, model, stage, driven), out)
+            files, found = make(read_found(rig, model, stage, driven, catalogue), out)
     if form == "table":
         check_folder(out, "--out")
     write_files(files)

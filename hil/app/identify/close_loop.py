@@ -19,6 +19,7 @@ from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
+from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
@@ -52,17 +53,19 @@ def close_loop(
     second one into the same folder is refused.
     """
     with sole_writer(out, "--out"):
-        finding = _closed(records, rig, out, holdout, seed)
+        finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects))
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
     else:
         print_summary(finding, out)
 
 
-def _closed(records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int) -> Finding:
+def _closed(
+    records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int, effects: Catalogue
+) -> Finding:
     """Read, find and write."""
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
-    belief = read_deployed_rig(rig)
+    belief = effects.given_to(read_deployed_rig(rig))
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
         notes().print(f"{record.name}: {len(record)} rows, {role}")

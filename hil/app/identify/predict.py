@@ -11,6 +11,7 @@ from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
+from models.effects import Catalogue
 from models.files.tables import check_word
 from models.files.toml import in_file
 from models.identification.finding import STAGES
@@ -32,8 +33,9 @@ def predict(
     check_word(stage, "--stage", STAGES)
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
-    belief = read_deployed_rig(rig)
-    learned = read_model(model, belief.kind, whole=False)
+    known = Catalogue.read(effects)
+    belief = known.given_to(read_deployed_rig(rig))
+    learned = read_model(model, belief.kind, whole=False, catalogue=known)
     driven = read_told(record, belief, driven_only=True)
     with in_file(model):
         learned.check(belief, driven)

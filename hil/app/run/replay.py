@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final
 
 import can
 
+import models.effects
 from hil.app.console import note, output_to_notes, print_json, say
 from hil.app.run.log_task import task_of
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
@@ -124,6 +125,7 @@ def replay(
             f"{path}: log must be the .blf file that a run wrote: other formats keep neither times to the ns nor the"
             " notes that a replay needs"
         )
+    known = models.effects.Catalogue.read(effects)
     record, catalogue = read_log_record(path), load_catalogue()
     held = 0
 
@@ -136,7 +138,7 @@ def replay(
     try:
         _fits(record, catalogue)
         with output_to_notes():
-            task = task_of(record, str(path))
+            task = task_of(record, str(path), known)
             found = replayed(counted(), task, catalogue, record.get("dry_run", False))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None

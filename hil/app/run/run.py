@@ -39,15 +39,17 @@ from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import load_catalogue
 from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
+from hil.drives.carriage_bus import CarriageBus
+from hil.drives.makers import carriage_bus, set_up
+from hil.drives.table import ActuatorTable
 from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
-from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import heard_for
+from models.effects import Catalogue
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -85,7 +87,7 @@ def run(
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path, reference), load_catalogue()
+    deployment, catalogue = load_deployment(path, reference, Catalogue.read(effects)), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
     if move and (action != "check" or dry_run):
         raise ValueError("--move must go with check; got it with leading, reset or --dry-run")
@@ -182,9 +184,7 @@ def _moved(asked: _Asked, good: bool) -> Point:
     """Whether the capsule answers the drive: the probe alone, led on the bus, where all else is `good`."""
     if not good:
         return Point("answer", False, "the drive was not moved, as something else is bad")
-    short = replace(
-        asked.deployment, control=asked.deployment.control.model_copy(update={"duration_s": PROBED_S, "probe": True})
-    )
+    short = replace(asked.deployment, control=asked.deployment.control.but(duration_s=PROBED_S, probe=True))
     probing = replace(asked, deployment=short, action="lead", mcap=None)
     with probing.begun() as (task, bus):
         outcome = _lead(probing, task, bus)[0]

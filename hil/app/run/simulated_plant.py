@@ -13,10 +13,9 @@ from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.shared_options import Json, argument, option, several
 from hil.bus.authenticated import AuthenticatedBus
-from hil.nodes.actuators import ActuatorTable
-from hil.nodes.faults.table import Fault, read_lie
-from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
-from hil.nodes.simulated_drives import simulated_drive
+from hil.drives.table import ActuatorTable
+from hil.simulated.faults.table import Fault, read_lie
+from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from plant import layout as at
 from plant.session import Session
 

@@ -25,12 +25,13 @@ from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_t
 from hil.bus.authenticated import authenticator
 from hil.bus.key import read_key
 from hil.bus.local import LocalBus
-from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
+from hil.drives.makers import ACTUATORS, read_actuator
+from hil.drives.table import ActuatorTable
 from hil.nodes.controller.operator import SETPOINT, OperatorLimits
-from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
-from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.plant_node import SLOT_S
+from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
+from hil.simulated.fmu_plant import read_fmu
+from hil.simulated.plant_node import SLOT_S
 from models.files.tables import check_word
 from models.files.toml import in_file, read_toml, toml_text
 from models.parameter import nearest
@@ -131,7 +132,7 @@ def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
     if scenario.bus.key_file:
         key_file = folder / scenario.bus.key_file
         authenticator(read_key(key_file))
-        scenario = replace(scenario, bus=scenario.bus.model_copy(update={"key_file": str(key_file)}))
+        scenario = replace(scenario, bus=scenario.bus.but(key_file=str(key_file)))
     return scenario
 
 
@@ -145,7 +146,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in own})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s
-        loop = replace(loop, control=loop.control.model_copy(update={"tick_s": cycle}))
+        loop = replace(loop, control=loop.control.but(tick_s=cycle))
     slots = loop.control.tick_s / SLOT_S
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")

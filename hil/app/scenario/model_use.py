@@ -10,16 +10,16 @@ from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from hil.app.console import note
 from hil.app.quantities import DASH, quantity
-from models.effects import BY_ID
+from models.effects import Catalogue
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.theta import Theta
 
 
-def values_of(model: Path | None, stage: str | None, kind: str) -> tuple[Theta, str]:
+def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue) -> tuple[Theta, str]:
     """Parameters that a rig of `kind` is believed to have, and the name of their stage: those of a file that close-loop
-    wrote, else nominal ones. Raises ValueError.
+    wrote, with effects that are `known`, else nominal ones. Raises ValueError.
     """
     if stage is not None:
         check_word(stage, "--stage", STAGES)
@@ -28,7 +28,7 @@ def values_of(model: Path | None, stage: str | None, kind: str) -> tuple[Theta, 
             raise ValueError(f"--stage must stand with --model unless it is nominal; got {stage!r} alone")
         return Theta(), "nominal"
     stage = stage or "augmented"
-    learned = read_model(model, *(DRIVES[kind].models or (kind,)))
+    learned = read_model(model, *(DRIVES[kind].models or (kind,)), catalogue=known)
     if stage in learned.cautions:
         note(f"{model}: {learned.cautions[stage]}")
     return learned.believed(stage), stage
@@ -40,7 +40,7 @@ def model_facts(model: ControlModel) -> dict[str, Any]:
     for p, value in zip(model.symbols.parameters, model.values.tolist(), strict=True):
         if p.effect or value != p.value:  # the rig file has no number of an effect
             rows.append([p.name, quantity(value, p.unit), DASH if p.effect else quantity(p.value, p.unit)])
-    summaries = {name: BY_ID[name].summary for name in effects if name in BY_ID}
+    summaries = {effect.id: effect.summary for effect in model.symbols.effects}
     made = " + ".join(["base", *effects]) if effects else "base model"
     return {"made": made, "kind": "learned" if rows else "nominal values", "rows": rows, "effects": summaries}
 

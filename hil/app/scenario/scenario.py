@@ -3,9 +3,9 @@ believes.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Self
 
 from controller.drives import DRIVES
 from controller.limits import Limits
@@ -15,6 +15,7 @@ from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.nominal_rig import read_belief
 from hil.app.scenario.reference import read_reference, with_reference
+from models.effects import Catalogue
 from models.files.tables import converted, from_table
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
@@ -76,6 +77,10 @@ class TrackScenario:
     control: Control
     checks: CheckTable = CheckTable()
     offer: OfferTable | None = None
+
+    def knowing(self, effects: Catalogue) -> Self:
+        """With the `effects` of a catalogue in what is believed."""
+        return replace(self, belief=effects.given_to(self.belief))
 
 
 def load_track_scenario(path: Path, reference: Path | None = None) -> TrackScenario:

@@ -6,6 +6,7 @@ import contextlib
 import math
 import time
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,6 +44,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from models.effects import Catalogue
 from models.theta import Theta
 
 
@@ -68,8 +70,10 @@ def sil(
     or was not led as asked. Raises ValueError, one sentence, for anything that cannot be used.
     """
     with own_folder(out, "--out"):
+        known = Catalogue.read(effects)
         scenario, text = load_sil_scenario(path, reference)
-        values, used = values_of(model, stage, scenario.loop.kind)
+        scenario = replace(scenario, loop=scenario.loop.knowing(known))
+        values, used = values_of(model, stage, scenario.loop.kind, known)
         if learn:
             check_learnt(scenario.loop.belief)
         name = scenario.loop.control.controller if controller is None else controller

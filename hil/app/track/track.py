@@ -31,6 +31,7 @@ from hil.app.track.score import document, score
 from hil.app.track.summary import say
 from hil.app.track.verdicts import verdicts
 from hil.app.write import own_folder, write_files
+from models.effects import Catalogue
 from models.theta import Theta
 
 
@@ -57,8 +58,9 @@ def track(
     run fails one of the scenario's checks. Raises ValueError, one sentence, for anything that cannot be used.
     """
     with own_folder(out, "--out"):
-        scenario = load_track_scenario(path, reference)
-        values, used = values_of(model, stage, scenario.kind)
+        known = Catalogue.read(effects)
+        scenario = load_track_scenario(path, reference).knowing(known)
+        values, used = values_of(model, stage, scenario.kind, known)
         if compare and controller is not None:
             raise ValueError(
                 f"--compare must stand without --controller, as it runs them all; got --controller {controller}"

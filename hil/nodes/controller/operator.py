@@ -4,8 +4,7 @@ reference.
 
 import math
 from collections import Counter
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,8 +15,8 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.view import within
-from models.files.tables import check_ranges
 from models.parameter import nearest
+from models.rigs.schema import NamedTable, Words, key
 
 SETPOINT: Final = "OperatorSetpoint"
 STATUS: Final = "OperatorStatus"
@@ -33,33 +32,34 @@ NOBODY: Final = 0  # `Source` where nobody steers
 OFF, READY, MOVING, HELD, STOPPED = range(5)
 """What the controller makes of setpoints, in the numbers of OperatorStatus."""
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
-OPERATOR_RANGES: Final = (  # least and most of a table's keys
-    ("speed_m_s", 1e-4, _FASTEST_M_S),
-    ("acceleration_m_s2", 1e-3, 10.0),
-    ("stop_after_s", 0.05, 60.0),
-    ("drift_share", 5e-4, 1.0),
-)
 
 
-@dataclass(frozen=True)
-class OperatorLimits:
-    """`[operator]`: whether setpoints from the bus are taken, from which `sources` (none: from all), and within what:
-    speed and acceleration of the reference, its lowest and highest position. The drive is stopped `stop_after_s` after
-    the dead-man switch has been released, or a setpoint has come late. Senders may be slower than the frame's cycle by
-    `drift_share`; by so much a delay may grow unnoticed.
-    """
+class OperatorLimits(NamedTable):
+    """`[operator]`: whether setpoints from the bus are taken, from whom, and within what."""
 
-    accept: bool = False
-    sources: tuple[str, ...] = ()
-    speed_m_s: float = 0.005
-    acceleration_m_s2: float = 0.05
-    lowest_m: float = -0.05
-    highest_m: float = 0.05
-    stop_after_s: float = 1.0
-    drift_share: float = 0.02
+    where = "operator"
+    accept: bool = key("whether the controller takes setpoints from the bus", False)
+    sources: Words = key("senders whose setpoints are taken, by the names of `OperatorSetpoint`; empty: all", ())
+    speed_m_s: float = key("greatest speed of the reference that setpoints lead", 0.005, 1e-4, _FASTEST_M_S)
+    acceleration_m_s2: float = key("greatest acceleration of that reference", 0.05, 1e-3, 10.0)
+    lowest_m: float = key("lowest position that it goes to, as the localiser tells it", -0.05)
+    highest_m: float = key("highest position", 0.05)
+    stop_after_s: float = key(
+        "how long the capsule is held after the dead-man switch has been released, or a setpoint has come late, before"
+        " the drive is stopped",
+        1.0,
+        0.05,
+        60.0,
+    )
+    drift_share: float = key(
+        "share by which a sender's setpoints may come slower than every 20 ms; a delay on the way that grows by less is"
+        " not noticed",
+        0.02,
+        5e-4,
+        1.0,
+    )
 
-    def __post_init__(self) -> None:
-        check_ranges(self, "operator", OPERATOR_RANGES)
+    def model_post_init(self, _: Any) -> None:
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
             raise ValueError(
                 f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"

@@ -11,8 +11,8 @@ import pytest
 from controller.drives import COIL, envelope_of
 from controller.feedforward import Feedforward
 from controller.signals import Estimate
+from controller.supervision.fallback import Swings
 from controller.supervision.supervisor import Supervisor
-from controller.supervision.swings import Swings
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
@@ -90,7 +90,7 @@ def test_a_coil_whose_localisation_is_later_than_it_knows_comes_to_swing_less(mo
         reference=Steps(positions_mm=[18.0, 0.0, 18.0, 0.0], speed_mm_s=4.0).trajectory(seconds),
         instruments=replace(plain.instruments, localisation=replace(plain.instruments.localisation, std=2e-4)),
         truth=replace(plain.truth, hidden={"sensor_delay": {"time_s": 0.08, "onset_s": 2.0}}),
-        control=plain.control.model_copy(update={"tick_s": 4e-3}),
+        control=plain.control.but(tick_s=4e-3),
     )
 
     def late_rms(seed: int) -> float:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from models.checks.estimators import spectral_noise, white_noise
 from models.checks.examine import examine
-from models.checks.view import spectral_noise, white_noise
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig

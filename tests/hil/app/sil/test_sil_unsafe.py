@@ -12,9 +12,9 @@ from controller.signals import Action
 from hil.app.sil.testbed import PHASE_S
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.node import FAULTY, RUNNING
-from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.frame_map import ENABLE, frames
-from hil.nodes.plant_node import SLOT_S
+from hil.simulated.plant_node import SLOT_S
+from hil.simulated.power_stage import CarriagePower
 from plant import layout as at
 from tests.hil.app.sil.sil_benches import Full, bench_of, go
 from tests.hil.app.sil.sil_runs import RIGS

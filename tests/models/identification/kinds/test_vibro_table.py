@@ -12,11 +12,11 @@ from models.effects.inner_mass.spring_damping import SpringDamping
 from models.identification.kinds.vibro_table import report
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
 from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
-from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.kinds.vibro_table.mean_speed import mean_velocities
 from models.identification.kinds.vibro_table.numbers import VibroCycle
 from models.identification.kinds.vibro_table.report import reversal
 from models.identification.kinds.vibro_table.solver import drive_force, friction, resistance, suspension_force
+from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig

@@ -1,0 +1,91 @@
+"""What the tables of other makers' drives have in common."""
+
+from abc import abstractmethod
+from typing import Annotated, ClassVar, Final, Literal
+
+import can
+from pydantic import AfterValidator, Field
+
+from models.rigs.schema import NamedTable, key
+
+NODE: Final = "node of the carriage's drive, clear of the catalogue's identifiers"
+TURNS: Final = (1.0, 1e5)
+"""The fewest and the most turns in a metre."""
+
+RESTS_M_S: Final = 5e-3
+"""Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
+
+
+class ActuatorTable(NamedTable):
+    """A table that names a drive, which is the carriage; `fd` where its frames are CAN FD."""
+
+    fd: ClassVar[bool] = False
+    node_id: int = key(NODE)
+    answers_s: float = key("how long it may take to answer", 2.0, 0.1, 60.0)
+
+    @property
+    def node(self) -> str:
+        """What sentences call the drive."""
+        return f"{self.where}: node {self.node_id}"
+
+    def must(self, fine: object, words: str) -> None:
+        """Raises ValueError of one sentence, what it must instead in `words`, where it is not `fine`."""
+        if not fine:
+            raise ValueError(f"{self.node} must {words}")
+
+    def must_rest(self, speed_m_s: float, told: str, most_m_s: float = RESTS_M_S) -> None:
+        """The same where it does not rest, as `told`."""
+        self.must(abs(speed_m_s) <= most_m_s, f"rest before it is led; {told}")
+
+    def must_stand_within(self, travel_m: float, place_m: float, remedy: str) -> None:
+        """The same where it stands beyond the travel, with what to do."""
+        words = f"stand within limits.travel_m, {travel_m:g} m of its zero; got {place_m:g} m: {remedy}"
+        self.must(abs(place_m) <= travel_m, words)
+
+    @abstractmethod
+    def orders(self, message: can.Message) -> bool:
+        """Whether `message` is one by which a master commands this drive."""
+
+    @abstractmethod
+    def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
+        """The identifiers by which the drive is spoken to, and those by which it speaks."""
+
+    @abstractmethod
+    def stops_s(self, speed_m_s: float) -> float:
+        """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
+
+    def check_speed(self, speed_m_s: float) -> None:
+        """Raises ValueError where its frames cannot carry `limits.carriage_speed_m_s`."""
+
+
+def _turns(value: float) -> float:
+    if not TURNS[0] <= abs(value) <= TURNS[1]:
+        raise ValueError(f"must lie in [{TURNS[0]:g}, {TURNS[1]:g}], with either sign; got {value:g}")
+    return value
+
+
+class TurningTable(ActuatorTable):
+    """One that counts in turns, follows places, has a watchdog and coasts without torque."""
+
+    turns_per_m: Annotated[
+        float, AfterValidator(_turns), Field(json_schema_extra={"minimum": TURNS[0], "maximum": TURNS[1]})
+    ] = key(
+        "turns that it tells (an ODrive its motor's, a moteus its output's, behind"
+        " `motor_position.rotor_to_output_ratio`), per metre of the carriage; negative: the other way",
+        100.0,
+    )
+    watchdog_s: float = key(
+        "longest time without a command after which its own watchdog must have stopped it", 0.02, 0.004, 0.1
+    )
+    coast_m_s2: float = key(
+        "deceleration of the carriage without torque, by friction of guide and screw: measure it", 5.0, 0.1, 100.0
+    )
+    home: Literal["kept", "here"] = key(
+        "`kept`: its own zero (a moteus: home state 2, known at the output); `here`: the place where it stands as it is"
+        " set up",
+        "kept",
+    )
+
+    def stops_s(self, speed_m_s: float) -> float:
+        """The watchdog, and coasting to rest."""
+        return self.watchdog_s + abs(speed_m_s) / self.coast_m_s2

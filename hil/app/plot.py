@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from hil.app.report.document import document, heading
 from hil.app.report.theme import figure_html, line_look, styled
 from hil.app.report.words import column_words, listed
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, Records, option
 from hil.app.write import check_file, check_targets, write_files
 from hil.formats.channels import refusing
 from hil.formats.clock import by_clock, one_table
@@ -25,10 +26,13 @@ _MOST_POINTS: Final = 4000
 """Points that a line shows; more are drawn by the largest and the smallest of each stretch."""
 
 
-def plot(records: Sequence[Path], rig: Path | None, out: Path, *, json_output: bool = False) -> None:
-    """Draw the files `records` into the page `out` (.html): of a `rig` as close-loop reads them, else all columns of
-    numbers as they stand in the files. Raises ValueError, one sentence.
-    """
+def plot(
+    records: Records,
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", "Its rig file; else all columns as they stand.")] = None,
+    out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
+    json_output: Json = False,
+) -> None:
+    """Draw records of a rig as close-loop reads them, else all columns of numbers as they stand in the files."""
     check_targets([check_file(out, "--out", (".html",))], "--out", [*records, *([rig] if rig else [])])
     if rig:
         read = [replace(r, columns=as_measured(r)) for r in read_series(records, (), read_deployed_rig(rig))[0]]

@@ -8,7 +8,7 @@ from typing import Any
 from controller.model.control_model import ControlModel
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
-from hil.app.sil.command import judged
+from hil.app.sil.sil import judged
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
@@ -37,7 +37,7 @@ class Loop:
         scenario = parse_track_scenario(self.raw)
         name = scenario.control.controller
         trace = run_loop(scenario, _model(_Known(scenario, self.values)), name, self.seed)
-        return document(scenario, scenario.name, name, self.seed, self.stage, score(scenario, trace), None)
+        return document(scenario, name, self.seed, self.stage, score(scenario, trace))
 
 
 class _Known:

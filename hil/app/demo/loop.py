@@ -15,8 +15,8 @@ from hil.app.demo.story import RIG, Learned, Mission, Progress, Told, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.report import report_json
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
-from hil.app.sil.command import judged
 from hil.app.sil.loop import learning_of
+from hil.app.sil.sil import judged
 from hil.app.sil.story import NUMBERS, came_to, story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.write import write_files

@@ -16,7 +16,7 @@ from hil.app.report.document import document, heading, table
 from hil.app.report.theme import INK, figure_html, line_colour, styled
 from hil.app.report.words import effect_words, listed, parameter_words, tidy
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.scenario.model_facts import model_facts
+from hil.app.scenario.model_use import model_facts
 from hil.app.sil.loop import SilTrace, judged_loop
 from hil.app.sil.testbed import believed_on_bus
 from plant import layout as at

@@ -7,8 +7,8 @@ from typing import Any, Final
 from controller.supervision.fallback import DONE
 from hil.app import console
 from hil.app.quantities import fixed, number
-from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import offer_words
+from hil.app.scenario.model_use import health_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.score import HARD
 

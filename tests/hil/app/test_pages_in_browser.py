@@ -22,7 +22,7 @@ from hil.app.campaign.page import page_html as campaign_html
 from hil.app.demo.loop import LOOPS
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import Mission, Told
-from hil.app.papers.command import write_page
+from hil.app.papers.seeds import write_page
 from hil.app.report import report_html
 from hil.app.sil.story import PAGE
 from tests.bench.vibro_sweep import vibro_sweep

@@ -20,7 +20,7 @@ from controller.tuned import PidGains
 from hil.api import identify
 from hil.app.docs import keys
 from hil.app.identify.close_loop import result_files
-from hil.app.init.command import init
+from hil.app.init import init
 from models.checks.examine import examine
 from models.drives.drive import Drive
 from models.identification.fitting.fit import Problem

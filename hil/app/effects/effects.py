@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from rich.table import Table
 
 from hil.app.console import print_json, summary, text_table
 from hil.app.effects.propose import propose
+from hil.app.shared_options import Json, OwnEffects, argument, option
 from models.effects import CATALOGUE, Catalogue
 from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
@@ -16,12 +17,21 @@ from models.parameter import nearest
 
 
 def effects(
-    action: str, file: Path | None, own: Sequence[Path] = (), out: Path | None = None, *, json_output: bool = False
+    *,
+    action: Annotated[
+        str,
+        argument(
+            "[check/propose]",
+            "check: run the conformance checks on a file of your own; propose: write what a report proposes for"
+            " its residual as such a file.",
+        ),
+    ] = "list",
+    file: Annotated[Path | None, argument("[FILE.py/DIR]", "The file to check, or the folder of the report.")] = None,
+    own: OwnEffects,
+    out: Annotated[Path | None, option("--out", "FILE.py", "Where propose writes the effect.")] = None,
+    json_output: Json = False,
 ) -> None:
-    """List the catalogue with the effects of the files `own` (`action` "list"), run the conformance checks on the
-    effects of `file` ("check"), or write what the report in the folder `file` proposes to `out` ("propose"). Raises
-    ValueError, one sentence, for what cannot be used.
-    """
+    """List the catalogue, run the conformance checks on a file of effects, or write what a report proposes."""
     if (action == "propose") != (out is not None) or (action == "propose" and file is None):
         raise ValueError(f"--out FILE.py must stand with propose DIR alone; got {action}, {file or 'no folder'}")
     if file is not None and out is not None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import can
 
@@ -19,77 +18,96 @@ from hil.app.console import json_text, output_to_notes, print_json, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
-from hil.app.scenario.options import Options
+from hil.app.scenario.model_use import health_words, values_of
+from hil.app.shared_options import (
+    ControllerName,
+    Json,
+    Learn,
+    LearnedModel,
+    McapFile,
+    OwnControllers,
+    OwnEffects,
+    ReferenceFile,
+    RunSeed,
+    StageOrScenario,
+    argument,
+    option,
+)
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import Learning, SilTrace, judged_loop, learning_of, run_sil
+from hil.app.sil.loop import SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import document, score
-from hil.app.write import check_mcap, write_files
+from hil.app.write import check_mcap, own_folder, write_files
 from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from models.effects import Catalogue
 from models.theta import Theta
 
 
-def sil(path: Path, asked: Options) -> int:
-    """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults; 1 where it
-    ended early or was not led as asked.
-
-    Raises ValueError, one sentence, for anything that cannot be used.
+def sil(
+    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].")],
+    *,
+    controller: ControllerName = None,
+    model: LearnedModel = None,
+    stage: StageOrScenario = None,
+    seed: RunSeed = None,
+    reference: ReferenceFile = None,
+    out: Annotated[Path | None, option("--out", "DIR", "Folder for sil.json and the log frames.blf.")] = None,
+    learn: Learn = False,
+    mcap: McapFile = None,
+    watch: Annotated[
+        str | None, option("--watch", "CHANNEL", "In real time, its frames on this local bus: for cockpit.")
+    ] = None,
+    json_output: Json = False,
+    effects: OwnEffects,
+    controllers: OwnControllers,
+) -> int:
+    """Run a scenario over the bus and say how well it was tracked and what came of its faults; 1 where it ended early
+    or was not led as asked. Raises ValueError, one sentence, for anything that cannot be used.
     """
-    scenario, text = load_sil_scenario(path, asked.reference)
-    scenario = replace(scenario, loop=asked.equipped(scenario.loop))
-    values, used = asked.values(scenario.loop.kind)
-    if asked.learn:
-        check_learnt(scenario.loop.belief)
-    (name, number), out = asked.of(scenario.loop), asked.out
-    if asked.mcap is not None:
-        if out is None:
-            raise ValueError(f"--mcap must go with --out, where the log goes; got --mcap {asked.mcap} alone")
-        check_mcap(asked.mcap, [path])
-    with output_to_notes():
-        believed = believed_on_bus(scenario, values)
-        offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
-        offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
-        with (
-            nullcontext() if asked.watch is None else Watched(asked.watch) as shown,
-            progress_bar(scenario.loop.name, even=True) as report,
-            _log(out, asked.mcap, scenario, text, name, values, number, offered) as log,
-        ):
-            recorder = None if log is None else Recorder(log)
-            more = {"offer": offer, "recorder": recorder, "shown": shown}
-            with _learning(scenario, values, asked.learn) as learning:
+    with own_folder(out, "--out"):
+        known = Catalogue.read(effects)
+        scenario, text = load_sil_scenario(path, reference)
+        scenario = replace(scenario, loop=scenario.loop.knowing(known))
+        values, used = values_of(model, stage, scenario.loop.kind, known)
+        if learn:
+            check_learnt(scenario.loop.belief)
+        name = scenario.loop.control.controller if controller is None else controller
+        number = scenario.loop.seed if seed is None else seed
+        if mcap is not None:
+            if out is None:
+                raise ValueError(f"--mcap must go with --out, where the log goes; got --mcap {mcap} alone")
+            check_mcap(mcap, [path])
+        with output_to_notes():
+            believed = believed_on_bus(scenario, values)
+            offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
+            offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
+            with (
+                nullcontext() if watch is None else Watched(watch) as shown,
+                progress_bar(scenario.loop.name, even=True) as report,
+                _log(out, mcap, scenario, text, name, values, number, offered) as log,
+                Background() if learn else nullcontext() as background,
+            ):
+                learning = None if background is None else learning_of(scenario, values, background)
+                more = {"offer": offer, "recorder": None if log is None else Recorder(log), "shown": shown}
                 found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
-            found |= told(offered, trace.taken_at)
-            if asked.learn:
-                found["learned"] = [lesson.document() for lesson in trace.lessons]
-        if log is not None and out is not None:
-            found["log"] = str(log.path)
-            log.add_to_record(trace.learned)
-            pages = story_files(out, scenario, found, trace) if asked.learn else {}
-            write_files({out / "sil.json": json_text(found), **pages})
-    if asked.json_output:
+                found |= told(offered, trace.taken_at)
+                if learn:
+                    found["learned"] = [lesson.document() for lesson in trace.lessons]
+            if log is not None and out is not None:
+                found["log"] = str(log.path)
+                log.add_to_record(trace.learned)
+                pages = story_files(out, scenario, found, trace) if learn else {}
+                write_files({out / "sil.json": json_text(found), **pages})
+    if json_output:
         print_json(found)
     else:
         _say(scenario, found, trace)
     return int(found["ended"] != DONE)
-
-
-@contextmanager
-def _learning(scenario: SilScenario, values: Theta, wanted: bool) -> Iterator[Learning | None]:
-    """What makes the learner of a run, with its process in the background, where `wanted`."""
-    if not wanted:
-        yield None
-        return
-    background = Background()
-    try:
-        yield learning_of(scenario, values, background)
-    finally:
-        background.close()
 
 
 def _log(
@@ -132,7 +150,7 @@ def judged(
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
     loop = judged_loop(scenario, trace)
-    found = document(loop, loop.name, name, seed, used, score(loop, trace), None)
+    found = document(loop, name, seed, used, score(loop, trace))
     found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
     if scenario.bus.key_file:
         found["bus"]["unauthenticated"] = trace.unauthenticated

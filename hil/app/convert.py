@@ -5,10 +5,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 from hil.app.console import note, print_json, printable, say
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.clock import by_clock, one_table
@@ -43,13 +44,24 @@ class Converted:
 
 
 def convert(
-    paths: Sequence[Path], out: str, rig: Path | None = None, kind: str | None = None, *, json_output: bool = False
+    paths: Annotated[
+        list[Path],
+        argument("IN...", "CSV, TSV, Parquet, MF4, MCAP, ROS bag, TDMS, MATLAB, HDF5, or a CAN log of ours."),
+    ],
+    out: Annotated[
+        str,
+        argument(
+            "OUT", "A file in .csv, .csv.gz, .parquet, .mf4 or .mcap; or a folder, there or ending in /, for CSV files."
+        ),
+    ],
+    rig: Annotated[
+        Path | None, option("--rig", "RIG.toml", "Read as its kind of rig and as its [columns]; else all channels.")
+    ] = None,
+    kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
+    json_output: Json = False,
 ) -> None:
-    """Write the files `paths` as `out`, whose ending says in which format, or into the folder `out` as CSV.
-
-    With a `rig` file, or a `kind` of rig alone, each is read as close-loop reads it: columns of ours on one clock, no
-    others. Without them all channels are kept under their names. All files are written or none. Raises ValueError of
-    one sentence.
+    """Write all files or none: of a rig, or of a kind of rig alone, the columns as close-loop reads them, on one clock;
+    else all channels under their names.
     """
     targets = _targets(paths, out)
     check_targets(list(targets.values()), "OUT", [path for path in [*paths, *([rig] if rig else [])] if path.is_file()])

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from hil.app.console import json_text, output_to_notes, print_json, say
 from hil.app.export.found import Found, read_found
+from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
-from models.effects import CATALOGUE, Catalogue
+from models.effects import Catalogue
 from models.files.tables import check_word
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
@@ -17,20 +18,18 @@ TABLE: Final = ("friction.csv", "friction.json")
 
 
 def export(
-    form: str,
-    out: Path,
+    form: Annotated[str, argument("fmu/table/mujoco", "What to write.")],
+    out: Annotated[Path, option("--out", "FILE/DIR", "An .fmu, an .xml for mujoco, a folder for table.")],
     *,
-    scenario: Path | None = None,
-    model: Path | None = None,
-    rig: Path | None = None,
-    stage: str = "augmented",
-    driven: str = "",
-    json_output: bool = False,
-    effects: Catalogue = CATALOGUE,
+    scenario: Annotated[Path | None, argument("[SCENARIO.toml]", "The scenario whose plant becomes an FMU.")] = None,
+    model: LearnedModel = None,
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.")] = None,
+    stage: Stage = "augmented",
+    driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
+    json_output: Json = False,
+    effects: OwnEffects,
 ) -> None:
-    """Write a scenario's plant, or the model of a rig at a stage, in the `form` asked for, complete or not at all, and
-    say what of it the form could not carry. Raises ValueError of one sentence.
-    """
+    """Write a scenario's plant or a rig's model, complete or not at all, and say what of it the form cannot carry."""
     check_word(form, "form", FORMS)
     if scenario is not None and (model is not None or rig is not None):
         raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
@@ -42,14 +41,14 @@ def export(
         raise ValueError(f"--driven must be {VOLTAGE}; got {driven!r}")
     if driven and (form != "fmu" or scenario is not None):
         raise ValueError(f"--driven must stand with export fmu --model; got it with export {form}")
-    targets = _targets(form, out)
+    targets, catalogue = _targets(form, out), Catalogue.read(effects)
     check_targets(targets, "--out", [p for p in (scenario, model, rig) if p is not None])
     with output_to_notes():
         if scenario is not None:
             files, found = _plant(scenario, out)
         elif rig is not None and model is not None:
             make = {"fmu": _model, "table": _table, "mujoco": _mujoco}[form]
-            files, found = make(read_found(rig, model, stage, driven, effects), out)
+            files, found = make(read_found(rig, model, stage, driven, catalogue), out)
     if form == "table":
         check_folder(out, "--out")
     write_files(files)

@@ -2,6 +2,7 @@
 
 from html import escape
 from pathlib import Path
+from typing import Annotated
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -19,6 +20,7 @@ from hil.app.papers.two_speeds import two_speeds_drawing, two_speeds_rows
 from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
 from hil.app.report.document import document, heading
 from hil.app.report.theme import figure_html
+from hil.app.shared_options import Json, option
 from hil.app.write import write_files
 
 _PAGE_WIDTH = 120  # characters of a table in a file
@@ -35,9 +37,11 @@ _LEAD = (
 )
 
 
-def seeds(json_output: bool = False, plot: Path | None = None) -> None:
-    """Print the table, or with `json_output` one JSON object with the list `rows`; with `plot` draw the figures into
-    that folder.
+def seeds(
+    json_output: Json = False,
+    plot: Annotated[Path | None, option("--plot", "DIR", "Draw the papers' figures into this folder.")] = None,
+) -> None:
+    """Print the table, or the list `rows` as JSON; draw the figures.
 
     A row is `{id, quantity, unit, paper, computed, measured, verdict, note}`. `ValueError` if `plot` is a file.
     """

@@ -8,9 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import can
+import typer
 
 from controller.supervision.fallback import shares
 from hil.app.console import note, output_to_notes, print_json, say
@@ -21,9 +22,18 @@ from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
-from hil.app.scenario.model_health import health_words
-from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import offer_words, told
+from hil.app.scenario.model_use import health_of, health_words
+from hil.app.shared_options import (
+    Json,
+    Learn,
+    McapFile,
+    OwnControllers,
+    OwnEffects,
+    ReferenceFile,
+    argument,
+    option,
+)
 from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import load_catalogue
@@ -38,7 +48,7 @@ from hil.log.recorder import Recorder, log_record
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.frame_map import controllers_frames, plain
 from hil.nodes.listening import heard_for
-from models.effects import CATALOGUE, Catalogue
+from models.effects import Catalogue
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -54,30 +64,29 @@ _DRIVERS = logging.getLogger("can")
 
 
 def run(
-    path: Path,
-    action: str = "lead",
+    path: Annotated[Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].")],
     *,
-    dry_run: bool = False,
-    log: Path | None = None,
-    json_output: bool = False,
-    reference: Path | None = None,
-    learn: bool = False,
-    mcap: Path | None = None,
-    move: bool = False,
-    effects: Catalogue = CATALOGUE,
+    action: Annotated[
+        str, argument("check|reset", "check: look at all, send nothing; reset: acknowledge a latched fault, no more.")
+    ] = "lead",
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
+    log: Annotated[Path | None, option("--log", "LOG.blf", "Where the log goes; else beside you.")] = None,
+    mcap: McapFile = None,
+    reference: ReferenceFile = None,
+    json_output: Json = False,
+    effects: OwnEffects,
+    controllers: OwnControllers,
+    learn: Learn = False,
+    move: Annotated[
+        bool, typer.Option("--move", help="With check: lead the drive by 5 mm to and fro, and see the capsule answer.")
+    ] = False,
 ) -> int:
-    """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
-    (`hil.app.ends.RUN_ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
-
-    With `move` the action "check" also leads the drive by a short motion to and fro (`Probe`), where all else is good.
-    The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
-    word. With `dry_run` everything is listened to and computed and nothing is sent. With `learn` a model that breaks is
-    identified anew in the background, and a better one taken at a rest. Raises ValueError, one sentence, for what
-    cannot be used.
+    """Lead the drive that the file names, or only check or reset it; 0 where all went as asked, 1 where it did not
+    (`hil.app.ends.RUN_ENDS`). Raises ValueError, one sentence, for what cannot be used.
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path, reference, effects), load_catalogue()
+    deployment, catalogue = load_deployment(path, reference, Catalogue.read(effects)), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
     if move and (action != "check" or dry_run):
         raise ValueError("--move must go with check; got it with leading, reset or --dry-run")
@@ -162,7 +171,7 @@ def _led(asked: _Asked, json_output: bool) -> int:
         found["learned"] = [lesson.document() for lesson in lessons]
     if node.operator is not None:
         found["operator"] = node.operator.document()
-    found["monitor"] = health_told(node.estimator.health, node.estimator.origin_s)
+    found["monitor"] = health_of(node.estimator.health, node.estimator.origin_s)
     if json_output:
         print_json(found)
     else:
@@ -174,7 +183,7 @@ def _moved(asked: _Asked, good: bool) -> Point:
     """Whether the capsule answers the drive: the probe alone, led on the bus, where all else is `good`."""
     if not good:
         return Point("answer", False, "the drive was not moved, as something else is bad")
-    short = replace(asked.deployment, control=replace(asked.deployment.control, duration_s=PROBED_S, probe=True))
+    short = replace(asked.deployment, control=asked.deployment.control.but(duration_s=PROBED_S, probe=True))
     probing = replace(asked, deployment=short, action="lead", mcap=None)
     with probing.begun() as (task, bus):
         outcome = _lead(probing, task, bus)[0]
@@ -332,30 +341,29 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
     writes to the record which were offered when. Both are there before the first tick; a thread that holds the
     interpreter gives it back within `_TURN_S`.
     """
-    background, maker, turn_s = Background(), ThreadPoolExecutor(1), sys.getswitchinterval()
+    maker, turn_s = ThreadPoolExecutor(1), sys.getswitchinterval()
 
     def keep(record: Mapping[str, Any]) -> None:
         maker.submit(frames_log.add_to_record, record)
 
-    try:
+    with maker, Background() as background:
         background.begin()
         maker.submit(int).result()
         sys.setswitchinterval(_TURN_S)
-        yield Learner(
-            node.estimator,
-            deployment.rig,
-            deployment.values,
-            deployment.believed,
-            background,
-            replace(deployment.pace, answer_s=math.inf),
-            maker.submit,
-            keep,
-            node.drive,
-        )
-    finally:
-        sys.setswitchinterval(turn_s)
-        background.close()
-        maker.shutdown(cancel_futures=False)
+        try:
+            yield Learner(
+                node.estimator,
+                deployment.rig,
+                deployment.values,
+                deployment.believed,
+                background,
+                deployment.pace.model_copy(update={"answer_s": math.inf}),
+                maker.submit,
+                keep,
+                node.drive,
+            )
+        finally:
+            sys.setswitchinterval(turn_s)
 
 
 def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log: FrameLog) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """`capsule check`: what is wrong with records before anything is fitted to them, and what they cannot show."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich.console import Console
 
@@ -10,22 +9,21 @@ from hil.app.identify.close_loop import read_series
 from hil.app.report.cards import grouped
 from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, OwnEffects, Records, RigFile
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
-from models.effects import CATALOGUE, Catalogue
+from models.effects import Catalogue
 
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
-def check(records: Sequence[Path], rig: Path, *, json_output: bool = False, effects: Catalogue = CATALOGUE) -> int:
-    """Print the findings on `records` of the rig file `rig` and the effects that they cannot show; status 1 where a
-    finding stops a fit, else 0. Raises ValueError of one sentence for files that are no records of this rig.
-    """
-    belief = read_deployed_rig(rig)
+def check(records: Records, rig: RigFile, *, json_output: Json = False, effects: OwnEffects) -> int:
+    """Print the findings and the effects that the records cannot show; status 1 where a finding stops a fit."""
+    belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
     read, _ = read_series(records, (), belief, lenient=True)
     findings = examine(belief, read)
-    hidden = cannot_show(belief, read, effects.acting_on(belief.kind)) if stopping(findings) is None else {}
+    hidden = cannot_show(belief, read, catalogue.acting_on(belief.kind)) if stopping(findings) is None else {}
     if json_output:
         print_json({"findings": [finding.to_dict() for finding in findings], "cannot_show": hidden})
     else:

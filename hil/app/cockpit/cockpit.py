@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import can
 
@@ -15,32 +15,41 @@ from hil.app.cockpit.panels import Facts, models_of, wiring_of
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import note, output_to_notes, print_json, summary
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.command import open_bus
 from hil.app.run.log_task import task_of
 from hil.app.run.loop import Signals
+from hil.app.run.run import open_bus
 from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
+from hil.app.shared_options import Json, argument, option
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.drives.makers import carriage_bus
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
 
-PORT: Final = 8420  # of the page, where none is named
 OLDEST_S: Final = 5.0
 """A page that the processor was taken from does not say of its late frames that their counters were wrong."""
 EXTRA: Final = "cockpit"
 
 
 def cockpit(
-    path: Path, host: str = "127.0.0.1", port: int = PORT, watch: str | None = None, *, json_output: bool = False
+    path: Annotated[
+        Path,
+        argument(
+            "DEPLOYMENT.toml | LOG | SCENARIO.toml",
+            "A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
+        ),
+    ],
+    host: Annotated[
+        str, option("--host", "ADDRESS", "Where to listen; else this machine alone can see it.")
+    ] = "127.0.0.1",
+    port: Annotated[int, option("--port", "N", "0: a free one.")] = 8420,
+    watch: Annotated[
+        str | None, option("--watch", "CHANNEL", "The local bus on which `capsule sil --watch` runs SOURCE.")
+    ] = None,
+    json_output: Json = False,
 ) -> None:
-    """Serve a page on the bus that the deployment file `path` names, on the log `path`, or on the local bus `watch` on
-    which `capsule sil` shows its run of the scenario `path`, until Ctrl-C.
-
-    Raises ValueError of one sentence for what cannot be used: extra not installed, port taken, bus not there, log
-    unreadable.
-    """
+    """Serve a page until Ctrl-C. Raises ValueError of one sentence for what cannot be used."""
     if find_spec("tornado") is None:
         raise ValueError(f"cockpit needs the package tornado, which is not installed: pip install '.[{EXTRA}]'")
     if not 0 <= port <= 65535:

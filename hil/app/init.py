@@ -1,5 +1,5 @@
-"""A rig file in which every key that its kind may have stands with unit, range and meaning, from the schema that checks
-it; and a template record of each kind of rig, simulated.
+"""`capsule init`: a rig file in which every key of its kind stands with unit, range and meaning, a template record and
+the command to run, for one's own data to take their place.
 """
 
 import json
@@ -7,19 +7,74 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
+import typer
 
+from hil.app.console import output_to_notes, print_json, say
 from hil.app.docs.keys import span, unit_of
+from hil.app.shared_options import Json, argument
+from hil.app.write import sole_writer, table_text, write_files
 from models.identification.kinds import kind_for
+from models.parameter import nearest
 from models.records.record import Record, read_record
 from models.rigs.kind import Record as Columns
 from models.rigs.kind import RigKind, Tables
+from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
 from models.rigs.schema import Table, field_of
 from models.rigs.tables import Noise
 from plant.experiments.series import make_series
+
+RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
+_NOTE: Final = """# A {kind} rig
+
+`rig.toml` says what you believe about the rig; every key stands there with unit, range and meaning.
+`record.csv` is a template, **simulated**: it shows the columns ({columns}). Put your records in its place and run
+
+    {command}
+
+Then open `out/report.html`. Further records of the rig go beside the first, records to judge by after `--holdout`.
+"""
+
+
+def init(
+    kind: Annotated[str, argument("KIND", "pull, magnetic, coil, vibro, vibro_table, axis, periods, friction or dma.")],
+    folder: Annotated[Path, argument("DIR", "Folder for the files; made where there is none.")],
+    rotary: Annotated[
+        bool, typer.Option("--rotary", help="An axis that turns: angle, torque and inertia, in rad and N m.")
+    ] = False,
+    json_output: Json = False,
+) -> None:
+    """Write `rig.toml`, `record.csv` and `README.md`; what stands there is kept. Raises ValueError, one sentence, for
+    an unknown kind, and where one of the files is there already.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"KIND must be one of {', '.join(KINDS)}; got {kind!r}; {nearest(kind, KINDS)}")
+    if rotary and KINDS[kind].turning_template is None:
+        turning = [name for name, one in KINDS.items() if one.turning_template is not None]
+        raise ValueError(f"--rotary must go with KIND {' or '.join(turning)}; got {kind}")
+    with sole_writer(folder, "DIR"):
+        there = [name for name in (RIG, RECORD, NOTE) if (folder / name).exists()]
+        if there:
+            names = ", ".join((RIG, RECORD, NOTE))
+            raise ValueError(f"DIR must not hold {names} yet, for none is overwritten; got {folder / there[0]}")
+        with output_to_notes():
+            tables, columns = template(KINDS[kind], rotary=rotary)
+        command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"
+        note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
+        files = {RIG: commented(KINDS[kind], tables, list(columns)), RECORD: table_text(columns), NOTE: note}
+        write_files({folder / name: text for name, text in files.items()})
+    if json_output:
+        print_json({"kind": kind, "files": [str(folder / name) for name in files], "command": command})
+    else:
+        say(
+            f"{folder / RIG}: what you believe about the rig",
+            f"{folder / RECORD}: a simulated record: put yours in its place",
+            f"then: {command}",
+        )
+
 
 _SECONDS: Final = 12.0  # of a template record
 

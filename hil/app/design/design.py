@@ -4,7 +4,7 @@ an inner mass its resonance, gears and slow loop.
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from controller.design.study import Study, study
 from controller.drives import INNER_MASS
@@ -15,6 +15,7 @@ from hil.app.design.page import design_html
 from hil.app.design.tables import balance_lines, command_unit, cycle_table, gains_json, margin_table, words_of
 from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, vibro_tables
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, LearnedModel, Stage, argument, option
 from hil.app.write import own_folder, write_files
 from models.files.tables import check_word
 from models.identification.finding import STAGES
@@ -28,18 +29,15 @@ SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0  # that may be asked for, a
 
 
 def design(
-    rig: Path,
-    model: Path | None = None,
-    out: Path | None = None,
-    *,
-    stage: str = "augmented",
-    speed_mm_s: float = 1.0,
-    delay_ms: float = 15.0,
-    json_output: bool = False,
+    rig: Annotated[Path, argument("RIG.toml", "A rig of kind magnetic, coil or vibro.")],
+    model: LearnedModel = None,
+    stage: Stage = "augmented",
+    out: Annotated[Path | None, option("--out", "DIR", "Draw the plots into this folder.")] = None,
+    speed_mm_s: Annotated[float, option("--speed", "MM_S", "Speed in mm/s to linearise at.")] = 1.0,
+    delay_ms: Annotated[float, option("--delay", "MS", "Age of a measurement in ms when the command acts.")] = 15.0,
+    json_output: Json = False,
 ) -> None:
-    """Design for the rig of a file, with the numbers of a model that close-loop wrote where one is given; draw into
-    `out`.
-    """
+    """Design for the rig of a file, with the numbers of a model where one is given."""
     belief = read_deployed_rig(rig)
     check_word(stage, "--stage", STAGES)
     values = Theta() if model is None else read_model(model, belief.kind).believed(stage)

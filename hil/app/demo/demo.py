@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from hil.app.console import json_text, print_json, summary, text_table
 from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
@@ -17,6 +17,7 @@ from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
 from hil.app.report import headline, report_json
 from hil.app.report.words import effect_words, listed
+from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
@@ -26,7 +27,11 @@ PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
 STORIES: Final[tuple[Story, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
 
 
-def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequence[Story] = STORIES) -> None:
+def demo(
+    out: Annotated[Path, option("--out", "DIR", "Folder for the reports.")] = Path("out/demo"),
+    json_output: Json = False,
+    seed: Seed = 0,
+) -> None:
     """Tell every story, print the errors before and after, and leave the reports: `out`/demo.html and demo.json, and a
     folder for each story with its own. All of it takes its place at the end or not at all. Raises ValueError of one
     sentence.
@@ -35,11 +40,11 @@ def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequen
     with sole_writer(out, "--out"), TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
         work = Path(hidden)
         longest_first = sorted(
-            stories, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)
+            STORIES, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)
         )
-        with story_bars([story.name for story in stories]) as report:
+        with story_bars([story.name for story in STORIES]) as report:
             found = told(longest_first, work, seed, report)
-        both = [(story, found[story.name]) for story in stories]
+        both = [(story, found[story.name]) for story in STORIES]
         lines = [(story, one) for story, one in both if isinstance(one, Told)]
         learned = [(story, one) for story, one in both if isinstance(one, Learned)]
         seconds = time.monotonic() - began

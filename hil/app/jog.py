@@ -10,14 +10,15 @@ import tty
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 from hil.app.console import note, print_json, say
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals
+from hil.app.run.run import open_bus
 from hil.app.scenario.deployment import read_operator
 from hil.app.scenario.jog_script import Step, steps
+from hil.app.shared_options import Json, argument, option
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 
@@ -32,18 +33,23 @@ _SHOWN_S: Final = 0.1  # between two lines on the terminal
 
 
 def jog(
-    path: Path,
-    source: str = "keyboard",
-    script: str | None = None,
-    life_ms: float = 100.0,
-    *,
-    json_output: bool = False,
+    path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.")],
+    source: Annotated[
+        str, option("--source", "NAME", "Sender: keyboard, cockpit, joystick, ros, script, other.")
+    ] = "keyboard",
+    script: Annotated[
+        str | None,
+        option(
+            "--script",
+            "FILE",
+            "Lines 'speed MM_S SECONDS', 'position MM SECONDS', 'release SECONDS' instead of keys; - for stdin.",
+        ),
+    ] = None,
+    life_ms: Annotated[float, option("--life", "MS", "How long a setpoint counts; 1 to 200.")] = 100.0,
+    json_output: Json = False,
 ) -> int:
-    """Send setpoints on the bus of the deployment file `path` as `source`: of the arrow keys, or of `script`, a file
-    ("-": standard input). 0 where a controller has answered and taken all that was asked for while held, else 1; 1 too,
-    and nothing is sent, where another one sends as `source` already.
-
-    Raises ValueError, one sentence, for what cannot be used, and where the keys are to come from no terminal.
+    """Send setpoints: 0 where a controller has answered and taken all that was asked for while held, else 1; 1 too, and
+    nothing is sent, where another one sends as `source` already.
     """
     table, limits = read_operator(path)
     if limits.sources and source not in limits.sources:

@@ -5,8 +5,9 @@ came of it.
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
+import typer
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
@@ -19,6 +20,7 @@ from hil.app.campaign.running import Results, check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.quantities import number
+from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
 
@@ -32,21 +34,28 @@ Outcome = tuple[str, dict[str, Any], Sequence[str | Table], bool]
 
 
 def campaign(
-    paths: Sequence[Path],
-    out: Path,
+    paths: Annotated[
+        list[Path],
+        argument(
+            "CAMPAIGN.toml | FOLDER...",
+            "A scenario and what is varied in it; or folders of series, rig.toml and records in each.",
+        ),
+    ],
     *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    run: int | None = None,
-    json_output: bool = False,
-    seed: int = 0,
-    own: Sequence[Path] = (),
+    out: Annotated[Path, option("--out", "DIR", "Folder for results and report; resumed where it has some.")] = Path(
+        "out/campaign"
+    ),
+    workers: Annotated[int | None, option("--workers", "N", "Processes; else one a core.")] = None,
+    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")] = None,
+    run: Annotated[int | None, option("--run", "N", "Do run N alone and print it.")] = None,
+    json_output: Json = False,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=MOST_SEED, help="Of folders: sets every random number.")
+    ] = 0,
+    own: OwnEffects,
 ) -> int:
-    """Do the runs of a campaign file that the folder `out` does not hold yet, or close the loop on each series in the
-    folders `paths`, with the effects of the files `own`; write `campaign.html` and `campaign.json`, and each series'
-    report below `series`.
-
-    With `run` that one run alone is done and printed. 1 where a run failed, else 0. Raises ValueError of one sentence.
+    """Do the runs of a campaign file that are not done yet, or close the loop on each series in the folders; write
+    `campaign.html` and `campaign.json`, and each series' report below `series`. 1 where a run failed, else 0.
     """
     over_series = len(paths) > 1 or paths[0].is_dir()
     if not over_series and (own or seed):

@@ -18,7 +18,6 @@ import models.effects
 from controller.registry import use_controllers
 from hil.app.effects.command import described
 from hil.app.identify.close_loop import result_files
-from hil.app.report import report_json
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.scenario.options import Options
 from hil.app.scenario.scenario import load_track_scenario
@@ -26,6 +25,7 @@ from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
 from hil.app.write import check_folder, write_files
 from hil.log.record import read_rig_record
+from hil.report.numbers import report_json
 from models.effects import EFFECTS
 from models.effects.own import LOADED
 from models.identification import Model, close

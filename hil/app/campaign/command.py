@@ -18,8 +18,8 @@ from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst
 from hil.app.campaign.running import Results, check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
-from hil.app.quantities import number
 from hil.app.write import own_folder, write_files
+from hil.report.quantities import number
 from models.effects import use_effects
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"

@@ -11,7 +11,8 @@ from typing import Any
 
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.worker import Job, Row, pooled
-from hil.app.console import InterruptionError, output_to_notes, plain, progress_bar
+from hil.app.console import InterruptionError, output_to_notes, progress_bar
+from hil.report.quantities import plain
 
 Key = int | str
 

@@ -7,9 +7,8 @@ from rich.console import Console
 
 from hil.app.console import print_json, say, summary
 from hil.app.identify.close_loop import read_series
-from hil.app.report.cards import grouped
-from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.report.words import grouped, tidy
 from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.app.quantities import DASH, fixed, quantity
 from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
@@ -14,6 +13,7 @@ from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
+from hil.report.quantities import DASH, fixed, quantity
 
 KEPT: Final = 200
 """Events that are kept while a bus is watched, and kinds of refusals that are told apart."""

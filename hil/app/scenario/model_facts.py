@@ -3,7 +3,7 @@
 from typing import Any
 
 from controller.model.control_model import ControlModel
-from hil.app.quantities import DASH, quantity
+from hil.report.quantities import DASH, quantity
 from models.effects import BY_ID
 
 

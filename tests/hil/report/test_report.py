@@ -186,12 +186,12 @@ def test_quantities_of_one_record_are_drawn_apart() -> None:
 def test_equations(text: str, inside: str) -> None:
     written = math_html(text)
     assert inside in written
-    ElementTree.fromstring(written.replace("&nbsp;", " "))
+    ElementTree.fromstring(f"<p>{written}</p>".replace("&nbsp;", " "))
 
 
 @given(st.text(st.sampled_from("abx_12(|)^/*' -+=,<&"), max_size=40))
 def test_any_text_is_typeset_well_formed(text: str) -> None:
-    ElementTree.fromstring(math_html(text).replace("&nbsp;", " "))
+    ElementTree.fromstring(f"<p>{math_html(text)}</p>".replace("&nbsp;", " "))
 
 
 def test_a_line_that_begins_with_spaces_continues() -> None:

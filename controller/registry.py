@@ -9,10 +9,9 @@ from types import MappingProxyType
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
-from controller.estimator.base import Estimator
+from controller.estimator.base import Estimator, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
-from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward

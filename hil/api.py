@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import models.effects
 from controller.registry import use_controllers
 from hil.app.effects.command import described
 from hil.app.identify.close_loop import result_files
@@ -26,8 +25,7 @@ from hil.app.track.score import document, score
 from hil.app.write import check_folder, write_files
 from hil.log.record import read_rig_record
 from hil.report.numbers import report_json
-from models.effects import EFFECTS
-from models.effects.own import LOADED
+from models.effects import CATALOGUE, Catalogue
 from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.model import read_model
@@ -57,6 +55,7 @@ __all__ = [
     "use_controllers",
     "use_effects",
 ]
+_in_use = CATALOGUE
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -93,12 +92,12 @@ class Run:
 
 def load_rig(path: str | Path) -> Rig:
     """The rig of a rig or deployment file."""
-    return read_deployed_rig(Path(path))
+    return _in_use.given_to(read_deployed_rig(Path(path)))
 
 
 def make_rig(tables: Mapping[str, Mapping[str, Any]]) -> Rig:
     """The rig of the tables that a rig file would have, as `{"rig": {"kind": "pull"}, ...}`."""
-    return parse_rig(tables)
+    return _in_use.given_to(parse_rig(tables))
 
 
 def load_record(path: str | Path, rig: Rig) -> Record:
@@ -128,18 +127,19 @@ def identify(
     search or threshold touches.
     """
     with contextlib.redirect_stdout(io.StringIO()):
-        return Identified(*close(rig, list(train), list(holdout), progress or _silent, seed=seed))
+        return Identified(*close(_in_use.given_to(rig), list(train), list(holdout), progress or _silent, seed=seed))
 
 
 def load_model(path: str | Path, kind: str) -> Model:
     """A `model.toml` of a rig of `kind`."""
-    return read_model(Path(path), kind)
+    return read_model(Path(path), kind, catalogue=_in_use)
 
 
 def predict(model: Model, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, Array]:
     """The measured columns as `model` predicts them free-running from the driven columns of `record` alone; `stage` is
     nominal, calibrated or augmented. Columns of one length n, the record's for a time series.
     """
+    rig = _in_use.given_to(rig)
     model.check(rig, record)
     return model.predict(rig, record, stage)
 
@@ -161,8 +161,8 @@ def track(
     """A closed loop in simulation over the scenario file: `controller` by name, else the scenario's; the controller
     knows nominal values or those of the file `model`.
     """
-    file = load_track_scenario(Path(scenario))
-    asked = Options(controller, None if model is None else Path(model), stage, seed)
+    asked = Options(controller, None if model is None else Path(model), stage, seed, catalogue=_in_use)
+    file = asked.equipped(load_track_scenario(Path(scenario)))
     values, used = asked.values(file.kind)
     name, number = asked.of(file)
     with contextlib.redirect_stdout(io.StringIO()):
@@ -175,12 +175,14 @@ def track(
 
 def effects() -> list[dict[str, Any]]:
     """The catalogue, with the effects from outside that are in use, as `capsule effects --json` lists it."""
-    return [described(effect) for effect in (*EFFECTS, *(origin.effect for origin in LOADED.values()))]
+    return [described(effect) for effect in _in_use.candidates]
 
 
 def use_effects(*paths: str | Path) -> list[str]:
     """Let the effects of Python files take part from here on, in place of those of an earlier call; their ids."""
-    return [effect.id for effect in models.effects.use_effects([Path(path) for path in paths])]
+    global _in_use
+    _in_use = Catalogue.read([Path(path) for path in paths])
+    return [origin.effect.id for origin in _in_use.own]
 
 
 def _silent(sentence: str, share: float) -> None:

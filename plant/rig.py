@@ -11,6 +11,7 @@ from models.laws.geometry import GRAVITY, Capsule, Tissue
 from plant import layout as at
 from plant.anatomy import Anatomy
 from plant.drives.kinds import TrueDrive
+from plant.drives.steps import advance
 from plant.hidden.carriage import BEHIND, CARRIAGE_NUMBERS, real_drive
 from plant.hidden.registry import ONSET
 from plant.hidden.table import begun, effect_table
@@ -103,8 +104,9 @@ class Plant:
             arrived = real_drive(values[:-1], dt, self.effects, self._carriage)
             values = np.append(arrived, real_drive(values[-1:], dt, self.effects, self._carriage.copy()))
         out = np.zeros(((first + steps - 1) // every - (first - 1) // every, at.O_COUNT))
-        common = (self.state, self.parameters, self.effects, self.tables, self.profile, values, dt, every, out)
-        self.rig.drive.advance(self.effects, common)
+        kind = self.rig.drive.steps(self.effects)
+        common = (self.state, self.parameters, self.effects, self.tables, self.profile)
+        advance(kind, *common, values, dt, every, out)
         return out
 
     def _begin_effects(self, drive: float) -> None:

@@ -15,14 +15,13 @@ from scipy.optimize import root
 
 from controller.baselines.lqr import Gains
 from controller.design.margins import Complex
-from controller.design.tuning import Pid
+from controller.design.tuning import Pid, feedback
 from controller.model.control_model import ControlModel
 from controller.model.linear import Array, Linear, linearise
 from controller.model.symbols import assembled
 from models.assembly.model import assemble
 from models.compiled.kernel import lower
 from models.drives.pull import Pull
-from models.effects import BY_ID
 from models.rigs.parts import surface_of
 from models.surfaces.plate import Plate
 
@@ -30,6 +29,7 @@ AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)
 FREQUENCIES_HZ = np.geomspace(0.1, 40.0, 20)
 _SETTLE, _MEASURE = 2, 4  # cycles
 _STEPS, _LONGEST_STEP_S = 1024, 2e-3  # least steps of a period, and the longest
+_APART = 1e-3  # of a cycle's logarithms, over which F's slopes are taken
 _FINE = 4  # times finer than the wall's table, the grid that a cycle is looked for on
 
 
@@ -78,7 +78,7 @@ def describe(
     if not surface.dragged:
         force, _ = surface.hold(0.0, known.base, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
-    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in known.effects if Pull.name in BY_ID[name].kinds))
+    pulled = assemble(surface, Pull(), tuple(e for e in model.symbols.effects if Pull.name in e.kinds))
     kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
     N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
     for j, w in enumerate(omega):
@@ -98,19 +98,9 @@ def without_wall(model: ControlModel) -> Linear:
     wall.
     """
     known, mass = model.theta, surface_of(model.rig).body_kg
-    symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in known.effects), model.smoothing)
+    symbols = assembled(Plate(mass, 0.0), model.drive, model.symbols.effects, model.smoothing)
     values = [0.0 if p.key == "friction_coefficient" else known[p.key] for p in symbols.parameters]
     return linearise(replace(model, symbols=symbols, values=np.array(values)), "slip", 0.0)
-
-
-def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
-    """What the controller makes of each state, (n, k) at the points `z`: the command is minus their sum, delay
-    aside.
-    """
-    n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
-    if isinstance(law, Pid):
-        return np.asarray(first * law.response(z, plant.tick_s))
-    return np.asarray(law.K.reshape(n, 1) + first * law.K_i * plant.tick_s / (z - 1))
 
 
 def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) -> Complex:
@@ -126,38 +116,23 @@ def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) ->
     return np.asarray(pushed[0] + led[0] * command)
 
 
-@dataclass(frozen=True)
-class _Harmonic:
-    """`F = 1 + N G` of one loop over (log A, log omega)."""
-
-    force: RegularGridInterpolator
-    plant: Linear
-    law: Pid | Gains
-    delay_s: float
-
-    def __call__(self, at: Array) -> Complex:
-        """F (k,) at the points `at` (k, 2)."""
-        G = compliance(self.plant, self.law, np.exp(at[:, 1]), self.delay_s)
-        return np.asarray(1 + self.force(at) / np.exp(at[:, 0]) * G)
-
-    def parts(self, at: Array) -> Array:
-        """Real and imaginary part at one point (2,)."""
-        F = self(at[None, :])[0]
-        return np.array([F.real, F.imag])
-
-    def settles(self, at: Array, step: float = 1e-3) -> bool:
-        """Whether a cycle at `at` comes back: with s = sigma + j omega, F = 0 along a disturbance gives sigma = omega
-        Im(F_A/F_w) dA.
-        """
-        F = self(at + step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
-        return bool(((F[0] - F[1]) / (F[2] - F[3])).imag < 0)
-
-
 def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) -> list[Balance]:
-    """All (A, omega) within the grid of `wall` at which `1 + N(A, omega) G(j omega) = 0`, smallest first; `plant` is
-    the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega.
+    """All (A, omega) within the grid of `wall` at which `F = 1 + N(A, omega) G(j omega) = 0`, smallest first; `plant`
+    is the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega.
+
+    A cycle comes back where, with s = sigma + j omega, F = 0 along a disturbance dA gives sigma = omega Im(F_A/F_w) dA
+    below 0.
     """
-    F = _Harmonic(wall.force(), plant, law, delay_s)
+    force = wall.force()
+
+    def F(at: Array) -> Complex:
+        """(k,) at the points `at` (k, 2) of (log A, log omega)."""
+        return np.asarray(1 + force(at) / np.exp(at[:, 0]) * compliance(plant, law, np.exp(at[:, 1]), delay_s))
+
+    def settles(at: Array) -> bool:
+        left, right, below, above = F(at + _APART * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+        return bool(((left - right) / (below - above)).imag < 0)
+
     a, w = (
         np.linspace(np.log(axis[0]), np.log(axis[-1]), _FINE * len(axis)) for axis in (wall.amplitude_m, wall.omega)
     )
@@ -166,11 +141,11 @@ def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) 
     found: list[Array] = []
     for i, j in np.argwhere(_mixed(values.real) & _mixed(values.imag)):
         middle = np.array([a[i], w[j]]) + 0.5 * size
-        answer = root(F.parts, middle)
+        answer = root(lambda at: F(at[None, :]).view(np.float64), middle)
         new = all(np.any(np.abs(one - answer.x) > 0.5 * size) for one in found)
         if answer.success and new and np.all(np.abs(answer.x - middle) < size):
             found.append(answer.x)
-    cycles = [Balance(math.exp(at[0]), math.exp(at[1]) / (2 * math.pi), F.settles(at)) for at in found]
+    cycles = [Balance(math.exp(at[0]), math.exp(at[1]) / (2 * math.pi), settles(at)) for at in found]
     return sorted(cycles, key=lambda one: one.amplitude_m)
 
 

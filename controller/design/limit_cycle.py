@@ -13,9 +13,9 @@ from controller.baselines.lqr import LQR
 from controller.design.tuning import Pid
 from controller.model.control_model import ControlModel
 from controller.model.linear import Array
+from controller.move import SetpointMove
 from controller.signals import Estimate
 from models.assembly.model import Assembly, assemble
-from models.effects import BY_ID
 from models.rigs.parts import surface_of
 
 STILL = 1e-6  # m, peak to peak: below it the loop rests
@@ -81,19 +81,9 @@ def pid_law(pid: Pid, tick_s: float, moves_along: bool) -> Law:
 def lqr_law(lqr: LQR) -> Law:
     """The LQR as it runs, on states that are seen late."""
 
-    @dataclass
-    class Point:
-        r: float
-        speed_m_s: float
-
-        def position(self, t: Array) -> Array:
-            return np.full_like(t, self.r)
-
-        def speed(self, t: Array) -> Array:
-            return np.full_like(t, self.speed_m_s)
-
     def law(t: float, state: Array, r: float, speed: float) -> float:
-        return lqr.act(t, Estimate(t, state, np.zeros_like(state)), Point(r, speed)).command
+        reference = SetpointMove(*np.array([[t], [r], [speed], [0.0]]))
+        return lqr.act(t, Estimate(t, state, np.zeros_like(state)), reference).command
 
     return law
 
@@ -116,9 +106,8 @@ def simulate(
     seen = np.array([exact.states.index(name) for name in model.states])
     steps = max(1, math.ceil(tick / _LONGEST_STEP_S - 1e-9))
     count = int((seconds + hold_s) / tick)
-    late: deque[Array] = deque(
-        [state[seen]] * (math.ceil(delay_s / tick - 1e-9) + 1), maxlen=math.ceil(delay_s / tick - 1e-9) + 1
-    )
+    kept = math.ceil(delay_s / tick - 1e-9) + 1
+    late: deque[Array] = deque([state[seen]] * kept, maxlen=kept)
     t = np.arange(count, dtype=np.float64) * tick
     reference: Array = np.asarray(speed_m_s * np.minimum(t, seconds), dtype=np.float64)
     position, commands = np.zeros(count), np.zeros(count)
@@ -133,4 +122,4 @@ def simulate(
 
 def exactly(model: ControlModel) -> Assembly:
     """The same parts with set-valued friction."""
-    return assemble(surface_of(model.rig), model.drive, tuple(BY_ID[name] for name in model.theta.effects))
+    return assemble(surface_of(model.rig), model.drive, model.symbols.effects)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from controller.baselines.lqr import LQR, Gains
 from controller.design.describing_function import Balance, Describing, balances, compliance, describe, without_wall
-from controller.design.limit_cycle import Law, LimitCycle, LoopRun, exactly, lqr_law, pid_law, simulate
+from controller.design.limit_cycle import LimitCycle, LoopRun, exactly, lqr_law, pid_law, simulate
 from controller.design.margins import Complex, OpenLoop
 from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.drives import envelope_of
@@ -61,21 +61,12 @@ def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, 
         raise ValueError(f"sensitivity peak must lie in (1, 10]; got {peak:g}")
     plants = tuple(linearise(model, phase, speed_m_s) for phase in PHASES)
     pid, gains = tuned_pid(plants, delay_s, peak), tuned_lqr(plants, plants[-1], delay_s, peak)
-    loops = tuple(
-        loop for plant in plants for loop in (pid_loop(plant, pid, delay_s), state_loop(plant, gains, delay_s))
-    )
-    exact = exactly(model)
-    runs = {
-        name: {
-            "ramp": simulate(model, _law(model, name, pid, gains), speed_m_s, RAMP_S, 0.0, delay_s, exact),
-            "hold": simulate(model, _law(model, name, pid, gains), speed_m_s, 1.0, HOLD_S, delay_s, exact),
-        }
-        for name in ("pid", "lqr")
-    }
+    pairs = ((pid_loop(plant, pid, delay_s), state_loop(plant, gains, delay_s)) for plant in plants)
+    loops = tuple(loop for pair in pairs for loop in pair)
+    exact, envelope = exactly(model), envelope_of(model.drive)
+    runs: dict[str, dict[str, LoopRun]] = {"pid": {}, "lqr": {}}
+    for part, moving_s, hold_s in (("ramp", RAMP_S, 0.0), ("hold", 1.0, HOLD_S)):
+        laws = {"pid": pid_law(pid, model.tick_s, model.drive.anchored), "lqr": lqr_law(LQR(model, envelope, gains))}
+        for name, law in laws.items():
+            runs[name][part] = simulate(model, law, speed_m_s, moving_s, hold_s, delay_s, exact)
     return Study(speed_m_s, delay_s, plants, pid, gains, loops, runs, describe(model), without_wall(model))
-
-
-def _law(model: ControlModel, name: str, pid: Pid, gains: Gains) -> Law:
-    if name == "pid":
-        return pid_law(pid, model.tick_s, model.drive.anchored)
-    return lqr_law(LQR(model, envelope_of(model.drive), gains))

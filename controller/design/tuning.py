@@ -5,9 +5,10 @@ delay there is.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import TypeVar
 
 import control
 import numpy as np
@@ -45,6 +46,19 @@ class Pid:
         return np.asarray(self.K_p + self.K_i * tick_s / (z - 1) + self.K_d / self.filter_s * (z - 1) / (z - left))
 
 
+Law = TypeVar("Law", Pid, Gains)
+
+
+def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
+    """What the controller makes of each state, (n, k) at the points `z`: the command is minus their sum, delay
+    aside.
+    """
+    n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
+    if isinstance(law, Pid):
+        return np.asarray(first * law.response(z, plant.tick_s))
+    return np.asarray(law.K.reshape(n, 1) + first * law.K_i * plant.tick_s / (z - 1))
+
+
 def pid_loop(plant: Linear, pid: Pid, delay_s: float) -> OpenLoop:
     """PID on the position, measured `delay_s` late."""
     return closed_loop("pid", plant, control.series(pid.system(plant.tick_s), plant.system()), delay_s)
@@ -64,73 +78,59 @@ def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> P
     Hagglund's M-constrained integral gain optimisation, here on a grid). Raises ValueError for a peak of 1 or less, or
     where none of the grid fits.
     """
-    grid = _Grid.of(plants, delay_s)
-    scale = 1 / max(float(np.interp(20.0, grid.omega, np.abs(X[0]))) for X in grid.states)
-    gains = product(scale * np.geomspace(1e-2, 1e2, _STEPS), np.geomspace(0.3, 300, _STEPS), (0.0, 5e-3, 1e-2, 2e-2))
+    sizes, rates, leads = np.geomspace(1e-2, 1e2, _STEPS), np.geomspace(0.3, 300, _STEPS), (0.0, 5e-3, 1e-2, 2e-2)
+    gains = product(_scale(plants) * sizes, rates, leads)
     pids = [Pid(float(K_p), float(K_p * rate), float(K_p * lead)) for K_p, rate, lead in gains]
-    pids.sort(key=lambda pid: -pid.K_i)
-    for pid in pids:
-        if grid.peak([pid.response(grid.z, grid.tick_s) * X[0] for X in grid.states]) <= peak and all(
-            pid_loop(plant, pid, delay_s).stable() for plant in plants
-        ):
-            return pid
-    raise ValueError(f"sensitivity peak must be one that some PID keeps on this plant; got {peak:g}")
+    return _strongest("PID", pids, pid_loop, plants, delay_s, peak)
 
 
 def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: float = PEAK) -> Gains:
     """The LQR for `design` with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`;
-    see `tuned_pid`.
-
-    Weights of command and integral vary, the position's is 0.2 mm, the speed's 20 mm/s.
+    see `tuned_pid`. Weights of command and integral vary, the position's is 0.2 mm, the speed's 20 mm/s.
     """
-    grid = _Grid.of(plants, delay_s)
-    scale = 1 / max(float(np.interp(20.0, grid.omega, np.abs(X[0]))) for X in grid.states)
-    commands, times = 2e-4 * scale * np.geomspace(0.1, 10, _STEPS // 2), np.geomspace(0.02, 1.0, _TIMES)
+    commands = 2e-4 * _scale(plants) * np.geomspace(0.1, 10, _STEPS // 2)
+    times = np.geomspace(0.02, 1.0, _TIMES)
     choices = [lqr_gains(design, LqrWeights(float(c), integral_m_s=2e-4 * T)) for c, T in product(commands, times)]
-    for gains in sorted(choices, key=lambda gains: -gains.K_i):
-        loops = [gains.K @ X + gains.K_i * grid.tick_s / (grid.z - 1) * X[0] for X in grid.states]
-        if grid.peak(loops) <= peak and all(state_loop(plant, gains, delay_s).stable() for plant in plants):
-            return gains
-    raise ValueError(f"sensitivity peak must be one that some LQR keeps on this plant; got {peak:g}")
+    return _strongest("LQR", choices, state_loop, plants, delay_s, peak)
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Frequencies `omega` in 1/s, `z` on the unit circle, the delay's factor `late`, and each plant's states (n, k) for
-    its command.
-    """
-
-    tick_s: float
-    omega: Array
-    z: Complex
-    late: Complex
-    states: tuple[Complex, ...]
-
-    @classmethod
-    def of(cls, plants: Sequence[Linear], delay_s: float) -> _Grid:
-        """The responses of `plants`, all of one tick."""
-        tick = plants[0].tick_s
-        omega = np.geomspace(0.1, 0.99 * math.pi / tick, 300)
-        z = np.exp(1j * omega * tick)
-        return cls(tick, omega, z, np.exp(-1j * omega * delay_s), tuple(plant.response(z) for plant in plants))
-
-    def peak(self, loops: Iterable[Complex]) -> float:
-        """The highest sensitivity of the loops, each with the delay; inf where one crosses |L| = 1 more than once or
-        too late.
-        """
-        return max(self._one_peak(L * self.late) for L in loops)
-
-    def _one_peak(self, L: Complex) -> float:
-        above = np.abs(L) > 1
-        crossings = np.flatnonzero(above[1:] != above[:-1])
-        if len(crossings) != 1 or np.unwrap(np.angle(L))[crossings[0]] - _turns(L) < -math.pi:
-            return math.inf
-        return float(np.max(1 / np.abs(1 + L)))
+def _scale(plants: Sequence[Linear]) -> float:
+    """Command for a way at 20 1/s, on the plant that moves furthest."""
+    omega, z = _points(plants[0].tick_s)
+    return 1 / max(float(np.interp(20.0, omega, np.abs(plant.response(z)[0]))) for plant in plants)
 
 
-def _turns(L: Complex) -> float:
-    """What to take off an unwrapped phase so that it starts between -270 and 90 degrees, where loops with integrals
-    start.
-    """
-    start = float(np.angle(L[0]))
-    return 2 * math.pi if start > 0.5 * math.pi else 0.0
+def _points(tick_s: float) -> tuple[Array, Complex]:
+    """Frequencies in 1/s, and where they lie on the unit circle."""
+    omega = np.geomspace(0.1, 0.99 * math.pi / tick_s, 300)
+    return omega, np.exp(1j * omega * tick_s)
+
+
+def _strongest(
+    name: str,
+    laws: Iterable[Law],
+    loop: Callable[[Linear, Law, float], OpenLoop],
+    plants: Sequence[Linear],
+    delay_s: float,
+    peak: float,
+) -> Law:
+    """The one of `laws` with the largest `K_i` that is stable on all of `plants`, no sensitivity above `peak`."""
+    omega, z = _points(plants[0].tick_s)
+    late, states = np.exp(-1j * omega * delay_s), [plant.response(z) for plant in plants]
+    for law in sorted(laws, key=lambda law: -law.K_i):
+        pairs = zip(plants, states, strict=True)
+        peaks = (_peak(late * np.sum(feedback(plant, law, z) * X, axis=0)) for plant, X in pairs)
+        if all(one <= peak for one in peaks) and all(loop(plant, law, delay_s).stable() for plant in plants):
+            return law
+    raise ValueError(f"sensitivity peak must be one that some {name} keeps on this plant; got {peak:g}")
+
+
+def _peak(L: Complex) -> float:
+    """The highest sensitivity of an open loop; inf where it crosses |L| = 1 more than once or too late."""
+    above = np.abs(L) > 1
+    crossings = np.flatnonzero(above[1:] != above[:-1])
+    # an unwrapped phase starts between -270 and 90 degrees, where loops with integrals start
+    turns = 2 * math.pi if np.angle(L[0]) > 0.5 * math.pi else 0.0
+    if len(crossings) != 1 or np.unwrap(np.angle(L))[crossings[0]] - turns < -math.pi:
+        return math.inf
+    return float(np.max(1 / np.abs(1 + L)))

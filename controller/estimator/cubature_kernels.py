@@ -78,22 +78,6 @@ def place_points(
 
 
 @njit(cache=True)
-def take_spread(z: Array, P: Array, where: Indices, std: Array) -> bool:
-    """Fill `std` (model states,) with the standard deviations of the states at `where`; whether all of `z` and `P` are
-    numbers.
-    """
-    n = z.shape[0]
-    total = 0.0
-    for i in range(n):
-        total += z[i]
-        for j in range(n):
-            total += P[i, j]
-    for i in range(n - 2):
-        std[where[i]] = math.sqrt(max(P[i, i], 0.0))
-    return math.isfinite(total)
-
-
-@njit(cache=True)
 def take_moments(
     states: Array, d: Array, level: Array, where: Indices, scale: float, Q: Array, z: Array, P: Array, modes: Array
 ) -> None:

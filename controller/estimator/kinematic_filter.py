@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.estimator.base import Counts, Watch, Wrong
+from controller.estimator.base import MOST_A_TICK, Counts, Watch, Wrong
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 from controller.tuned import FilterNoise
 
-_MOST_A_TICK = 8  # measurements of a tick that are taken in, the last ones
 _START_SPEED_M_S = 5e-3  # standard deviation before anything was measured
 
 
@@ -62,7 +61,7 @@ class KinematicFilter:
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
         """The estimate at `now` from the positions among `measurements`; `command` does not matter to it."""
-        for m in measurements[-_MOST_A_TICK:]:
+        for m in measurements[-MOST_A_TICK:]:
             if m.channel == "position_m":
                 self._take(m.value, m.stamp_s - self.model.delay_s, now)
         if math.isnan(self._x):

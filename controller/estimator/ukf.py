@@ -7,15 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
-from numpy.typing import NDArray
 
 from controller.estimator.cubature_filter import Belief, CubatureEstimator, Process
 from controller.estimator.cubature_kernels import root
 from controller.model.control_model import ControlModel
+from controller.signals import Array
 from controller.tuned import FilterNoise
 from models.parameter import Name
-
-Array = NDArray[np.float64]
 
 
 def safe_root(P: Array) -> Array:
@@ -35,30 +33,27 @@ class FilterpyProcess(Process):
 
     def __init__(self, model: ControlModel, noise: FilterNoise) -> None:
         super().__init__(model, noise)
-        n = self.size
+        n = len(self.names)
         points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)
-        self._ukf: Any = UnscentedKalmanFilter(n, 1, model.tick_s, self._place, self._moved, points)
+        self._ukf: Any = UnscentedKalmanFilter(n, 1, model.tick_s, None, self._moved, points)
 
     def predict(self, b: Belief, command: float) -> None:
-        """As `Process.predict`."""
         ukf = self._ukf
         ukf.x, ukf.P, ukf.Q = b.z.copy(), b.P.copy(), np.diag(self._noise_of(b))
-        self._from = (b.modes.copy(), b.command, command, b.time_s)
-        _, b.modes[:] = self.move(b.z, *self._from)
+        self._from = (b.modes.copy(), self.model.left(b.command, command), command, b.time_s)
+        b.modes[:] = self._moved_state(b.z)
         ukf.predict()
-        self._keep(b)
+        b.z[:], b.P[:] = ukf.x, 0.5 * (ukf.P + ukf.P.T)
         b.time_s += self.model.tick_s
         b.command = command
 
     def see_position(self, b: Belief, value: float) -> float:
-        """As `Process.see_position`."""
         size = self._see(b, value, self.noise.position_std_m, lambda z: self._place(z, b))
         if abs(size) <= self.noise.gate:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
     def see_state(self, b: Belief, name: Name, value: float) -> float:
-        """As `Process.see_state`."""
         place = self.names.index(name)
         return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])
 
@@ -73,14 +68,19 @@ class FilterpyProcess(Process):
         spread = math.sqrt(max(float(ukf.S[0, 0]), 0.0))
         size = float(ukf.y[0]) / spread if spread > 0 else math.inf
         if abs(size) <= self.noise.gate:
-            self._keep(b)
+            b.z[:], b.P[:] = ukf.x, 0.5 * (ukf.P + ukf.P.T)
         return size if size == size else math.inf
 
-    def _keep(self, b: Belief) -> None:
-        b.z[:], b.P[:] = self._ukf.x, 0.5 * (self._ukf.P + self._ukf.P.T)
+    def _moved_state(self, z: Array) -> Array:
+        """The model's state a tick after the point `z` (n,)."""
+        (modes, before, command, t), k = self._from, self.model.kernels
+        states = modes[None, :].copy()
+        states[0, self.where] = z[:-2]
+        k.run(states, before, command, z[-2:-1].copy(), t, k.tick_s, k.substeps, self.level.numbers(z[-1]))
+        return np.asarray(states[0])
 
     def _moved(self, z: Array, dt: float) -> Array:
-        return self.move(z, *self._from)[0]
+        return np.append(self._moved_state(z)[self.where], z[-2:])
 
     def _place(self, z: Array, b: Belief) -> Array:
         """The position that the sensor shows at the point `z` of the belief `b`, shape (1,)."""

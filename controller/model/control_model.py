@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
+from models.assembly.model import followed_by
 from models.drives.drive import Drive
-from models.effects import BY_ID, followed_by
+from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.effects.refinements.level_over_speed import LevelOverSpeed
 from models.identification.kinds.series.drive_input import OF_THE_LOG
@@ -52,8 +53,7 @@ class ControlModel:
     the same step compiled, many times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows
     of `x`, late by `delay_s`; the drive follows its command with the time constant `response_s`; `held_out_error` is by
     how much the model missed records that no fit has seen, in the measured column's unit (None: not known, or not of
-    this model, as a part is left out); `wall_force(x, t) -> N` what the wall holds against +x. `gap_limit_m` is where a
-    magnet's force is largest (None: no magnet).
+    this model, as a part is left out). `gap_limit_m` is where a magnet's force is largest (None: no magnet).
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting
     capsule creeps by up to that speed. Sub-steps are at most 1 ms (0.3 ms with an inner mass). First order: a tick of 1
@@ -110,11 +110,9 @@ class ControlModel:
     def force_per_command(self) -> float:
         """Slope of the drive's force at rest in N per unit of command, always positive."""
         p = self.theta.base
-        slope = (
-            p["magnet_stiffness_N_per_m"]
-            if self.gap_limit_m is not None
-            else p.get("coil_force_N_per_A", p.get("force_N", 1.0))
-        )
+        slope = p.get("coil_force_N_per_A", p.get("force_N", 1.0))
+        if self.gap_limit_m is not None:
+            slope = p["magnet_stiffness_N_per_m"]
         return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
     def left(self, before: float, command: float) -> float:
@@ -134,13 +132,17 @@ class ControlModel:
         """State (n,) at rest at `position_m` with `command` in force for long."""
         x = np.zeros(len(self.states))
         for k, name in enumerate(self.states):
-            if name == "x" or followed_by(name) == "position":
+            if name == "x" or self.followed_by(name) == "position":
                 x[k] = position_m
             elif name == "direction":
                 x[k] = 1.0
-            elif followed_by(name) == "command":
+            elif self.followed_by(name) == "command":
                 x[k] = command
         return x
+
+    def followed_by(self, state: Name) -> str:
+        """What a `state` is at after a long rest: "command", "position", or "" for 0."""
+        return followed_by(self.symbols.effects, state)
 
     @cached_property
     def step(self) -> ca.Function:
@@ -153,19 +155,14 @@ class ControlModel:
         """One tick with its derivatives, `(x, command, disturbance_N, t) -> (x_next, A, B, E)`."""
         x, c, d, t = self._arguments()
         new = self._tick(x, c, d, t)
-        return ca.Function(
-            "jacobians", [x, c, d, t], ca.cse([ca.densify(e) for e in (new, *(ca.jacobian(new, w) for w in (x, c, d)))])
-        )
+        found = (new, *(ca.jacobian(new, by) for by in (x, c, d)))
+        return ca.Function("jacobians", [x, c, d, t], ca.cse([ca.densify(one) for one in found]))
 
     @cached_property
     def measured(self) -> ca.Function:
         """What the position sensor shows, `(x, t) -> m`, without its delay."""
-        return self._bound(self.symbols.measured, "measured")
-
-    @cached_property
-    def wall_force(self) -> ca.Function:
-        """Force of the wall against +x, `(x, t) -> N`: environmental resistance, mucus and tension."""
-        return self._bound(self.symbols.wall_force, "wall_force")
+        x, _, _, t = self._arguments()
+        return ca.Function("measured", [x, t], [self.symbols.measured(x, t, self.values)])
 
     @cached_property
     def kernels(self) -> Kernels:
@@ -197,10 +194,6 @@ class ControlModel:
             x = self.symbols.substep(x, c, c, d, t + k * h, h, self.values)
         return x
 
-    def _bound(self, function: ca.Function, name: str) -> ca.Function:
-        x, t = ca.SX.sym("x", len(self.states)), ca.SX.sym("t")
-        return ca.Function(name, [x, t], [function(x, t, self.values)])
-
 
 def checked_tick(tick_s: float) -> float:
     """`tick_s`, or a ValueError where it is no time."""
@@ -228,7 +221,7 @@ def control_model(
     if not 1e-7 <= smoothing <= 1e-2:
         raise ValueError(f"smoothing must lie in [1e-7, 1e-2] m/s; got {smoothing:g}")
     theta = Theta.of(values)
-    effects = _effects(rig.kind, theta)
+    effects = _effects(rig.kind, theta, Catalogue.of(rig))
     symbols = assembled(surface_of(rig), drive, effects, smoothing)
     numbers = Theta.declared(symbols.parameters)
     given = theta.only([e.id for e in effects])
@@ -250,14 +243,14 @@ def control_model(
     return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
 
 
-def _effects(kind: str, values: Theta) -> tuple[type[Effect], ...]:
+def _effects(kind: str, values: Theta, known: Catalogue) -> tuple[type[Effect], ...]:
     """The effects that `values` gives an amplitude to, but for a free curve over speed: it mends a prediction, but its
     slopes from knot to knot would make an inverse of friction that falls where the tissue's does not.
     """
     ids = sorted(values.effects)
     for name in ids:
-        if name not in BY_ID or kind not in BY_ID[name].kinds:
-            known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
-            raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
-    left = [BY_ID[name] for name in ids if name != LevelOverSpeed.id]
+        if name not in known or kind not in known[name].kinds:
+            choices = [e for e, effect in known.items() if kind in effect.kinds]
+            raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, choices)}")
+    left = [known[name] for name in ids if name != LevelOverSpeed.id]
     return tuple(effect for effect in left if values.get((effect.id, effect.amplitude().name), 0.0) != 0)

@@ -1,8 +1,8 @@
 """The control model's step as machine code, and the loops over it that estimators and the MPC ask for."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -52,6 +52,8 @@ def _stage(
 def _run(
     code: int,
     lanes: int,
+    which: int,
+    values: Array,
     states: Array,
     command: float,
     after: float,
@@ -60,8 +62,6 @@ def _run(
     tick: float,
     substeps: int,
     parameters: Array,
-    which: int,
-    values: Array,
 ) -> None:
     """`lanes` states at a time; the last one fills up; `which` -1: the parameters of all are the same."""
     n, m, now = states.shape[1], parameters.shape[0], np.empty(4)
@@ -94,7 +94,8 @@ def _roll(
 
 @compiled
 def _pursue(
-    codes: tuple[int, int],
+    code: int,
+    inverse: int,
     path: Array,
     commands: Array,
     position: Array,
@@ -114,10 +115,10 @@ def _pursue(
     for k in range(commands.shape[0] - 1):
         now[0] = speed[k + 1] + (position[k + 1] - work[0]) / catch
         now[1] = t + k * stage
-        call(codes[1], work, now)
+        call(inverse, work, now)
         c = min(max(work[aimed], commands[k] - rate * stage), commands[k] + rate * stage)
         commands[k + 1] = min(max(c, low), high)
-        _stage(codes[0], work, now, commands[k], commands[k + 1], t + k * stage, stage, substeps)
+        _stage(code, work, now, commands[k], commands[k + 1], t + k * stage, stage, substeps)
         _copy(path[k + 1], work, 0, path.shape[1], 0)
 
 
@@ -184,11 +185,9 @@ class Kernels:
     allocated but scratch.
 
     - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
-    - `steps(states (m, n), command, disturbance_N (m,), t)`: one tick of m states at once, in place (a filter's sigma
-      points).
-    - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: the same in a time of
-      its own, in which the command goes in a straight line from `command` to `after`; `run_each(..., parameters, which,
-      values (m,))`: with the parameter at `which` each state's own.
+    - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: m states, each under
+      its own disturbance, in a time in which the command goes in a straight line from `command` to `after`;
+      `run_each(which, values (m,), states, ...)`: with the parameter at `which` each state's own.
     - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N
       stages of `stage_s` in which the command goes in a straight line from one of `commands` to the next; fills
       `path[1:]`.
@@ -200,39 +199,22 @@ class Kernels:
       its slopes.
     """
 
-    codes: Mapping[str, int]
     parameters: Array
     tick_s: float
     substeps: int
+    run: Callable[..., None]
+    run_each: Callable[..., None]
+    roll: Callable[..., None]
+    linearise: Callable[..., None]
+    pursue: Callable[..., None]
+    holds: Callable[..., None]
 
     def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
         """The state (n,) a tick later."""
         states = np.array(x, dtype=float).reshape(1, -1)
-        self.steps(states, command, np.array([disturbance_N]), t)
+        pace = (t, self.tick_s, self.substeps, self.parameters)
+        self.run(states, command, command, np.array([disturbance_N]), *pace)
         return np.asarray(states[0])
-
-    def steps(self, states: Array, command: float, disturbance_N: Array, t: float) -> None:
-        """Move `states` (m, n), each under its own disturbance (m,), a tick on, in place."""
-        self.run(states, command, command, disturbance_N, t, self.tick_s, self.substeps, self.parameters)
-
-    def run(self, states: Array, command: float, after: float, d: Array, *rest: Any) -> None:
-        """See above, as of all that follow."""
-        _run(self.codes["substep"], 1, *(states, command, after, d, *rest, -1, d))
-
-    def run_each(self, *arguments: Any) -> None:
-        _run(self.codes["substeps"], LANES, *arguments)
-
-    def roll(self, *arguments: Any) -> None:
-        _roll(self.codes["substep"], *arguments)
-
-    def linearise(self, *arguments: Any) -> None:
-        _linearise(self.codes["slopes"], *arguments)
-
-    def pursue(self, *arguments: Any) -> None:
-        _pursue((self.codes["substep"], self.codes["pursuit"]), *arguments)
-
-    def holds(self, *arguments: Any) -> None:
-        _holds(self.codes["wall_slopes"], *arguments)
 
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
@@ -241,13 +223,21 @@ def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: in
     """
     n, m = len(symbols.states), len(symbols.parameters)
     end = n + m + 1
-    places: dict[str, tuple[dict[int, int], tuple[int, ...]]] = {
-        "substep": ({0: 0, 3: n + m, 6: n}, (0,)),
-        "slopes": ({0: 0, 3: n + m, 6: n}, (0, end)),
-        "pursuit": ({0: 0, 2: n + m, 4: n}, (end,)),
-        "wall_slopes": ({0: 0, 2: n}, (end, end + 1)),
-    }
-    codes = {name: Code(getattr(symbols, name), *there) for name, there in places.items()}
-    found = dict(zip(codes, addresses(list(codes.values())), strict=True))
-    found["substeps"] = addresses([codes["substep"]], LANES)[0]
-    return Kernels(found, np.ascontiguousarray(values, dtype=float), tick_s, substeps)
+    codes = [
+        Code(symbols.substep, {0: 0, 3: n + m, 6: n}, (0,)),
+        Code(symbols.slopes, {0: 0, 3: n + m, 6: n}, (0, end)),
+        Code(symbols.pursuit, {0: 0, 2: n + m, 4: n}, (end,)),
+        Code(symbols.wall_slopes, {0: 0, 2: n}, (end, end + 1)),
+    ]
+    step, slopes, inverse, wall = addresses(codes)
+    return Kernels(
+        np.ascontiguousarray(values, dtype=float),
+        tick_s,
+        substeps,
+        run=partial(_run, step, 1, -1, np.zeros(0)),
+        run_each=partial(_run, addresses(codes[:1], LANES)[0], LANES),
+        roll=partial(_roll, step),
+        linearise=partial(_linearise, slopes),
+        pursue=partial(_pursue, step, inverse),
+        holds=partial(_holds, wall),
+    )

@@ -4,7 +4,6 @@ slipping.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
-from models.effects import followed_by
 from models.parameter import Name
 from models.theta import bare
 
@@ -46,13 +44,11 @@ class Linear:
     B: Array
     E: Array
 
-    def system(self, output: str = "x", source: Literal["command", "disturbance"] = "command") -> control.StateSpace:
-        """From `command` (or `disturbance`, N) to the state `output`, discrete in time."""
+    def system(self) -> control.StateSpace:
+        """From the command to x, discrete in time."""
         import control  # draws matplotlib in, a second that a controller on its way to a drive need not wait
 
-        C = np.zeros((1, len(self.states)))
-        C[0, self.states.index(output)] = 1.0
-        return control.ss(self.A, self.B if source == "command" else self.E, C, 0.0, self.tick_s)
+        return control.ss(self.A, self.B, np.eye(1, len(self.states)), 0.0, self.tick_s)
 
     def response(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """States (n, k) for a command of 1 at the points `z` (k,): `(z I - A)^-1 B`."""
@@ -91,7 +87,7 @@ def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Lin
         )
     state = _sliding(model, phase, speed_m_s)
     command = _balancing(model, state)
-    _follow(model, state, command)
+    state = _followed(model, state, command)
     _, *slopes = model.jacobians(state, command, 0.0, 0.0)
     A, B, E = (np.array(s, dtype=float) for s in slopes)
     if "u" in model.states and phase == "stick":
@@ -103,14 +99,13 @@ def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Lin
 
 
 def _sliding(model: ControlModel, phase: Phase, speed_m_s: float) -> Array:
-    state = model.initial()
+    state, way = model.initial(), float(np.sign(speed_m_s) or 1.0)
     state[model.index("v")] = speed_m_s
     if "direction" in model.states:
-        state[model.index("direction")] = np.sign(speed_m_s) or 1.0
+        state[model.index("direction")] = way
     if "u" in model.states:
-        stretch = _slip_drag(model, state)
-        state[model.index("u")] = 0.5 * stretch * (np.sign(speed_m_s) or 1.0)
-        state[model.index("slip")] = 0.0 if phase == "stick" else np.sign(speed_m_s) or 1.0
+        state[model.index("u")] = 0.5 * way * _slip_drag(model, state)
+        state[model.index("slip")] = 0.0 if phase == "stick" else way
     return state
 
 
@@ -127,14 +122,15 @@ def _slip_drag(model: ControlModel, state: Array) -> float:
 
 def _balancing(model: ControlModel, state: Array) -> float:
     """The command in force under which the capsule keeps its speed for a tick; drive states follow it."""
-    v = model.index("v")
+    v, most = model.index("v"), model.gap_limit_m
 
     def gained(command: float) -> float:
-        trial = state.copy()
-        _follow(model, trial, command)
-        return float(model.step(trial, command, 0.0, 0.0)[v]) - float(state[v])
+        return float(model.step(_followed(model, state, command), command, 0.0, 0.0)[v]) - float(state[v])
 
-    most = model.gap_limit_m if model.gap_limit_m is not None else _first_strong(gained)
+    if most is None:
+        most = 1e-3
+        while most < _WIDEST and gained(-most) * gained(most) > 0:
+            most *= 2
     if gained(-most) * gained(most) > 0:
         raise ValueError(
             f"drive must be able to keep the capsule at {state[v]:g} m/s; got a resistance beyond its greatest force"
@@ -142,29 +138,17 @@ def _balancing(model: ControlModel, state: Array) -> float:
     return float(brentq(gained, -most, most, xtol=1e-12))
 
 
-def _follow(model: ControlModel, state: Array, command: float) -> None:
-    """Set the drive's own states to what they are after `command` was in force for long."""
+def _followed(model: ControlModel, state: Array, command: float) -> Array:
+    """`state` with the drive's own states as they are after `command` was in force for long: a current after 0.2 s."""
+    state = state.copy()
     for k, name in enumerate(model.states):
-        if followed_by(name) == "command":
+        if model.followed_by(name) == "command":
             state[k] = command
         elif bare(name) == "current_A":
-            state[k] = _settled(model, state, k, command)
-
-
-def _first_strong(gained: Callable[[float], float]) -> float:
-    """The smallest power of 2 of the command at which the capsule gains and loses speed."""
-    most = 1e-3
-    while most < _WIDEST and gained(-most) * gained(most) > 0:
-        most *= 2
-    return most
-
-
-def _settled(model: ControlModel, state: Array, k: int, command: float) -> float:
-    """The drive's own state `k` after 0.2 s of `command`."""
-    trial = state.copy()
-    for _ in range(max(1, int(0.2 / model.tick_s))):
-        after = float(model.step(trial, command, 0.0, 0.0)[k])
-        if abs(after - trial[k]) <= 1e-12 * max(abs(after), 1.0):
-            break
-        trial[k] = after
-    return float(trial[k])
+            trial = state.copy()
+            for _ in range(max(1, int(0.2 / model.tick_s))):
+                before, trial[k] = trial[k], float(model.step(trial, command, 0.0, 0.0)[k])
+                if abs(trial[k] - before) <= 1e-12 * max(abs(trial[k]), 1.0):
+                    break
+            state[k] = trial[k]
+    return state

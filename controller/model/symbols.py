@@ -37,8 +37,9 @@ class Symbols:
     """A model's functions of states `x` (n,), commands at a sub-step's ends `c0`, `c1`, disturbance `d` in N, time `t`
     and step `h` in s, parameters `q` in the order of `parameters`: `substep(x, c0, c1, d, t, h, q) -> x_next`,
     `slopes(...) -> (x_next, J (n, n + 3))` with the derivatives by x, c0, c1, d, `measured(x, t, q) -> m`,
-    `wall_force(x, t, q) -> N`, `wall_slopes(...) -> (N, dN/dx (1, n))`, `pursuit(x, speed, d, t, q) -> command` that
-    would bring the capsule to `speed` in m/s within `PURSUIT_S`, the drive at once.
+    `wall_force(x, t, q) -> N` what the wall holds against +x: resistance, mucus and tension, `wall_slopes(...) -> (N,
+    dN/dx (1, n))`, `pursuit(x, speed, d, t, q) -> command` that would bring the capsule to `speed` in m/s within
+    `PURSUIT_S`, the drive at once.
     """
 
     states: tuple[Name, ...]
@@ -49,6 +50,7 @@ class Symbols:
     wall_force: ca.Function
     wall_slopes: ca.Function
     pursuit: ca.Function
+    effects: tuple[type[Effect], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,21 +74,11 @@ class _Model:
     def signals(self, stepper: Stepper, t: Any, command: Any = None) -> Signals:
         """What effects see of the state as it stands, under a `command` without force where none is given."""
         n = self.now
-        s = Signals(
-            t,
-            n["x"],
-            n["v"],
-            n["direction"],
-            self.drive.neutral(n["x"]) if command is None else command,
-            0.0,
-            n["travelled"],
-            stepper.tension(n["u"]),
-            n["u"],
-            0.0,
-            n["dwell"],
-        )
+        given = self.drive.neutral(n["x"]) if command is None else command
+        place = (n["x"], n["v"], n["direction"], given, 0.0, n["travelled"])
+        s = Signals(t, *place, stepper.tension(n["u"]), n["u"], 0.0, n["dwell"])
         rate = 0.0 if not self.surface.dragged else drag_rate(self.drag(), n["v"], stepper.grip(s).recovery)
-        return Signals(**{**vars(s), "drag_rate": rate})
+        return replace(s, drag_rate=rate)
 
     def drag(self) -> Drag:
         """The wall as it stands."""
@@ -156,6 +148,7 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
         ca.Function("wall_force", [x, t, q], [ca.cse(wall)]),
         ca.Function("wall_slopes", [x, t, q], ca.cse([wall, ca.densify(ca.jacobian(wall, x))])),
         ca.Function("pursuit", [x, speed, d, t, q], [ca.cse(pursuit)]),
+        tuple(effects),
     )
 
 

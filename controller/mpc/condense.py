@@ -2,9 +2,8 @@
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
 
 EXCESS = 10.0  # of the square beside the share by which a soft bound is exceeded
 compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
@@ -33,16 +32,6 @@ def keep_feasible(commands: Array, last_rate: float, stage: float, first: float,
 
 
 @compiled
-def excesses(path: Array, commands: Array, forces: Array, soft: Array, worst: Array) -> None:
-    """Fill `worst` (3,) with the largest share by which gap, speed and wall force exceed their bounds `soft` (3,)."""
-    worst[:] = 0.0
-    for k in range(1, path.shape[0]):
-        worst[0] = max(worst[0], abs(commands[k] - path[k, 0]) / soft[0] - 1)
-        worst[1] = max(worst[1], abs(path[k, 1]) / soft[1] - 1)
-        worst[2] = max(worst[2], abs(forces[k]) / soft[2] - 1)
-
-
-@compiled
 def cost(
     path: Array,
     commands: Array,
@@ -57,12 +46,13 @@ def cost(
     """The plan's cost; `reference` (3, N + 1) holds position, speed and command rate, `scales` position, speed, rate,
     jump, final.
     """
-    worst = np.zeros(3)
-    excesses(path, commands, forces, soft, worst)
-    total = 0.0
+    total, n, rate = 0.0, commands.shape[0] - 1, last_rate
     for j in range(3):
-        total += penalty[j] * worst[j] * (1 + 0.5 * EXCESS * worst[j])
-    n, rate = commands.shape[0] - 1, last_rate
+        worst = 0.0
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if j == 0 else path[k, 1] if j == 1 else forces[k]
+            worst = max(worst, abs(value) / soft[j] - 1)
+        total += penalty[j] * worst * (1 + 0.5 * EXCESS * worst)
     for k in range(1, n + 1):
         weight = scales[4] if k == n else 1.0
         total += 0.5 * weight * ((path[k, 0] - reference[0, k]) / scales[0]) ** 2

@@ -3,20 +3,16 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.drives import bodies, envelope_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.mpc.planner import MpcPlan, Planner
 from controller.mpc.settings import Horizon, Weights
-from controller.signals import Action, Controller, Estimate, Reference
-
-Array = NDArray[np.float64]
+from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 
 REST_S = 0.05  # a capsule is left alone that would take longer to cross the band
 REST_STDS = 3.0  # standard deviations of the estimate that count as rest
@@ -50,34 +46,31 @@ class MPC(Controller):
         if model.drive.name not in bodies():
             raise ValueError(f"model must be of a {' or '.join(bodies())} rig for the MPC; got {model.drive.name!r}")
         self.model, self.clock = model, clock
-        self.horizon = Horizon() if horizon is None else horizon
-        self.envelope = envelope_of(model.drive) if envelope is None else envelope
-        self.weights = Weights() if weights is None else weights
-        self.planner = Planner(model, self.envelope, self.weights, self.horizon, clock)
+        self.horizon, self.envelope = horizon or Horizon(), envelope or envelope_of(model.drive)
+        self.planner = Planner(model, self.envelope, weights or Weights(), self.horizon, clock)
         self._modes = [model.index(name) for name in model.modes]
         names = [p.key for p in model.symbols.parameters]
         self._grip = names.index("friction_coefficient") if "u" in model.states and self.horizon.late_slip > 0 else None
         self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
-        self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
-        self._resting = self._followable = False
+        self._begin(0.0, 0.0)
         self._same = _SAME * (self.envelope.high - self.envelope.low)
         self.last: MpcPlan | None = None
         self._compile()
 
     def _compile(self) -> None:
         """Make one plan, so that machine code is there before the first tick."""
-        unhurried = Planner(
-            self.model, self.envelope, self.weights, replace(self.horizon, deadline_s=1e9, iterations=1)
-        )
+        self.allow(1)
         targets = np.zeros((3, self._grid.size))
         targets[0] = 1e-3
-        unhurried.plan(0.0, self.model.initial(), 0.0, targets, np.zeros(self._grid.size), 0.0)
+        self.planner.plan(0.0, self.model.initial(), 0.0, targets, np.zeros(self._grid.size), 0.0)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin at `now` with `command` in force and at rest."""
-        self._command = float(command) if np.isfinite(command) else 0.0
-        self._rate, self._time, self._resting, self._followable = 0.0, now, False, False
-        self._plan = np.full(self.horizon.stages + 1, self._command)
+        self._begin(now, float(command) if np.isfinite(command) else 0.0)
+
+    def _begin(self, now: float, command: float) -> None:
+        self._command, self._rate, self._time, self._resting, self._followable = command, 0.0, now, False, False
+        self._plan = np.full(self.horizon.stages + 1, command)
 
     def follow(self, command: float, rate: float) -> None:
         """Plan on from `command` and its `rate` where they are not what was planned."""
@@ -192,9 +185,9 @@ class MPC(Controller):
         self._rate, self._followable = 0.0, False
         self._plan[:] = self._command
 
-    def _kept(self, status: str, begin: float) -> Action:
+    def _kept(self, status: Status, begin: float) -> Action:
         self._halt()
-        return Action(self._command, "lost" if status == "lost" else "failed", None, {"total": self.clock() - begin})
+        return Action(self._command, status, None, {"total": self.clock() - begin})
 
 
 def _along(values: Array, stages: float) -> float:

@@ -6,16 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
-from controller.mpc.qp import Program
-from controller.mpc.rows import FREE
+from controller.mpc.qp import FREE, Program
 from controller.mpc.settings import Horizon, Weights
-
-Array = NDArray[np.float64]
+from controller.signals import Array
 
 _SHORTENINGS = (1.0, 0.4, 0.1)  # shares of a step that the line search tries
 _PRESSED = 0.5  # share of the bound on the wall's force from which on every trial looks at it
@@ -33,7 +30,7 @@ class MpcPlan:
 
     commands: Array
     path: Array
-    cost: float
+    cost: float = np.inf
     iterations: int = 0
     cut: bool = False
     settled: bool = False
@@ -66,10 +63,9 @@ class Planner:
         self.penalty = np.array([weights.gap, weights.speed, weights.force])
         most = min(envelope.rate, (envelope.high - envelope.low) / horizon.stage_s)
         self.hard = np.array([envelope.low, envelope.high, most, min(envelope.acceleration, FREE)])
-        self.program = Program.sized(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
+        self.program = Program(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
-        self.parameters, self.pressed = model.kernels.parameters, False
         self.allowed: int | None = None
 
     def plan(
@@ -87,98 +83,83 @@ class Planner:
         order where they are not the model's own. Never raises; bounded by `horizon.iterations`.
         """
         begin = self.clock()
-        self.parameters = self.model.kernels.parameters if parameters is None else parameters
-        self.pressed = self.soft[2] < FREE
-        warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate)
+        warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate, parameters)
         best = ahead if ahead.cost < warm.cost or not math.isfinite(warm.cost) else warm
-        took = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
+        best.timings = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
         moment = self.clock()
-        took["candidates"], longest = moment - begin, 0.0
+        best.timings["candidates"], longest = moment - begin, 0.0
         best.failed = not math.isfinite(best.cost)
         while not best.failed and best.iterations < self.horizon.iterations:
             if self._over(moment - begin + longest, best.iterations):
                 best.cut = True
                 break
             start = moment
-            better = self._iterate(now, best, disturbance, reference, last_rate, took)
+            better = self._iterate(best)
             moment = self.clock()
             longest = max(longest, moment - start)
             if not better:
                 best.settled = True
                 break
-        took["total"] = moment - begin
-        best.timings, self.allowed = took, None
+        best.timings["total"], self.allowed = moment - begin, None
         return best
 
     def _over(self, elapsed_s: float, steps: int) -> bool:
         """Whether another step would end too late."""
         return elapsed_s > self.horizon.deadline_s if self.allowed is None else steps >= self.allowed
 
-    def _rolled(self, now: float, plan: MpcPlan, d: float, reference: Array, last_rate: float) -> None:
-        """Fill in the path and the cost of a plan's commands."""
-        k, h = self.model.kernels, self.horizon
-        k.roll(plan.path, plan.commands, d, now, h.stage_s, h.substeps, self.parameters)
-        self._priced(now, plan, reference, last_rate)
-
-    def _priced(self, now: float, plan: MpcPlan, reference: Array, last_rate: float) -> None:
-        h = self.horizon
-        if self.pressed:
-            k = self.model.kernels
-            k.holds(plan.path, self.forces, self.slopes, now, h.stage_s, self.parameters)
-        plan.cost = float(
-            cost(
-                plan.path,
-                plan.commands,
-                self.forces,
-                reference,
-                last_rate,
-                h.stage_s,
-                self.scales,
-                self.soft,
-                self.penalty,
-            )
-        )
-
     def candidates(
-        self, now: float, state: Array, d: float, reference: Array, guess: Array, last_rate: float
+        self,
+        now: float,
+        state: Array,
+        disturbance: float,
+        reference: Array,
+        guess: Array,
+        last_rate: float,
+        parameters: Array | None = None,
     ) -> tuple[MpcPlan, MpcPlan]:
         """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""
         k, h, b = self.model.kernels, self.horizon, self.hard
-        warm, ahead = (MpcPlan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf) for _ in range(2))
+        self._now, self._d, self._reference, self._last_rate = now, disturbance, reference, last_rate
+        self._parameters = k.parameters if parameters is None else parameters
+        self._pressed = self.soft[2] < FREE
+        warm, ahead = (MpcPlan(np.array(guess), np.zeros((h.stages + 1, state.size))) for _ in range(2))
         warm.path[0] = ahead.path[0] = state
-        pace = (CATCH_S, b[2], b[0], b[1], d, now, h.stage_s, h.substeps, self.parameters)
-        k.pursue(ahead.path, ahead.commands, reference[0], reference[1], *pace)
-        for plan in (warm, ahead):
-            keep_feasible(plan.commands, last_rate, h.stage_s, self.model.tick_s, b)
-            self._rolled(now, plan, d, reference, last_rate)
+        bounds = (CATCH_S, b[2], b[0], b[1])
+        k.pursue(ahead.path, ahead.commands, reference[0], reference[1], *bounds, *self._stages)
+        self._roll(warm)
+        self._roll(ahead)
         return warm, ahead
 
-    def _iterate(
-        self, now: float, best: MpcPlan, d: float, reference: Array, last_rate: float, took: dict[str, float]
-    ) -> bool:
+    @property
+    def _stages(self) -> tuple[float, float, float, int, Array]:
+        return self._d, self._now, self.horizon.stage_s, self.horizon.substeps, self._parameters
+
+    def _roll(self, plan: MpcPlan) -> None:
+        """Bring a plan's commands within the hard bounds, fill in their path and its cost."""
+        keep_feasible(plan.commands, self._last_rate, self.horizon.stage_s, self.model.tick_s, self.hard)
+        self.model.kernels.roll(plan.path, plan.commands, *self._stages)
+        self._price(plan)
+
+    def _price(self, plan: MpcPlan) -> None:
+        stage_s = self.horizon.stage_s
+        if self._pressed:
+            self.model.kernels.holds(plan.path, self.forces, self.slopes, self._now, stage_s, self._parameters)
+        wanted, numbers = (self._reference, self._last_rate, stage_s), (self.scales, self.soft, self.penalty)
+        plan.cost = float(cost(plan.path, plan.commands, self.forces, *wanted, *numbers))
+
+    def _iterate(self, best: MpcPlan) -> bool:
         """One SQP step from `best`, which it changes; False where it is not worth another."""
-        k, h, t0 = self.model.kernels, self.horizon, self.clock()
-        k.linearise(best.path, self.A, self.B, best.commands, d, now, h.stage_s, h.substeps, self.parameters)
-        self.pressed = self.soft[2] < FREE
-        self._priced(now, best, reference, last_rate)
-        self.pressed = self.soft[2] < FREE and float(np.abs(self.forces).max()) > _PRESSED * self.soft[2]
+        program, stage_s, took, t0 = self.program, self.horizon.stage_s, best.timings, self.clock()
+        self.model.kernels.linearise(best.path, self.A, self.B, best.commands, *self._stages)
+        self._pressed = self.soft[2] < FREE
+        self._price(best)
+        self._pressed = self._pressed and float(np.abs(self.forces).max()) > _PRESSED * self.soft[2]
         t1 = self.clock()
-        unit = self.program.unit
-        sensitivities(self.A, self.B, unit * h.stage_s, self.Z)
-        quadratic(
-            best.path,
-            best.commands,
-            self.Z,
-            reference,
-            last_rate,
-            h.stage_s,
-            self.scales,
-            unit,
-            self.program.H,
-            self.program.f,
-        )
+        sensitivities(self.A, self.B, program.unit * stage_s, self.Z)
+        wanted = (self._reference, self._last_rate, stage_s, self.scales)
+        quadratic(best.path, best.commands, self.Z, *wanted, program.unit, program.H, program.f)
         t2 = self.clock()
-        change = self.program.solve(best.path, best.commands, self.forces, self.slopes, self.Z, last_rate)
+        change = program.solve(best.path, best.commands, self.forces, self.slopes, self.Z, self._last_rate)
         t3 = self.clock()
         took["linearise"] += t1 - t0
         took["condense"] += t2 - t1
@@ -187,20 +168,17 @@ class Planner:
         if change is None:
             best.failed = best.iterations == 1
             return False
-        gain = self._searched(now, best, change, d, reference, last_rate)
+        gain = self._search(best, change)
         took["search"] += self.clock() - t3
         return gain > _ENOUGH * (abs(best.cost) + _LITTLE)
 
-    def _searched(
-        self, now: float, best: MpcPlan, change: Array, d: float, reference: Array, last_rate: float
-    ) -> float:
+    def _search(self, best: MpcPlan, change: Array) -> float:
         """Go along `change` as far as the cost falls; returns by how much it did."""
         moves = np.concatenate([[0.0], np.cumsum(change)]) * (self.program.unit * self.horizon.stage_s)
-        trial = MpcPlan(best.commands, best.path.copy(), np.inf)
+        trial = MpcPlan(best.commands, best.path.copy())
         for share in _SHORTENINGS:
             trial.commands = best.commands + share * moves
-            keep_feasible(trial.commands, last_rate, self.horizon.stage_s, self.model.tick_s, self.hard)
-            self._rolled(now, trial, d, reference, last_rate)
+            self._roll(trial)
             if trial.cost < best.cost:
                 gain = best.cost - trial.cost
                 best.commands, best.path, best.cost = trial.commands, trial.path, trial.cost

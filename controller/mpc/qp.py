@@ -1,22 +1,107 @@
-"""The quadratic program of one SQP step in the rates of the command, and its solution by daqp."""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
+"""The quadratic program of one SQP step in the rates of the command: its bounds as rows, and its solution by daqp."""
 
 import daqp
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.mpc.condense import EXCESS
-from controller.mpc.rows import FREE, hard_rows, soft_rows
+from controller.mpc.condense import EXCESS, compiled
+from controller.signals import Array
 
-Array = NDArray[np.float64]
-
+FREE = 1e30  # no bound, for the solver
+_NEAR = 0.6  # share of a bound from which on it gets rows
 _ITERATIONS = 300  # of the active set, before a program counts as unsolved
 
 
-@dataclass(frozen=True)
+@compiled
+def soft_rows(
+    path: Array,
+    commands: Array,
+    forces: Array,
+    slopes: Array,
+    Z: Array,
+    step: float,
+    soft: Array,
+    rows: Array,
+    upper: Array,
+) -> int:
+    """Rows (m, N + 3) and right sides (m,) of `|value|/bound - slack <= 1` for stages near a soft bound; returns m."""
+    n, count = commands.shape[0] - 1, 0
+    for kind in range(3):
+        near = False
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
+            near = near or abs(value) > _NEAR * soft[kind]
+        if not near:
+            continue
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
+            side = (1.0 if value >= 0 else -1.0) / soft[kind]
+            rows[count] = 0.0
+            for j in range(k):
+                if kind == 0:
+                    rows[count, j] = side * (step - Z[k, 0, j])
+                elif kind == 1:
+                    rows[count, j] = side * Z[k, 1, j]
+                else:
+                    for m in range(Z.shape[1]):
+                        rows[count, j] += side * slopes[k, m] * Z[k, m, j]
+            rows[count, n + kind] = -1.0
+            upper[count] = 1.0 - side * value
+            count += 1
+    return count
+
+
+@compiled
+def hard_rows(
+    commands: Array,
+    last_rate: float,
+    stage: float,
+    tick: float,
+    unit: float,
+    bounds: Array,
+    rows: Array,
+    upper: Array,
+    lower: Array,
+    simple: int,
+    count: int,
+) -> int:
+    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates in multiples of `unit`; returns
+    the rows in use.
+
+    The rates' own bounds are the first N entries of `upper` and `lower`, row k's are at `simple + k`; `count` rows are
+    in use already. Rows of the acceleration and of the command's range are there only while the plan comes near them.
+    """
+    n = commands.shape[0] - 1
+    low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
+    before, bent, close = last_rate, False, False
+    for k in range(n):
+        rate = (commands[k + 1] - commands[k]) / stage
+        upper[k], lower[k] = (most - rate) / unit, (-most - rate) / unit
+        if k == 0:
+            upper[0] = max(min(upper[0], (last_rate + bend * tick - rate) / unit), 0.0)
+            lower[0] = min(max(lower[0], (last_rate - bend * tick - rate) / unit), 0.0)
+        elif abs(rate - before) > _NEAR * bend * stage:
+            bent = True
+        before = rate
+        middle = 0.5 * (low + high)
+        if abs(commands[k + 1] - middle) > _NEAR * (high - middle):
+            close = True
+    if bent:
+        for k in range(1, n):
+            jump = (commands[k + 1] - 2 * commands[k] + commands[k - 1]) / stage
+            rows[count] = 0.0
+            rows[count, k], rows[count, k - 1] = 1.0, -1.0
+            upper[simple + count], lower[simple + count] = (bend * stage - jump) / unit, (-bend * stage - jump) / unit
+            count += 1
+    if close:
+        for k in range(n):
+            rows[count] = 0.0
+            rows[count, : k + 1] = 1.0
+            upper[simple + count] = (high - commands[k + 1]) / (unit * stage)
+            lower[simple + count] = (low - commands[k + 1]) / (unit * stage)
+            count += 1
+    return count
+
+
 class Program:
     """`min 1/2 y'Hy + f'y` over changes y of the N rates, in multiples of `unit`, and three slacks; holds its arrays.
 
@@ -24,29 +109,15 @@ class Program:
     their slacks cost. H and f are filled from outside, their leading N entries.
     """
 
-    stages: int
-    stage_s: float
-    tick_s: float
-    unit: float
-    hard: Array
-    soft: Array
-    H: Array
-    f: Array
-    rows: Array
-    upper: Array
-    lower: Array
-
-    @classmethod
-    def sized(
-        cls, stages: int, stage_s: float, tick_s: float, unit: float, hard: Array, soft: Array, penalty: Array
-    ) -> Program:
-        """With arrays for all rows that may come up."""
+    def __init__(
+        self, stages: int, stage_s: float, tick_s: float, unit: float, hard: Array, soft: Array, penalty: Array
+    ) -> None:
+        self.stages, self.stage_s, self.unit, self._soft = stages, stage_s, unit, soft
+        self._pace = (stage_s, tick_s, unit, hard)
         n, most = stages + 3, 5 * stages
-        H = np.eye(n)
-        H[range(stages, n), range(stages, n)] = EXCESS * penalty
-        f = np.concatenate([np.zeros(stages), penalty])
-        arrays = (np.zeros((most, n)), np.zeros(n + most), np.zeros(n + most))
-        return cls(stages, stage_s, tick_s, unit, hard, soft, H, f, *arrays)
+        self.H, self.f = np.eye(n), np.concatenate([np.zeros(stages), penalty])
+        self.H[range(stages, n), range(stages, n)] = EXCESS * penalty
+        self._rows, self._upper, self._lower = np.zeros((most, n)), np.zeros(n + most), np.zeros(n + most)
 
     def solve(
         self, path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, last_rate: float
@@ -54,17 +125,16 @@ class Program:
         """Changes (N,) of the rates, or None where daqp finds no finite solution. The changes may break an acceleration
         or range that the plan before was far from.
         """
-        n, upper, lower = self.stages, self.upper, self.lower
-        count = soft_rows(
-            path, commands, forces, slopes, Z, self.unit * self.stage_s, self.soft, self.rows, upper[n + 3 :]
-        )
+        n, upper, lower = self.stages, self._upper, self._lower
+        step = self.unit * self.stage_s
+        count = soft_rows(path, commands, forces, slopes, Z, step, self._soft, self._rows, upper[n + 3 :])
         size = n + 3 if count else n
         upper[n:size], lower[n:size] = FREE, 0.0
         lower[size : size + count] = -FREE
-        pace = (last_rate, self.stage_s, self.tick_s, self.unit, self.hard)
-        count = hard_rows(commands, *pace, self.rows, upper, lower, size, count)
-        top = size + count
-        H, rows = (self.H, self.rows[:count]) if size > n else (self.H[:n, :n].copy(), self.rows[:count, :n].copy())
+        count = hard_rows(commands, last_rate, *self._pace, self._rows, upper, lower, size, count)
+        top, rows, H = size + count, self._rows[:count], self.H
+        if size == n:
+            H, rows = H[:n, :n].copy(), rows[:, :n].copy()
         try:
             y, _, flag, _ = daqp.solve(H, self.f[:size], rows, upper[:top], lower[:top], None, iter_limit=_ITERATIONS)
         except (ValueError, TypeError, ArithmeticError, MemoryError):

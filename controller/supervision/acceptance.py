@@ -9,7 +9,7 @@ from typing import Any
 
 from controller.limits import number
 from models.assembly.model import effect_parameters
-from models.effects import BY_ID
+from models.effects import Catalogue
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.model import Model
@@ -108,7 +108,8 @@ def _kind(report: Mapping[str, Any], model: Model, rig: Rig) -> tuple[str, ...]:
 
 def _bounds(model: Model, rig: Rig, stage: str) -> tuple[str, ...]:
     values = model.stages.get(stage, Theta())
-    effects = tuple(BY_ID[name] for name in values.effects if name in BY_ID)
+    catalogue = Catalogue.of(rig)
+    effects = tuple(catalogue[name] for name in values.effects if name in catalogue)
     declared = {p.key: p for p in (*kind_for(rig, []).base, *effect_parameters(effects))}
     unknown = tuple(
         f"parameter must be one of the model's; got {spelled(name)!r}" for name in values if name not in declared

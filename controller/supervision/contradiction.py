@@ -1,6 +1,7 @@
 """Sensor, drive and capsule held against each other and against the wanted position, whatever an estimator believes."""
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 from controller.limits import Envelope
@@ -26,6 +27,7 @@ _SPEED: Final = 0.5  # of the speed limit, what readings apart must show less th
 _APART_S: Final = 0.04  # of two readings that tell a speed
 
 
+@dataclass(slots=True)
 class Corridor:
     """The envelope around the wanted position: a place may be `half_m` from it and `slack_m` farther than it was.
 
@@ -33,55 +35,48 @@ class Corridor:
     nearer. `pace_m_s` is how fast the wanted position may go without having jumped.
     """
 
-    __slots__ = ("_half_m", "_pace_m_s", "_room_m", "_slack_m", "_wanted_m")
-
-    def __init__(self, half_m: float, pace_m_s: float, slack_m: float) -> None:
-        self._half_m, self._pace_m_s, self._slack_m = half_m, pace_m_s, slack_m
-        self.begin()
-
-    def begin(self) -> None:
-        """Begin anew: the place may be anywhere."""
-        self._room_m, self._wanted_m = math.inf, math.nan
+    half_m: float
+    pace_m_s: float
+    slack_m: float
+    room_m: float = math.inf
+    wanted_m: float = math.nan
 
     def leaves(self, place_m: float, wanted_m: float, dt: float) -> bool:
         """Whether the place, `dt` s after the last call, is outside."""
-        jump_m = abs(wanted_m - self._wanted_m) - self._pace_m_s * dt
+        jump_m = abs(wanted_m - self.wanted_m) - self.pace_m_s * dt
         if jump_m > 0:
-            self._room_m += jump_m
-        self._wanted_m = wanted_m
+            self.room_m += jump_m
+        self.wanted_m = wanted_m
         off_m = abs(place_m - wanted_m)
-        if off_m > self._room_m:
+        if off_m > self.room_m:
             return True
-        self._room_m = max(self._half_m, min(self._room_m, off_m + self._slack_m))
+        self.room_m = max(self.half_m, min(self.room_m, off_m + self.slack_m))
         return False
 
 
+@dataclass(slots=True)
 class Doubt:
     """Takes a reading that lies no farther from the last one taken than a capsule slips meanwhile; one that jumps is
     taken once `_CONFIRMED` in a row have said the same, or what a capsule on the run goes at `_FASTEST_M_S`.
     """
 
-    __slots__ = ("_agree", "_apart_m", "_asked_at", "_at", "_candidate_m", "_place_m")
-
-    def __init__(self, noise_m: float) -> None:
-        self._apart_m = _STDS * noise_m
-        self.begin()
-
-    def begin(self) -> None:
-        """Begin anew: the first reading is taken."""
-        self._place_m = self._candidate_m = math.nan
-        self._at, self._asked_at, self._agree = -math.inf, -math.inf, 0
+    noise_m: float
+    place_m: float = math.nan
+    candidate_m: float = math.nan
+    at: float = -math.inf
+    asked_at: float = -math.inf
+    agree: int = 0
 
     def takes(self, place_m: float, stamp_s: float) -> bool:
         """Whether the reading `place_m`, true at `stamp_s`, is taken."""
-        way_m = _SLIPS_M_S * abs(stamp_s - self._at) + self._apart_m
-        if abs(place_m - self._place_m) > way_m:
-            again = abs(place_m - self._candidate_m) <= self._apart_m + _FASTEST_M_S * abs(stamp_s - self._asked_at)
-            self._asked_at = stamp_s
-            self._agree, self._candidate_m = self._agree + 1 if again else 1, place_m
-            if self._agree < _CONFIRMED:
+        apart_m = _STDS * self.noise_m
+        if abs(place_m - self.place_m) > _SLIPS_M_S * abs(stamp_s - self.at) + apart_m:
+            again = abs(place_m - self.candidate_m) <= apart_m + _FASTEST_M_S * abs(stamp_s - self.asked_at)
+            self.asked_at = stamp_s
+            self.agree, self.candidate_m = self.agree + 1 if again else 1, place_m
+            if self.agree < _CONFIRMED:
                 return False
-        self._place_m, self._at, self._agree = place_m, stamp_s, 0
+        self.place_m, self.at, self.agree = place_m, stamp_s, 0
         return True
 
 
@@ -110,41 +105,36 @@ class Contradiction:
         """`noise_m` is the localisation's standard deviation, `friction` the command that overcomes the model's
         friction, which matters where the drive has no place.
         """
-        limits, self._envelope = envelope.limits, envelope
-        self._friction = abs(friction)
-        self._moved_m = max(_MOVED_M, _MEAN_STDS * noise_m)
-        slack_m = _SLACK_M + _STDS * noise_m
-        self._drive = Corridor(envelope.around_m, limits.carriage_speed_m_s, slack_m)
-        self._capsule = Corridor(envelope.around_m * (2 if envelope.placed else 1), limits.speed_m_s, slack_m)
+        self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
-        self._fastest_m_s = _SPEED * limits.speed_m_s + 4 * noise_m / _APART_S
-        self._pushes = not envelope.shaken
-        self._doubt = Doubt(noise_m)
+        self._moved_m, self._still_m = max(_MOVED_M, _MEAN_STDS * noise_m), _STILL_M + _STDS * noise_m
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
-        self._still_m = _STILL_M + _STDS * noise_m
+        self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
         self.begin()
 
     def begin(self) -> None:
         """Begin anew: with a drive that is enabled at this moment."""
-        self._drive.begin()
-        self._capsule.begin()
-        self._doubt.begin()
-        self.against_m, self._on_s = 0.0, 0.0
-        self._rested_m = self._farthest_m = math.nan
-        self._way, self._outside = 0.0, 0
-        self._mean_m = self._from_m = math.nan
-        self._vain_s, self._vain_way = 0.0, 0.0
+        around_m, limits, slack_m = self._envelope.around_m, self._envelope.limits, _SLACK_M + _STDS * self._noise_m
+        self._drive = Corridor(around_m, limits.carriage_speed_m_s, slack_m)
+        self._capsule = Corridor(around_m * (2 if self._envelope.placed else 1), limits.speed_m_s, slack_m)
+        self._doubt = Doubt(self._noise_m)
+        self.against_m = self._on_s = self._way = self._vain_s = self._vain_way = 0.0
+        self._rested_m = self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
+        self._outside = 0
 
     def drove(self, drive: float, wanted_m: float, dt: float) -> str:
         """A tick of `dt` s in which the drive was at `drive`; why to stop, "" where there is no reason."""
-        if not self._pushes:
+        if self._envelope.shaken:
             self._on_s += dt * (drive > 0)
             if self._on_s > _ON_S:
                 return f"{CONTRADICT}: the capsule has not moved while the inner mass swung for {_ON_S:g} s"
         elif self._in_vain(drive, dt):
-            return f"{CONTRADICT}: the capsule does not answer, it has not moved while {self._pushed(drive)}"
+            pushed = f"the coil pushed with {abs(drive) / self._friction:.2g} times its friction"
+            if self._envelope.placed:
+                pushed = f"the magnet pulled by {1e3 * self._hard_m:.1f} mm or more for {_PULLED_S:g} s"
+            return f"{CONTRADICT}: the capsule does not answer, it has not moved while {pushed}"
         if self._envelope.placed and self._drive.leaves(drive, wanted_m, dt):
             off = 1e3 * (drive - wanted_m)
             return f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, the capsule not"
@@ -160,18 +150,20 @@ class Contradiction:
         if not self._doubt.takes(place_m, stamp_s):
             return ""
         push = drive - place_m if self._envelope.placed else self._envelope.sense * drive
-        way = 0.0 if not self._pushes or abs(push) < self._push else math.copysign(1.0, push)
+        way = 0.0 if self._envelope.shaken or abs(push) < self._push else math.copysign(1.0, push)
         if way != self._way:
             self._way, self._farthest_m = way, place_m
         elif way * (place_m - self._farthest_m) > 0:
             self._farthest_m = place_m
-        self._answers(place_m)
+        self._mean_m = place_m if math.isnan(self._mean_m) else self._mean_m + _MEAN * (place_m - self._mean_m)
+        if not self._vain_way * (self._mean_m - self._from_m) < self._moved_m:  # it answers: nothing was in vain
+            self._from_m, self._vain_s = self._mean_m, 0.0
         self.against_m = way * (self._farthest_m - place_m)
         if not abs(place_m - self._rested_m) <= self._still_m:
             self._rested_m, self._on_s = place_m, 0.0
         dt = stamp_s - self._seen_at
         self._seen_at = stamp_s
-        if self._pushes and (fast_m_s := self._speed(place_m, stamp_s)) > self._fastest_m_s:
+        if not self._envelope.shaken and (fast_m_s := self._speed(place_m, stamp_s)) > self._fastest_m_s:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
             return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
@@ -196,13 +188,6 @@ class Contradiction:
         self._vain_s += dt * max(abs(drive) / self._friction - least, 0.0)
         return self._vain_s > longest_s
 
-    def _answers(self, place_m: float) -> None:
-        """A capsule that goes the way it is pushed answers: what was pushed before does not count."""
-        before = self._mean_m
-        self._mean_m = place_m if math.isnan(before) else before + _MEAN * (place_m - before)
-        if not self._vain_way * (self._mean_m - self._from_m) < self._moved_m:
-            self._from_m, self._vain_s = self._mean_m, 0.0
-
     def _speed(self, place_m: float, stamp_s: float) -> float:
         """Speed in m/s since a reading `_APART_S` or longer ago, 0 until there is one."""
         since_s = stamp_s - self._fast_at
@@ -211,9 +196,3 @@ class Contradiction:
         fast_m_s = abs(place_m - self._fast_m) / since_s
         self._fast_at, self._fast_m = stamp_s, place_m
         return fast_m_s
-
-    def _pushed(self, drive: float) -> str:
-        """What the drive did meanwhile, in words."""
-        if self._envelope.placed:
-            return f"the magnet pulled by {1e3 * self._hard_m:.1f} mm or more for {_PULLED_S:g} s"
-        return f"the coil pushed with {abs(drive) / self._friction:.2g} times its friction"

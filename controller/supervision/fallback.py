@@ -1,4 +1,4 @@
-"""Changing over between controllers: which of them may be asked, and a step between their commands that fades."""
+"""Changing over between controllers: which of them may be asked, when one swings, a step between them that fades."""
 
 import math
 from collections import Counter
@@ -112,19 +112,41 @@ def not_led(led: Counter[str], wanted: str) -> str:
 
 
 class Blend:
-    """A step that fades linearly to 0 within `time_s`."""
+    """A step that fades linearly to 0 within `time_s`; `left` is what is left of it."""
 
     def __init__(self, time_s: float) -> None:
-        self._time = time_s
-        self._step, self._since = 0.0, -math.inf
-        self.left = 0.0
+        self._time, self._step, self._since, self.left = time_s, 0.0, -math.inf, 0.0
 
     def begin(self, step: float, now: float) -> None:
         """Hide `step` = old command - new command from `now` on."""
         self._step, self._since = step, now
 
     def smooth(self, command: float, now: float) -> float:
-        """`command` with what is `left` of the step."""
+        """`command` with what is left of the step."""
         share = max(0.0, 1 - max(now - self._since, 0.0) / self._time) if self._time > 0 else 0.0
         self.left = self._step * share
         return command + self.left
+
+
+class Swings:
+    """Counts how often in a row the capsule goes from further than `far_m` on one side of its reference to as far on
+    the other, each time within `within_s` of when it was last as far. An error that stays on one side is no swing.
+    """
+
+    def __init__(self, far_m: float, within_s: float) -> None:
+        self._far_m, self._within_s = far_m, within_s
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.count, self._side, self._far_at = 0, 0.0, -math.inf
+
+    def see(self, now: float, error_m: float) -> int:
+        """A tick on, to `now` in s; how often it has swung by now. An error that is no number is not seen."""
+        if now - self._far_at > self._within_s:
+            self.forget()
+        if abs(error_m) >= self._far_m:
+            side = math.copysign(1.0, error_m)
+            self.count += side == -self._side
+            self._side, self._far_at = side, now
+        return self.count

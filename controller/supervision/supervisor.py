@@ -12,8 +12,7 @@ import numpy as np
 from controller.limits import Envelope, Issued, Seen, limited, number
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Acceptance
-from controller.supervision.fallback import Blend, Event, FallbackChain, Rules
-from controller.supervision.swings import Swings
+from controller.supervision.fallback import Blend, Event, FallbackChain, Rules, Swings
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
 _EVENTS = 256  # that are kept, the last ones
@@ -56,9 +55,8 @@ class Supervisor:
         self.events: deque[Event] = deque(maxlen=_EVENTS)
         self.issued = Issued(envelope.neutral(math.nan))
         self._place, self._pace, self._clock = place, pace, clock
-        self._braking_m = (
-            0.5 * envelope.rate**2 / envelope.acceleration if math.isfinite(envelope.acceleration) else math.inf
-        )
+        bounded = math.isfinite(envelope.acceleration)
+        self._braking_m = 0.5 * envelope.rate**2 / envelope.acceleration if bounded else math.inf
         self.halted, self.most = "", math.inf
         self._offered: tuple[Controller, ...] | None = None
         self._allowed: int | None = None
@@ -141,9 +139,8 @@ class Supervisor:
     def _decide(self, seen: Seen, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, Status]:
         if self.halted:
             return self._stop(self.halted), "stopped"
-        blind = seen.lost or not (
-            seen.age_s <= self.envelope.limits.age_s and math.isfinite(seen.position_m + seen.speed_m_s)
-        )
+        fresh = seen.age_s <= self.envelope.limits.age_s and math.isfinite(seen.position_m + seen.speed_m_s)
+        blind = seen.lost or not fresh
         if blind:
             self._bad_until = self._elapsed + self.rules.settle_s
         if blind or self._elapsed < self._bad_until:
@@ -154,9 +151,8 @@ class Supervisor:
             if fault is None:
                 self._fallback.worked(rung, self._elapsed)
                 command = self._blend.smooth(action.command, self._elapsed)
-                return Action(
-                    command, action.status, action.predicted, action.timings
-                ), action.status if worst == "ok" else worst
+                smooth = Action(command, action.status, action.predicted, action.timings)
+                return smooth, action.status if worst == "ok" else worst
             worst = "late" if fault == "late" else "failed"
             self._reason = f"{self._chain[rung].name} {fault}"
             self._fallback.failed(rung, self._elapsed)
@@ -217,17 +213,12 @@ class Supervisor:
             self._limited_since = self._elapsed
         elif self._elapsed - self._limited_since >= self.rules.limit_s:
             self._too_long(SERIOUS.intersection(broken))
-        self._unfollowed_s = 0.0 if self._active < 0 else max(0.0, self._unfollowed_s + self._unfollowed() * self._tick)
+        # a carriage further from its aim than it takes to stop from full rate goes there at full rate in a normal move
+        turning = float(abs(self.issued.rate) < _FULL * self.envelope.rate)
+        pace = turning if abs(self.issued.aim - self.issued.command) > self._braking_m else -_FORGOTTEN
+        self._unfollowed_s = 0.0 if self._active < 0 else max(0.0, self._unfollowed_s + pace * self._tick)
         if self._unfollowed_s >= self.rules.limit_s:
             self._too_long({"rate"})
-
-    def _unfollowed(self) -> float:
-        """1 while the carriage is further from its aim than it takes to stop from full rate, and yet turns or brakes; 0
-        while it goes there at full rate, which is a normal move; `-_FORGOTTEN` while it follows.
-        """
-        if not abs(self.issued.aim - self.issued.command) > self._braking_m:
-            return -_FORGOTTEN
-        return float(abs(self.issued.rate) < _FULL * self.envelope.rate)
 
     def _too_long(self, names: Iterable[str]) -> None:
         self._reason = f"{self.active} held by limits: {', '.join(sorted(names))}"
@@ -243,7 +234,11 @@ class Supervisor:
             return
         self._swings.forget()
         reason = f"{self.active} swings about the reference"
-        if _calmed(self._chain[self._active]):
+        try:
+            calmed = bool(self._chain[self._active].calm())
+        except Exception:  # noqa: BLE001 - one that cannot be asked cannot calm down
+            calmed = False
+        if calmed:
             self._note(self.active, reason)
             return
         self._reason = reason
@@ -253,21 +248,16 @@ class Supervisor:
 
     def _watch_rest(self, seen: Seen, reference: Reference) -> None:
         """Since when capsule and reference have been at rest."""
-        slow = self.rules.rest_speed_m_s
-        resting = (
-            abs(seen.speed_m_s) <= slow and not seen.lost and abs(_at(lambda t: reference.speed(t), self._now)) <= slow
-        )
+        speeds = (seen.speed_m_s, _at(lambda t: reference.speed(t), self._now))
+        resting = not seen.lost and all(abs(speed) <= self.rules.rest_speed_m_s for speed in speeds)
         self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
 
     def _seen(self, now: float, estimate: Estimate) -> Seen:
         """What the estimate says of the capsule; lost where it cannot be read."""
         try:
             x, v = number(estimate.state[self._place]), number(estimate.state[self._pace])
-            age, lost, std = (
-                number(now) - number(estimate.time_s),
-                bool(estimate.lost),
-                number(estimate.std[self._place]),
-            )
+            age, lost = number(now) - number(estimate.time_s), bool(estimate.lost)
+            std = number(estimate.std[self._place])
         except Exception:  # noqa: BLE001 - an estimate that cannot be read is a lost one
             return Seen(math.nan, math.nan, math.inf, True, self.temperature_C)
         early = -self.envelope.limits.longest_tick_s
@@ -275,14 +265,6 @@ class Supervisor:
 
     def _note(self, after: str, reason: str) -> None:
         self.events.append(Event(self._now, self.active, after, reason))
-
-
-def _calmed(controller: Controller) -> bool:
-    """Whether it takes errors back at half the pace from here on."""
-    try:
-        return bool(controller.calm())
-    except Exception:  # noqa: BLE001 - one that cannot be asked cannot calm down
-        return False
 
 
 def _at(profile: Callable[[Array], Array], now: float) -> float:

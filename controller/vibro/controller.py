@@ -74,10 +74,9 @@ class VibroController(Controller):
         return Action(level, self._status, None, timings)
 
     def _position(self, estimate: Estimate) -> float | None:
-        index = self.tuning.position_index
-        if estimate.lost or estimate.state.size <= index:
+        if estimate.lost or not estimate.state.size:
             return None
-        value = float(estimate.state[index])
+        value = float(estimate.state[0])
         return value if abs(value) < _FAR else None
 
     def _look(self, now: float, estimate: Estimate) -> None:
@@ -119,19 +118,13 @@ class VibroController(Controller):
             self._take(Choice(REST, None, 0.0, True), "lost")
         else:
             self._planned = self._plan(now, places, speeds)
-            choice = self.drive.choose(self._planned, self._gear_for(float(speeds[0])))
+            wanted, gear = float(speeds[0]), self._cycle.gear
+            if abs(wanted - self._geared_for) > _REGEAR * abs(self._geared_for):
+                self._geared_for, gear = wanted, self.drive.nearest(wanted)
+            choice = self.drive.choose(self._planned, gear)
             low, high = self.drive.reach()
             self._take(choice, "ok" if choice.reachable and low < self._planned < high else "limited")
         self._solve_s = time.perf_counter() - started
-
-    def _gear_for(self, wanted: float) -> int | None:
-        """The gear to stay in while `wanted` in m/s stays about what it was: the one that is made for it, or what came
-        of it.
-        """
-        if abs(wanted - self._geared_for) > _REGEAR * abs(self._geared_for):
-            self._geared_for = wanted
-            return self.drive.nearest(wanted)
-        return self._cycle.gear
 
     def _plan(self, now: float, places: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
         """The mean speed to command now."""
@@ -157,10 +150,8 @@ class VibroController(Controller):
         if before != after:
             if before is not None:
                 self._biases[before] = float(self.filter.z[2])
-            if after is not None:
-                self.filter.doubt_bias(self._biases.get(after, 0.0), choice.speed_m_s)
-            else:
-                self.filter.doubt_bias(0.0, 0.0)
+            known = 0.0 if after is None else self._biases.get(after, 0.0)
+            self.filter.doubt_bias(known, choice.speed_m_s)
         self._cycle, self._status = choice, status
 
 

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.drives import INNER_MASS
-from controller.vibro.table_values import unloaded
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel, lower
 from models.drives.coil import Winding
 from models.drives.vibro import Vibro
-from models.effects import BY_ID
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
@@ -34,6 +33,7 @@ SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a pace is measured, and s for which i
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
 """Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm as the other coils of this project have."""
 _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
+_LOADED = ("force_N", "friction_coefficient")  # what a table's `load_scale` multiplies
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,6 @@ class Gait:
         """Electrical energy for a way, J/m = mJ/mm; infinite at rest."""
         return (self.copper_W + self.work_W) / abs(self.speed_m_s) if self.speed_m_s != 0 else math.inf
 
-    @property
-    def work_J_per_m(self) -> float:
-        """Mechanical work for a way, J/m = mJ/mm; infinite at rest."""
-        return self.work_W / abs(self.speed_m_s) if self.speed_m_s != 0 else math.inf
-
 
 @dataclass(frozen=True)
 class VibroModel:
@@ -73,7 +68,6 @@ class VibroModel:
     effects: tuple[type[Effect], ...] = ()
     values: Theta = field(default_factory=Theta)
     mirror: float = 1.0
-    copper_N2_per_W: float = COPPER_N2_PER_W
 
     @classmethod
     def from_rig(cls, rig: Rig, values: Mapping[Name, float] | None = None) -> VibroModel:
@@ -87,32 +81,27 @@ class VibroModel:
             raise ValueError(f"rig must be of kind {kinds}; got {rig.kind!r}")
         drive = drive_of(replace(rig, kind=INNER_MASS.name))
         assert isinstance(drive, Vibro)
-        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})))
+        return cls.of(surface_of(rig), drive, unloaded(Theta.of(values or {})), Catalogue.of(rig))
 
     @classmethod
-    def of(cls, surface: Surface, drive: Vibro, values: Theta) -> VibroModel:
+    def of(cls, surface: Surface, drive: Vibro, values: Theta, known: Catalogue = CATALOGUE) -> VibroModel:
         """The model with the effects that `values` names."""
-        names = list(values.effects)
-        unknown = next((name for name in names if name not in BY_ID), None)
-        if unknown is not None:
-            raise ValueError(f"effect must be one of the catalogue; got {unknown!r}; {nearest(unknown, list(BY_ID))}")
-        model = cls(surface, drive, tuple(BY_ID[name] for name in names), mirror=float(values.get("mirror", 1.0)))
-        known = [spelled(p.key) for p in model.assembly().parameters]
+        for name in values.effects:
+            if name not in known:
+                raise ValueError(f"effect must be one of the catalogue; got {name!r}; {nearest(name, list(known))}")
+        effects = tuple(known[name] for name in values.effects)
         own = Theta({name: value for name, value in values.base.items() if name not in _ELSEWHERE}, values.effects)
-        unknown = next((name for name in map(spelled, own) if name not in known), None)
-        if unknown is not None:
-            raise ValueError(f"value must be of a parameter of this rig; got {unknown!r}; {nearest(unknown, known)}")
-        return replace(model, values=own)
+        model = cls(surface, drive, effects, own, float(values.get("mirror", 1.0)))
+        keys = [spelled(p.key) for p in model.assembly().parameters]
+        for name in map(spelled, own):
+            if name not in keys:
+                raise ValueError(f"value must be of a parameter of this rig; got {name!r}; {nearest(name, keys)}")
+        return model
 
     @property
     def force_N(self) -> float:
         """The coil's full force in N."""
         return float(self.values.get("force_N", self.drive.force_N))
-
-    @property
-    def body_kg(self) -> float:
-        """Mass of the body without the inner one."""
-        return self.surface.body_kg
 
     def assembly(self, smoothing: float = 0.0) -> Assembly:
         """The assembled model; `smoothing` in m/s makes it differentiable."""
@@ -137,8 +126,7 @@ class Cycles:
 
     def pace(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Gait:
         """Mean speed and powers of `waveform` over whole cycles for `measure_s`, after `settle_s` from rest."""
-        n = max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels))
-        levels = waveform.sampled(n)
+        levels = _sampled(waveform)
         first, last = (max(math.ceil(s / waveform.period_s), 3) for s in (settle_s, measure_s))
         state = self.rest()
         self._run(state, levels, first, waveform.period_s)
@@ -147,9 +135,9 @@ class Cycles:
         time = last * waveform.period_s
         work, squares, front, rear = state[-4:]
         force = self.model.force_N
-        copper = squares * force * force / self.model.copper_N2_per_W / time
+        copper = squares * force * force / COPPER_N2_PER_W / time
         speed = self.model.mirror * (path[-1] - path[0]) / time
-        peak = np.max(np.abs(np.diff(path))) * n / waveform.period_s
+        peak = np.max(np.abs(np.diff(path))) * levels.size / waveform.period_s
         return Gait(float(speed), float(copper), float(work / time), float(front), float(rear), float(peak))
 
     def rest(self) -> Array:
@@ -162,15 +150,14 @@ class Cycles:
 
     def path(self, waveform: Waveform, cycles: int) -> Array:
         """Position in m of the body from rest over `cycles`, at even times with a whole number a cycle."""
-        n = max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels))
-        return self.model.mirror * self._run(self.rest(), waveform.sampled(n), cycles, waveform.period_s)
+        return self.model.mirror * self._run(self.rest(), _sampled(waveform), cycles, waveform.period_s)
 
-    def last_cycle(self, waveform: Waveform, parts: int, settle_s: float = SETTLE_S) -> Array:
-        """States (parts + 1, n) at the ends of `parts` equal parts of a cycle after `settle_s` from rest."""
+    def last_cycle(self, waveform: Waveform, parts: int) -> Array:
+        """States (parts + 1, n) at the ends of `parts` equal parts of a cycle after `SETTLE_S` from rest."""
         sub = max(math.ceil(waveform.period_s / STEP_S / parts), 4)
         levels, h = waveform.sampled(parts * sub), waveform.period_s / (parts * sub)
         state = self.rest()
-        self._run(state, levels, max(math.ceil(settle_s / waveform.period_s), 3), waveform.period_s)
+        self._run(state, levels, max(math.ceil(SETTLE_S / waveform.period_s), 3), waveform.period_s)
         rows = [state[:-4].copy()]
         for k, level in enumerate(levels):
             self.step(state, float(level), h)
@@ -186,6 +173,11 @@ class Cycles:
         output = np.zeros(command.size)
         self._kernel.one(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
         return output
+
+
+def _sampled(waveform: Waveform) -> Array:
+    """Levels of a cycle's steps."""
+    return waveform.sampled(max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels)))
 
 
 def _metered(assembly: Assembly, on_board: bool) -> Kernel:
@@ -219,3 +211,30 @@ def impact_of(model: VibroModel, pace: Gait) -> Impact:
     front = model.drive.front is not None and pace.front_m > model.drive.front.gap_m
     rear = model.drive.rear is not None and pace.rear_m > model.drive.rear.gap_m
     return IMPACTS[front + 2 * rear]
+
+
+def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
+    """The `vibro` rig with the table's masses in kg, and the values that its control model takes.
+
+    `load_scale` multiplies force and friction alike. `mirror` says how the record counted speeds and is left to whoever
+    compares with that record; here +x is where the drive's force pushes the inner mass. Raises ValueError for a rig
+    without an inner mass, or masses that are not positive.
+    """
+    if rig.drive is None:
+        raise ValueError(f"rig must have an inner mass for the values of a vibro_table; got a {rig.kind} rig")
+    left = {name: value for name, value in unloaded(values).base.items() if name not in _ELSEWHERE}
+    body = values.get("body_mass_kg", rig.capsule.mass_kg)
+    inner = values.get("inner_mass_kg", rig.drive.inner_mass_kg)
+    if not (body > 0 and inner > 0):
+        raise ValueError(f"masses must be positive; got body_mass_kg = {body:g} and inner_mass_kg = {inner:g}")
+    return replace(
+        rig, capsule=replace(rig.capsule, mass_kg=body), drive=rig.drive.model_copy(update={"inner_mass_kg": inner})
+    ), Theta(left, values.effects)
+
+
+def unloaded(values: Theta) -> Theta:
+    """`values` with their `load_scale` multiplied into force and friction, where these are given."""
+    left = dict(values.base)
+    scale = left.pop("load_scale", 1.0)
+    base = {name: scale * value if name in _LOADED else value for name, value in left.items()}
+    return Theta(base, values.effects)

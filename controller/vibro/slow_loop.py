@@ -20,14 +20,13 @@ _GATE = 6.0  # standard deviations beyond which a reading is put down to an outl
 
 @dataclass(frozen=True)
 class Tuning:
-    """`tick_s` of the loop; `position_index` of x in the estimate's state; readings are taken `sample_s` apart.
+    """`tick_s` of the loop; readings are taken `sample_s` apart.
     Progress that was missed is caught up at most `catch_up` of the speed faster or slower, `catch_up_stopped` where a
     stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests. `feedback` False leaves the
     feedforward alone.
     """
 
     tick_s: float = 1e-3
-    position_index: int = 0
     sample_s: float = 9.5e-3
     catch_up: float = 0.03
     catch_up_stopped: float = 0.12

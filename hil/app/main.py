@@ -11,6 +11,7 @@ from functools import wraps
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -55,33 +56,39 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 Command = Callable[..., Any]
-_TAKEN_IN = {"effects": "models.effects:use_effects", "controllers": "controller.registry:use_controllers"}
 
 
 def _command(name: str, example: str, does: str | None = None, **options: Any) -> Callable[[Command], Command]:
     """Declare the command `name`, with an example at the end of its help. It `does` what the function `module:name`
-    does with its options, by default that of its name; "": what the declaration does. Its `effects` and `controllers`
-    are taken in before.
+    does with its options, by default that of its name; "": what the declaration does. The files of
+    `controllers` are taken in before, those of `effects` become the catalogue that it gets.
     """
     function = f"hil.app.{name}.command:{name}" if does is None else does
 
     def declare(declaration: Command) -> Command:
         @wraps(declaration)
         def command(**given: Any) -> Any:
-            for key in [key for key in _TAKEN_IN if key in given]:
-                _loaded(_TAKEN_IN[key])(given[key])
+            if "controllers" in given:
+                _loaded("controller.registry:use_controllers")(given["controllers"])
             if not function:
                 return declaration(**given)
-            return _loaded(function)(**{key: value for key, value in given.items() if key not in _TAKEN_IN})
+            if "effects" in given:
+                given["effects"] = catalogue(given["effects"])
+            return _loaded(function)(**{key: value for key, value in given.items() if key != "controllers"})
 
         return app.command(name, epilog=f"Example: {example}", **options)(command)
 
     return declare
 
 
+def catalogue(paths: Sequence[Path]) -> Any:
+    """The catalogue with the effects of the files `paths`."""
+    return _loaded("models.effects:Catalogue.read")(paths)
+
+
 def _loaded(place: str) -> Command:
     module, _, name = place.partition(":")
-    function: Command = getattr(import_module(module), name)
+    function: Command = attrgetter(name)(import_module(module))
     return function
 
 
@@ -324,7 +331,11 @@ def _track(
     from hil.app.track.command import track
 
     with own_folder(out, "--out"):
-        return track(scenario, Options(controller, model, stage, seed, out, json_output, reference), compare)
+        return track(
+            scenario,
+            Options(controller, model, stage, seed, out, json_output, reference, catalogue=catalogue(effects)),
+            compare,
+        )
 
 
 @_command("sil", "capsule sil hil/scenarios/sil_magnetic_drop.toml --out out", does="")
@@ -351,7 +362,9 @@ def _sil(
     from hil.app.sil.command import sil
 
     with own_folder(out, "--out"):
-        asked = Options(controller, model, stage, seed, out, json_output, reference, learn, mcap, watch)
+        asked = Options(
+            controller, model, stage, seed, out, json_output, reference, learn, mcap, watch, catalogue(effects)
+        )
         return sil(scenario, asked)
 
 

@@ -21,6 +21,9 @@ OFF, READY, ENABLE, QUICK_STOP = range(4)
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
 MOVING: Final = (ENABLED, DERATED)
+NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, OVER_SPEED, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
+SENSOR, BUS_OFF, SUPPLY, SELF_TEST_FAILED, INTERNAL = range(7, 12)
+"""Codes of faults, in the numbers of fault frames."""
 IN_HEARTBEAT: Final = (0, 0, 1, 1, 2, 2, 3, 4)
 """The same in the numbers of heartbeats."""
 LONGEST_S: Final = 167772.0

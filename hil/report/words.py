@@ -11,7 +11,7 @@ import numpy as np
 
 from hil.report.quantities import amount, number, percent, scale
 from models.checks.finding import RecordFinding
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding
 from models.rigs.kinds import KINDS
@@ -19,7 +19,7 @@ from models.rigs.kinds import KINDS
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MOST_VALUES = 100_000  # that a sentence is worked out from
 _WELL_ABOVE = 2.0  # noise floors
-_IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in BY_ID if '_' in name), key=len, reverse=True))})\b")
+_IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in CATALOGUE if '_' in name), key=len, reverse=True))})\b")
 _SMALL = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e[+-]?\d+)?) (N|m|rad|V|A)(?![\w/·^²]|\s?[mNs]\b)")
 _POWER = re.compile(r"(?<![\w.])\d+\.?\d*e[+-]?\d+(?!\w)")
 _RANGE = re.compile(r"[\d.]\s*(?:to|and|or|,|…|/)\s*$")
@@ -132,7 +132,7 @@ def sentence(text: str) -> str:
 
 def effect_summary(effect: str) -> tuple[str, str]:
     """What the catalogue says an effect is, and what would tell it from its confounded effects."""
-    declared = BY_ID.get(effect)
+    declared = CATALOGUE.get(effect)
     return (declared.summary, declared.separated_by) if declared else ("", "")
 
 

@@ -30,6 +30,7 @@ class Assembly:
     ends; the output belongs to the step's end. All entries SI.
     """
 
+    effects: tuple[type[Effect], ...]
     states: tuple[Name, ...]
     initial: dict[Name, float]
     parameters: tuple[Parameter, ...]
@@ -43,6 +44,13 @@ class Assembly:
     def start(self, **values: float) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The initial state: at rest at 0 but for `values` of the base states."""
         return np.array([(self.initial | dict[Name, float](values))[name] for name in self.states])
+
+
+def followed_by(effects: Sequence[type[Effect]], state: Name) -> str:
+    """What a `state` of a model with `effects` is at after a long rest: "command", "position", or "" for 0."""
+    return (
+        "" if isinstance(state, str) else next((e.follows.get(state[1], "") for e in effects if e.id == state[0]), "")
+    )
 
 
 def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
@@ -80,7 +88,7 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     new, output = stepper.advance(now, first, last, t, h)
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
     initial: dict[Name, float] = dict.fromkeys(names, 0.0) | {"direction": 1.0}
-    return Assembly(names, initial, parameters, function, _correction(surface, drive, names))
+    return Assembly(tuple(effects), names, initial, parameters, function, _correction(surface, drive, names))
 
 
 def _correction(surface: Surface, drive: Drive, names: tuple[Name, ...]) -> ca.Function:

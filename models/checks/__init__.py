@@ -1,5 +1,4 @@
-"""Records looked at before anything is fitted to them: one check a file, found in the folders below.
+"""Records looked at before anything is fitted to them: what the stamps, the sensor, the wiring and the motion are.
 
-A function `check_...(view)` in `instrument/` (what the sensor did), `clock/` (time stamps), `wiring/` (signs, units,
-delays) or `information/` (what the motion can show) takes a `View` of one record and returns its findings.
+A check is a function of a `View` of one record that yields its findings; `examine` has them in order.
 """

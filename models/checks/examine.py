@@ -1,34 +1,58 @@
-"""All checks on all records of a series, and which rows of a record a fit may use."""
+"""All checks on all records of a series."""
 
-import pkgutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
-from importlib import import_module
-from inspect import isfunction
+from typing import Final
 
-import models.checks as here
-from models.checks.finding import RecordFinding
-from models.checks.instrument.outliers import without_outliers
-from models.checks.one_clock import on_one_clock
+from models.checks import delay, excitation, inner_mass, noise, places, sensor, signs, sizes, stamps, start
+from models.checks.finding import Findings, RecordFinding
+from models.checks.sensor import without_outliers
+from models.checks.usable import on_one_clock
 from models.checks.view import View
 from models.records.record import Record, where_measured
 from models.rigs.rig import Rig
 
-Check = Callable[[View], Sequence[RecordFinding]]
-_CLOCK, _INSTRUMENT = "clock", "instrument"
-_ORDER = ("stops", "weakens", "note")
-
-
-@cache
-def checks() -> tuple[Check, ...]:
-    """The functions `check_...` of the modules in the folders of `models.checks`."""
-    found: list[Check] = []
-    for module in pkgutil.walk_packages(here.__path__, f"{here.__name__}."):
-        if module.name.count(".") == 3:
-            own = (value for value in vars(import_module(module.name)).values() if isfunction(value))
-            found += [f for f in own if f.__name__.startswith("check_") and f.__module__ == module.name]
-    return tuple(found)
+_ORDER: Final = ("stops", "weakens", "note")
+Checks = tuple[Callable[[View], Findings], ...]
+STAMPS: Final[Checks] = (
+    stamps.check_interval,
+    stamps.check_sparse_values,
+    stamps.check_restart,
+    stamps.check_repeats,
+    stamps.check_uneven,
+)
+"""What the clock did: of all rows of a time series."""
+INSTRUMENTS: Final[Checks] = (
+    sensor.check_clipping,
+    noise.check_colour,
+    sensor.check_held_values,
+    places.check_jumps,
+    noise.check_noise,
+    sensor.check_no_values,
+    sensor.check_outliers,
+    places.check_driven_resolution,
+    noise.check_resolution,
+    sensor.check_silence,
+    noise.check_tones,
+)
+"""What the instruments did: of the rows that are measured."""
+MOTION: Final[Checks] = (
+    excitation.check_information,
+    start.check_start,
+    delay.check_delay,
+    signs.check_pull_exchanged,
+    signs.check_same,
+    inner_mass.check_inner_mass,
+    sizes.check_magnets,
+    signs.check_force_sign,
+    signs.check_drive_sign,
+    places.check_stuck,
+    sizes.check_units,
+    places.check_wraps,
+    signs.check_place_zero,
+    signs.check_force_zero,
+)
+"""What the wiring and the motion are: of these without their outliers."""
 
 
 def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
@@ -45,22 +69,19 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
 
 
-def _of(whole: View, measured: View) -> Iterator[RecordFinding]:
-    """The clock of the `whole` record first: where it stops, nothing else can be told of the rows that are measured.
-    What the instruments did stands in these, what the wiring and the motion are without their outliers.
-    """
-    of_the_clock = [finding for check in checks() if _folder(check) == _CLOCK for finding in check(whole)]
-    yield from of_the_clock
-    if stopping(of_the_clock) is not None:
+def _of(whole: View, measured: View) -> Findings:
+    """The stamps first: where they stop, nothing else can be told of the rows that are measured."""
+    if not whole.timed:
+        yield from sizes.check_table(whole)
         return
-    sane = View(without_outliers(measured), measured.rig)
-    for check in checks():
-        if _folder(check) != _CLOCK:
-            yield from check(measured if _folder(check) == _INSTRUMENT else sane)
-
-
-def _folder(check: Check) -> str:
-    return check.__module__.split(".")[2]
+    of_the_stamps = [finding for check in STAMPS for finding in check(whole)]
+    yield from of_the_stamps
+    if stopping(of_the_stamps) is None:
+        for check in INSTRUMENTS:
+            yield from check(measured)
+        sane = View(without_outliers(measured), measured.rig)
+        for check in MOTION:
+            yield from check(sane)
 
 
 def stopping(findings: Sequence[RecordFinding]) -> RecordFinding | None:

@@ -1,5 +1,6 @@
 """What a check found in a record."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -26,3 +27,6 @@ class RecordFinding:
     def to_dict(self) -> dict[str, str]:
         """As JSON has it."""
         return asdict(self)
+
+
+Findings = Iterator[RecordFinding]

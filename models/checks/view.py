@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
-from scipy.special import gammaincinv
 
+from models.checks.estimators import Array, Mask, running_mean, runs_of, spectral_noise, step_noise, white_noise
 from models.checks.finding import RecordFinding, Severity
 from models.checks.settings import SET
 from models.files.toml import inline_table
@@ -20,9 +19,7 @@ from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-_OVERLAPPED = 0.95  # of the degrees of freedom of windows that overlap by half, what they count (Welch 1967)
+Rows = Sequence[int] | NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,7 @@ class View:
     def _smoothed(self) -> tuple[Array, float]:
         """Speed in m/s over the shortest of a few windows that shows more motion than noise, and its noise."""
         x = self.record[self.moving_column]
-        noise = max(white_noise(x), grid_step(x) / np.sqrt(12))
+        noise = max(white_noise(x), step_noise(x))
         for window in SET.speed_windows_s:
             n = max(1, round(window / 2 / self.dt))
             smooth, centre = running_mean(x, n), running_mean(np.arange(len(x), dtype=np.float64), n)
@@ -156,19 +153,32 @@ class View:
         ]
         return np.array(rows).reshape(-1, samples)
 
-    @cached_property
-    def strokes(self) -> list[tuple[int, int, float]]:
-        """Stretches of motion one way (first row, row after the last, direction) that last 0.2 s or more."""
-        least = max(3, round(SET.rest_stretch_s / self.dt))
-        return [
-            (a, b, direction)
-            for direction in (1.0, -1.0)
-            for a, b in runs_of(self.moves & (np.sign(self.speed) == direction))
-            if b - a >= least
-        ]
+    def strokes(self, least_s: float = SET.rest_stretch_s, rows: int = 3) -> list[tuple[int, int, float]]:
+        """Stretches of motion one way (first row, row after the last, direction) that last so many s and `rows`."""
+        least = max(rows, round(least_s / self.dt))
+        ways = ((way, self.moves & (np.sign(self.speed) == way)) for way in (1.0, -1.0))
+        return sorted((a, b, way) for way, there in ways for a, b in runs_of(there, least))
 
-    def finding(self, name: str, severity: Severity, where: str, sentence: str, how: str, remedy: str) -> RecordFinding:
-        """A finding about this record."""
+    def ends(self, signal: Array, way: float) -> Array:
+        """Means of `signal` over the later halves of the strokes one `way`, where friction has built up."""
+        return np.array([np.mean(signal[(a + b) // 2 : b]) for a, b, direction in self.strokes() if direction == way])
+
+    def averaged(self, x: Array, seconds: float) -> Array:
+        """The running mean of `x` over so many s on either side."""
+        return running_mean(x, max(1, round(seconds / self.dt)))
+
+    def finding(
+        self,
+        name: str,
+        severity: Severity,
+        sentence: str,
+        how: str,
+        remedy: str,
+        column: str = "",
+        rows: Rows | str = "throughout",
+    ) -> RecordFinding:
+        """A finding about a `column` of this record, the measured one where nothing is said, in these `rows`."""
+        where = f"{column or self.measured}, {rows if isinstance(rows, str) else self.at(rows)}"
         return RecordFinding(name, severity, self.record.source or self.record.name, where, sentence, how, remedy)
 
     def columns_line(self, target: str, **changed: Any) -> str:
@@ -183,66 +193,13 @@ class View:
         """The line of `[columns]` that turns the sign of `target` round."""
         return self.columns_line(target, sign=-self.rig.columns.entry(target).sign)
 
-    def at(self, rows: Sequence[int] | NDArray[np.int64], most: int = 3) -> str:
+    def at(self, rows: Rows, most: int = 3) -> str:
         """Lines and times of `rows` in words: the first few, and how many more."""
-        shown = [self._place(int(row)) for row in list(rows)[:most]]
+        times = [f" ({self.t[row]:.6g} s)" if self.timed else "" for row in rows[:most]]
+        shown = [f"line {self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
         return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
 
-    def _place(self, row: int) -> str:
-        line = f"line {self.record.line(row)}"
-        return f"{line} ({self.t[row]:.6g} s)" if self.timed else line
 
-
-def running_mean(x: Array, n: int) -> Array:
-    """Mean over `2 n + 1` neighbours, fewer at the ends; shape of `x`."""
-    total = np.concatenate([[0.0], np.cumsum(x - x[0])])
-    at = np.arange(len(x))
-    low, high = np.maximum(at - n, 0), np.minimum(at + n + 1, len(x))
-    return np.asarray((total[high] - total[low]) / (high - low) + x[0])
-
-
-def white_noise(x: Array) -> float:
-    """Standard deviation of white noise on `x`, from the median of its second differences, which motion hardly
-    touches.
-    """
-    return float(np.median(np.abs(np.diff(x, 2)))) / 0.6745 / np.sqrt(6) if len(x) > 2 else 0.0
-
-
-def spectral_noise(x: Array) -> tuple[float, bool]:
-    """Standard deviation of white noise on `x`, from the quietest tenth of its spectrum (Welch, up to 256 samples a
-    window): motion only adds to it, also one that a few samples a swing follow no longer. And whether the spectrum is
-    flat there; where it is not, the motion is louder than the noise at every frequency and the value is a bound.
-    """
-    window = min(SET.spectrum_window, len(x) // 8)
-    if window < 16:
-        return white_noise(x), True
-    _, power = welch(x, nperseg=window, detrend="linear")
-    quietest, quiet = np.quantile(power[2:-1], [SET.spectrum_quietest, SET.spectrum_quiet])
-    degrees = _OVERLAPPED * 2 * (2 * len(x) / window - 1)
-    chance = (
-        2 * gammaincinv(degrees / 2, SET.spectrum_quietest) / degrees
-    )  # of white noise's mean, its quietest tenth by chi square
-    std = float(np.sqrt(0.5 * quietest / chance))
-    return std, bool(quiet < SET.spectrum_flat * quietest)
-
-
-def runs_of(mask: Mask) -> list[tuple[int, int]]:
-    """Stretches (first row, row after the last) where `mask` holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def grid_step(x: Array) -> float:
-    """Step of the grid on which the values of `x` lie; 0 where they lie on none that can be told."""
-    values = np.unique(x)
-    if len(values) < 3 or len(values) > 0.5 * len(x):
-        return 0.0
-    gaps = np.diff(values)
-    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
-    if not len(gaps):
-        return 0.0
-    step = float(np.percentile(gaps, 10))
-    near = gaps[gaps < 1.5 * step]
-    step = float(np.mean(near))
-    off = np.abs(gaps / step - np.round(gaps / step))
-    return step if float(np.mean(off < SET.grid_off)) > SET.grid_share else 0.0
+def times(rows: Sequence[object] | NDArray[np.int64]) -> str:
+    """How often something happens, in words."""
+    return "once" if len(rows) == 1 else f"{len(rows)} times"

@@ -4,16 +4,20 @@ A class in `friction/`, `force/`, `wall/`, `drive/`, `sensor/` or `inner_mass/` 
 `refinements/` gives the shape of an effect that is already named more freedom and is never a candidate by itself.
 """
 
+from __future__ import annotations
+
 import pkgutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from models.effects import own
 from models.effects.effect import Effect
-from models.parameter import Name
+from models.effects.own import Origin, own_effects
 from models.rigs.kinds import KINDS
+from models.rigs.rig import Rig
 
 _REFINEMENTS: Final = f"{__name__}.refinements."
 
@@ -32,27 +36,56 @@ _ALL: Final = _declared()
 EFFECTS: tuple[type[Effect], ...] = tuple(e for e in _ALL if not e.__module__.startswith(_REFINEMENTS))
 REFINEMENTS: tuple[type[Effect], ...] = tuple(e for e in _ALL if e.__module__.startswith(_REFINEMENTS))
 """Free curves and further orders that refine the shape of a named effect; never candidates."""
-BY_ID = {effect.id: effect for effect in _ALL}
 
 
-def effects_for(kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
-    """The candidates that can act on a rig of `kind`, ours and those from outside; `variants` stand in place of those
-    of the same id: the same law with bounds, starts or units of that kind.
-    """
-    outside = (origin.effect for origin in own.LOADED.values())
-    more = KINDS[kind].effects
-    declared = {effect.id: effect for effect in (*EFFECTS, *outside) if kind in effect.kinds or effect.id in more}
-    return tuple((declared | {variant.id: variant for variant in variants}).values())
+@dataclass(frozen=True)
+class Catalogue(Mapping[str, type[Effect]]):
+    """Every effect that may take part, by its id: the project's, and its `own` from outside."""
+
+    own: tuple[Origin, ...] = ()
+
+    @classmethod
+    def read(cls, paths: Sequence[Path]) -> Catalogue:
+        """With the effects of the Python files `paths` and of installed packages. Raises ValueError of one sentence
+        where one cannot be used.
+        """
+        return cls(own_effects(paths, CATALOGUE))
+
+    @classmethod
+    def of(cls, rig: Rig) -> Catalogue:
+        """With the effects from outside that a rig may have."""
+        return cls(rig.own_effects)
+
+    def given_to(self, rig: Rig) -> Rig:
+        """`rig`, which may have the effects from outside of this catalogue."""
+        return replace(rig, own_effects=self.own)
+
+    @cached_property
+    def _by_id(self) -> dict[str, type[Effect]]:
+        return {effect.id: effect for effect in (*_ALL, *(origin.effect for origin in self.own))}
+
+    def __getitem__(self, name: str) -> type[Effect]:
+        return self._by_id[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_id)
+
+    def __len__(self) -> int:
+        return len(self._by_id)
+
+    @property
+    def candidates(self) -> tuple[type[Effect], ...]:
+        """Those that a search can find."""
+        return (*EFFECTS, *(origin.effect for origin in self.own))
+
+    def acting_on(self, kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
+        """The candidates that can act on a rig of `kind`; `variants` stand in place of those of the same id: the same
+        law with bounds, starts or units of that kind.
+        """
+        more = KINDS[kind].effects
+        declared = {effect.id: effect for effect in self.candidates if kind in effect.kinds or effect.id in more}
+        return tuple((declared | {variant.id: variant for variant in variants}).values())
 
 
-def followed_by(state: Name) -> str:
-    """What a model's state is at after a long rest: "command", "position", or "" for 0."""
-    effect = None if isinstance(state, str) else BY_ID.get(state[0])
-    return "" if effect is None else effect.follows.get(state[1], "")
-
-
-def use_effects(paths: Sequence[Path]) -> list[type[Effect]]:
-    """Let the effects of the Python files `paths`, and those of installed packages, take part from here on, in place of
-    those of an earlier call. Raises ValueError of one sentence, and uses none, where one cannot be used.
-    """
-    return own.use(paths, BY_ID)
+CATALOGUE: Final = Catalogue()
+"""The project's effects alone."""

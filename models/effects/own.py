@@ -1,11 +1,13 @@
 """Effects from outside the project: classes in a user's file, or in an installed package under the entry point group
-`capsule.effects`. Once loaded they take part like our own.
+`capsule.effects`. A catalogue that holds them lets them take part like our own.
 """
 
-from collections.abc import Collection, Container, Iterator, MutableMapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Collection, Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from models.effects.conformance import first_failure
 from models.effects.effect import Effect
@@ -16,41 +18,41 @@ GROUP: Final = "capsule.effects"
 
 @dataclass(frozen=True)
 class Origin:
-    """Where an effect came from: a file's name (or a package's) and the SHA-256 of what it holds."""
+    """An effect and where it came from: a file's name (or a package's), the SHA-256 of what it holds, and the file's
+    path, by which another process reads it again.
+    """
 
     effect: type[Effect]
     file: str
     sha256: str
+    path: Path | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.path is None:
+            return Origin, (self.effect, self.file, self.sha256)
+        return _read_again, (self.path, self.effect.id)
 
 
-LOADED: Final[dict[str, Origin]] = {}
-"""The effects from outside that are in use, by id."""
+def _read_again(path: Path, name: str) -> Origin:
+    return next(origin for origin in effects_in(path) if origin.effect.id == name)
 
 
-def use(paths: Sequence[Path], known: MutableMapping[str, type[Effect]]) -> list[type[Effect]]:
-    """Put the effects of `paths` and of installed packages into `known` (ids to effects), in place of those that an
-    earlier call put there; returns them.
-
-    Raises ValueError, one sentence with the file, where one cannot be used; then none is in use.
+def own_effects(paths: Sequence[Path], ours: Collection[str]) -> tuple[Origin, ...]:
+    """The effects of `paths` and of installed packages, whose ids none of `ours` may have. Raises ValueError, one
+    sentence with the file, where one cannot be used.
     """
-    forget(known)
-    try:
-        found = list(_found(paths))
-        ids = {*known, *(origin.effect.id for origin in found if isinstance(origin.effect.id, str))}
-        for origin in found:
-            name = origin.effect.id
-            if isinstance(name, str) and name in known:
-                taken = LOADED[name].file if name in LOADED else "the catalogue"
-                raise ValueError(f"{origin.file}: id must be one that is free; got {name!r}, which {taken} has")
-            failure = own_failure(origin.effect, ids)
-            if failure is not None:
-                raise ValueError(f"{origin.file}: {failure}")
-            known[name] = origin.effect
-            LOADED[name] = origin
-    except ValueError:
-        forget(known)
-        raise
-    return [origin.effect for origin in LOADED.values()]
+    found = list(_found(paths))
+    ids = {*ours, *(origin.effect.id for origin in found if isinstance(origin.effect.id, str))}
+    taken = dict.fromkeys(ours, "the catalogue")
+    for origin in found:
+        name = origin.effect.id
+        if isinstance(name, str) and name in taken:
+            raise ValueError(f"{origin.file}: id must be one that is free; got {name!r}, which {taken[name]} has")
+        failure = own_failure(origin.effect, ids)
+        if failure is not None:
+            raise ValueError(f"{origin.file}: {failure}")
+        taken[name] = origin.file
+    return tuple(found)
 
 
 def own_failure(effect: type[Effect], known: Collection[str]) -> str | None:
@@ -58,13 +60,6 @@ def own_failure(effect: type[Effect], known: Collection[str]) -> str | None:
     if isinstance(effect.kinds, Container) and "vibro_table" in effect.kinds:
         return f"{effect.__name__}.kinds must not have 'vibro_table', whose solver has its own effects"
     return first_failure(effect, known)
-
-
-def forget(known: MutableMapping[str, type[Effect]]) -> None:
-    """Take the effects from outside out of `known` again."""
-    for name in LOADED:
-        known.pop(name, None)
-    LOADED.clear()
 
 
 def _found(paths: Sequence[Path]) -> Iterator[Origin]:
@@ -82,4 +77,4 @@ def effects_in(path: Path) -> list[Origin]:
     classes = [c for c in declared if issubclass(c, Effect) and (c.id or not c.__subclasses__())]
     if not classes:
         raise ValueError(f"{path}: file must have a subclass of models.effects.effect.Effect; got none")
-    return [Origin(c, path.name, digest) for c in classes]
+    return [Origin(c, path.name, digest, path.resolve()) for c in classes]

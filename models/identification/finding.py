@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.finding import RecordFinding
-from models.effects import BY_ID
 from models.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -194,7 +193,7 @@ class Dependence:
 @dataclass(frozen=True)
 class Finding:
     """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
-    names; `declared` are the effects that were tried, by id, as this kind has them.
+    names; `declared` are the effects by id, those that were tried as this kind has them.
     """
 
     kind: str
@@ -226,4 +225,4 @@ class Finding:
 
     def effect(self, name: str) -> type[Effect] | None:
         """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""
-        return self.declared.get(name, BY_ID.get(name))
+        return self.declared.get(name)

@@ -9,17 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show, inseparable, shown_with
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show, inseparable, shown_with
-from models.checks.instrument.usable import lead_in_s
-from models.effects import BY_ID
+from models.checks.usable import lead_in_s
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import NOTHING_KNOWN, AnyKind, Known, kind_for, ready, report_of
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
@@ -101,7 +100,7 @@ def close(
         verdict,
         told,
         {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)},
-        own_effects_of(thetas),
+        own_effects_of(thetas, kind.catalogue),
         worse,
     )
     finding = Finding(
@@ -110,7 +109,7 @@ def close(
         unit=kind.unit,
         measure=kind.measure,
         verdict=verdict,
-        effects=tuple(_effect(name, found, spread, verdict) for name in found.effects),
+        effects=tuple(_effect(kind, name, found, spread, verdict) for name in found.effects),
         calibration={name: estimate for name, estimate in spread.items() if isinstance(name, str)},
         nominal=dict(thetas["nominal"].base),
         error=errors,
@@ -122,7 +121,9 @@ def close(
             findings, verdict, (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train))
         ),
         statements=tuple(
-            _statements(found, verdict) + _proposed(found, train, holdout) + words.statements(kind, thetas, train)
+            _statements(kind, found, verdict)
+            + _proposed(kind, found, train, holdout)
+            + words.statements(kind, thetas, train)
         ),
         equations=tuple(words.equations(kind, thetas["augmented"])),
         symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
@@ -135,7 +136,7 @@ def close(
         reasons=_reasons(verdict, checks, findings),
         proposal=proposal,
         dependence=dependence,
-        declared={effect.id: effect for effect in kind.effects},
+        declared={**kind.catalogue, **{effect.id: effect for effect in kind.effects}},
     )
     progress("done", 1.0)
     return finding, model
@@ -178,8 +179,8 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, Theta]:
     return dict(zip(STAGES, (nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta), strict=True))
 
 
-def _effect(name: str, found: Search, spread: Mapping[Name, Estimate], verdict: str) -> FoundEffect:
-    curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
+def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Estimate], verdict: str) -> FoundEffect:
+    curves = {curve: _own(curve, spread) for curve in found.refinements if curve in kind.catalogue[name].refined_by}
     score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
     known = confidence_map()
     sure = known.probability(score)
@@ -213,7 +214,7 @@ def _rows(found: Search) -> list[CandidateRow]:
     return rows
 
 
-def _statements(found: Search, verdict: str) -> list[str]:
+def _statements(kind: AnyKind, found: Search, verdict: str) -> list[str]:
     said = [
         f"Validation cost for each residual: {found.before:.3g} calibrated, {found.after:.3g} with what was added; "
         f"the null distribution (parametric bootstrap) leaves {found.null_cost:.3g}."
@@ -234,8 +235,8 @@ def _statements(found: Search, verdict: str) -> list[str]:
             f" and alone leaves a validation cost of {found.sensitivity:.3g}; errors far below that are coincidence."
         )
     said += [
-        f"{BY_ID[name].summary.capitalize()} ({name}) refines the shape of"
-        f" {', '.join(e for e in found.effects if name in BY_ID[e].refined_by)}."
+        f"{kind.catalogue[name].summary.capitalize()} ({name}) refines the shape of"
+        f" {', '.join(e for e in found.effects if name in kind.catalogue[e].refined_by)}."
         for name in found.refinements
     ]
     if verdict == "unknown":
@@ -249,11 +250,11 @@ def _statements(found: Search, verdict: str) -> list[str]:
     return said
 
 
-def _proposed(found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
+def _proposed(kind: AnyKind, found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
     """Which records an effect was proposed on, where it was proposed from a residual, and what that means here."""
     said = []
     for name in found.effects:
-        on = BY_ID[name].proposed_on
+        on = kind.catalogue[name].proposed_on
         again = [r.name for r in train if r.name in on]
         if not on:
             continue

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.assembly.model import effect_parameters
-from models.effects import BY_ID, REFINEMENTS
-from models.effects.own import LOADED
+from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.source import read_json, read_text
 from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
@@ -34,13 +33,14 @@ LARGEST_MODEL = 1 << 22  # bytes of a model file
 LARGEST_REPORT = 1 << 26  # bytes of a report
 
 
-def read_model(path: Path, kind: str, *others: str, whole: bool = True) -> Model:
-    """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none. A
-    caller who sees to it later that it is `whole` says more of what is wrong with it first.
+def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogue: Catalogue = CATALOGUE) -> Model:
+    """The model of a file, for rigs of `kind` or one of the `others`, with effects of the `catalogue`; a ValueError of
+    one sentence where it is none. A caller who sees to it later that it is `whole` says more of what is wrong with it
+    first.
     """
     text = read_text(path, "model", LARGEST_MODEL)
     try:
-        model = Model.from_toml(text)
+        model = Model.from_toml(text, catalogue)
         if whole:
             model.check_whole()
     except ValueError as error:
@@ -110,15 +110,15 @@ class Model:
         return sealed("\n".join(lines))
 
     @classmethod
-    def from_toml(cls, text: str) -> Model:
-        """Read a model file; a ValueError of one sentence where it is none."""
+    def from_toml(cls, text: str, catalogue: Catalogue = CATALOGUE) -> Model:
+        """Read a model file with effects of the `catalogue`; a ValueError of one sentence where it is none."""
         raw = parse_toml(text, "model")
         if raw.get("format") != FORMAT or not isinstance(raw.get("kind"), str):
             raise ValueError(
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
-        own_effects = _own_effects(raw.get("own_effects", {}))
-        stages = {stage: _values(raw.get(stage), stage) for stage in STAGES}
+        own_effects = _own_effects(raw.get("own_effects", {}), catalogue)
+        stages = {stage: _values(raw.get(stage), stage, catalogue) for stage in STAGES}
         provenance = raw.get("provenance", {})
         if not isinstance(provenance, dict):
             raise ValueError(f"model must have a table [provenance]; got {provenance!r}")
@@ -239,30 +239,31 @@ def _cautions(raw: object) -> dict[str, str]:
     return {str(stage): said for stage, said in raw.items()}
 
 
-def own_effects_of(thetas: Mapping[str, Theta]) -> dict[str, dict[str, str]]:
+def own_effects_of(thetas: Mapping[str, Theta], catalogue: Catalogue) -> dict[str, dict[str, str]]:
     """File and SHA-256 of each effect from outside that the values of a model name."""
     used = {name for theta in thetas.values() for name in theta.effects}
-    return {name: {"file": o.file, "sha256": o.sha256} for name, o in LOADED.items() if name in used}
+    return {o.effect.id: {"file": o.file, "sha256": o.sha256} for o in catalogue.own if o.effect.id in used}
 
 
-def _own_effects(raw: object) -> dict[str, dict[str, str]]:
+def _own_effects(raw: object, catalogue: Catalogue) -> dict[str, dict[str, str]]:
     """The effects from outside that a model file names, each of which must be in use with the same content."""
     if not isinstance(raw, Mapping) or not all(isinstance(origin, Mapping) for origin in raw.values()):
         raise ValueError(f"model [own_effects] must hold a table for each effect; got {raw!r}"[:200])
+    known = {origin.effect.id: origin.sha256 for origin in catalogue.own}
     for name, origin in raw.items():
         file, digest = str(origin.get("file", "")), str(origin.get("sha256", ""))
-        if name not in LOADED:
+        if name not in known:
             wanted = f"--effects {file} (SHA-256 {digest[:12]})"
             raise ValueError(f"model must stand with {wanted}, for its effect {name!r}; got no such file")
-        if LOADED[name].sha256 != digest:
+        if known[name] != digest:
             raise ValueError(
                 f"model must be used with the {file} that its effect {name!r} was found with (SHA-256 {digest[:12]});"
-                f" got another ({LOADED[name].sha256[:12]})"
+                f" got another ({known[name][:12]})"
             )
     return {str(name): {"file": str(o.get("file", "")), "sha256": str(o.get("sha256", ""))} for name, o in raw.items()}
 
 
-def _values(raw: object, stage: str) -> Theta:
+def _values(raw: object, stage: str, catalogue: Catalogue) -> Theta:
     if not isinstance(raw, Mapping):
         raise ValueError(f"model must have a table [{stage}]; it is missing")
     for text, value in raw.items():
@@ -270,10 +271,12 @@ def _values(raw: object, stage: str) -> Theta:
             raise ValueError(f"model [{stage}] {text} must be a finite number; got {shown(value)}")
     theta = Theta.read(raw)
     for effect, values in theta.effects.items():
-        if effect not in BY_ID:
+        if effect not in catalogue:
             got = next(text for text in raw if text.startswith(f"{effect}."))
-            raise ValueError(f"model [{stage}] must name known effects; got {got!r}; {nearest(effect, list(BY_ID))}")
-        known = [p.name for p in BY_ID[effect].parameters()]
+            raise ValueError(
+                f"model [{stage}] must name known effects; got {got!r}; {nearest(effect, list(catalogue))}"
+            )
+        known = [p.name for p in catalogue[effect].parameters()]
         strange = next((name for name in values if name not in known), None)
         if strange is not None:
             hint = nearest(strange, known)

@@ -10,7 +10,7 @@ from models.checks.finding import RecordFinding
 from models.identification.finding import STAGES, Check, Estimate
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
-from models.identification.kind import Kind, declared
+from models.identification.kind import Kind
 from models.identification.search.forward_selection import Search
 from models.identification.settings import SET
 from models.parameter import Name
@@ -64,7 +64,7 @@ def model_checks(
         ),
     ]
     if found.effects:
-        amplitudes = [(name, declared(kind, name).amplitude().name) for name in found.effects]
+        amplitudes = [(name, kind.declared(name).amplitude().name) for name in found.effects]
         untold = sum(name not in spread or not spread[name].told for name in amplitudes)
         checks.append(
             _check(
@@ -173,7 +173,7 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
     """Names of the fitted parameters at a bound. A bound of 0, where the law itself ends or becomes a simpler one, is
     none, but for the size of an effect, which is not there then; nor is one where a form is as it is declared.
     """
-    sizes = {(name, declared(kind, name).amplitude().name) for name in effects}
+    sizes = {(name, kind.declared(name).amplitude().name) for name in effects}
     found = []
     for axis in axes(kind, effects):
         p = axis.parameter
@@ -185,7 +185,7 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
 
 
 def _frequencies(kind: Kind, effects: Sequence[str]) -> list[tuple[str, str]]:
-    return [(name, p.name) for name in effects for p in declared(kind, name).parameters() if p.unit == "Hz"]
+    return [(name, p.name) for name in effects for p in kind.declared(name).parameters() if p.unit == "Hz"]
 
 
 def _check(name: str, title: str, value: float, limit: float, meaning: str) -> Check:

@@ -17,7 +17,8 @@ T = TypeVar("T")
 class Rig:
     """A rig of one kind with its nominal values; a part that this kind does not have is None or the default capsule and
     gut. `own` has the tables that no other kind has, by name. `prior` has the standard deviations with which nominal
-    values of what calibration fits are known, by name.
+    values of what calibration fits are known, by name. `own_effects` are those from outside
+    that may act in it, each as `models.effects.own.Origin`.
     """
 
     kind: str
@@ -38,6 +39,7 @@ class Rig:
     columns: ColumnMap = ColumnMap()
     prior: Mapping[str, float] = field(default_factory=dict)
     own: Mapping[str, Table] = field(default_factory=dict)
+    own_effects: tuple[Any, ...] = ()
 
     def needed(self, part: T | None) -> T:
         """A part that the rig's kind has; ValueError where a rig that was put together by hand lacks it."""

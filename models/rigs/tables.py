@@ -145,6 +145,16 @@ class Surface(Table):
     )
     friction_coefficient: Friction | None = key("coefficient of Coulomb friction; required for a plate", None)
 
+    @property
+    def is_gut(self) -> bool:
+        """Whether a wall is around the body."""
+        return self.kind == "gut"
+
+    @property
+    def is_air(self) -> bool:
+        """Whether nothing holds the body."""
+        return self.kind == "air"
+
 
 class Coil(Table):
     """The coil's force `k_c i` on the capsule, falling with the distance from the coil's place where a range is

@@ -1,27 +1,31 @@
-"""The simulated drives: what is true of each, how it advances, what it feeds back. One class a kind, one table."""
+"""The simulated drives: what is true of each, its compiled steps, what it feeds back. One class a kind, one table."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from plant import layout as at
-from plant.drives.body import COIL, FORCE, LINK, MAGNET, PAIR, advance_body, pair_force
-from plant.drives.pull import advance_pull
-from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
-from plant.hidden import registry
+from plant.drives import steps
+from plant.hidden.registry import COIL, FORCE, MAGNETIC, PULL, ROW, VIBRO
 from plant.tables import Floats
+
+
+def _at(place: int, default: float) -> Any:
+    """A number that stands at `place` among the plant's parameters."""
+    return field(default=default, metadata={"place": place})
 
 
 @dataclass(frozen=True)
 class TrueDrive(ABC):
     """A drive's true numbers; `kind` is that of its rig. `free`: the capsule can be led in closed loop; `straight`: a
-    command is gone to in a straight line, else it is held; `feedback` is the column that the drive itself reports, ""
-    for none; `pushes`: it puts a force on the body that a limit applies to.
+    command is gone to in a straight line, else it is held; `pushes`: it puts a force on the body that a limit applies
+    to; `measured`: the plant's column that a record measures; `calibrated`: the names that a calibration gives to its
+    fields of force and spring.
     """
 
     kind: ClassVar[str] = ""
@@ -29,6 +33,7 @@ class TrueDrive(ABC):
     straight: ClassVar[bool] = False
     pushes: ClassVar[bool] = True
     measured: ClassVar[int] = at.O_X
+    calibrated: ClassVar[dict[str, str]] = {}
 
     @property
     def feedback(self) -> str:
@@ -46,58 +51,56 @@ class TrueDrive(ABC):
         return 1.0
 
     @abstractmethod
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        """The compiled loop that does this drive's steps under the hidden `effects`, and its first arguments."""
+    def steps(self, effects: Floats) -> int:
+        """Which of the compiled steps (`plant.drives.steps`) are its own under the hidden `effects`."""
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
-        """Do the steps of `common`, the arrays that `Plant.advance` hands to the compiled loops."""
-        function, kind = self.loop(effects)
-        function(*kind, *common)
-
-    @abstractmethod
-    def fill(self, p: Floats) -> None:
-        """Write the drive's numbers into the plant's parameters `p`."""
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        """The columns of a record beside time: `commanded` at each sample, its `mean` since the last one, the sensor's
-        `reading`, the coil's `current`.
+    def columns(self) -> dict[str, str]:
+        """The columns of a record beside time: what is `commanded` at each sample, its `mean` since the last one, the
+        sensor's `reading`, the coil's `current`.
         """
         raise NotImplementedError(f"a {type(self).__name__.lower()} has no record")
 
+    def fill(self, p: Floats) -> None:
+        """Write the drive's numbers into the plant's parameters `p`."""
+        for own in fields(self):
+            value = getattr(self, own.name)
+            if isinstance(value, TrueDrive):
+                value.fill(p)
+            elif "place" in own.metadata:
+                p[own.metadata["place"]] = value
+
     def numbers(self) -> dict[str, float]:
         """The true numbers under the names that a calibration gives them."""
-        return {}
+        return {name: getattr(self, own) for name, own in self.calibrated.items()}
 
-    def varied(self, force: float, spring: float) -> TrueDrive:
-        """The same drive with its force and its spring by these factors other."""
-        return self
+    def varied(self, *factors: float) -> TrueDrive:
+        """The same drive with its force and its spring by these `factors` other."""
+        new = {own: getattr(self, own) * f for own, f in zip(self.calibrated.values(), factors, strict=False)}
+        return replace(self, **new)
 
 
 @dataclass(frozen=True)
 class TruePull(TrueDrive):
     """Imposed position; a link of `link_stiffness_N_per_m` (0: rigid) with `link_damping_N_s_per_m`."""
 
-    kind: ClassVar[str] = registry.PULL
+    kind: ClassVar[str] = PULL
     measured: ClassVar[int] = at.O_FORCE
-    link_stiffness_N_per_m: float = 0.0
-    link_damping_N_s_per_m: float = 0.05
+    link_stiffness_N_per_m: float = _at(at.P_LINK_K, 0.0)
+    link_damping_N_s_per_m: float = _at(at.P_LINK_C, 0.05)
 
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        elastic = self.link_stiffness_N_per_m > 0 or effects[registry.ROWS["string_compliance"], 0] > 0
-        return (advance_body, (LINK,)) if elastic else (advance_pull, ())
+    def steps(self, effects: Floats) -> int:
+        elastic = self.link_stiffness_N_per_m > 0 or effects[ROW.string_compliance, 0] > 0
+        return steps.LINK if elastic else steps.PULL
 
-    def fill(self, p: Floats) -> None:
-        p[at.P_LINK_K], p[at.P_LINK_C] = self.link_stiffness_N_per_m, self.link_damping_N_s_per_m
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"position_m": commanded, "force_N": reading}
+    def columns(self) -> dict[str, str]:
+        return {"position_m": "commanded", "force_N": "reading"}
 
 
 @dataclass(frozen=True)
 class Carriage(TrueDrive):
     """A magnet on a carriage."""
 
-    kind: ClassVar[str] = registry.MAGNETIC
+    kind: ClassVar[str] = MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
 
@@ -105,8 +108,8 @@ class Carriage(TrueDrive):
     def feedback(self) -> str:
         return "carriage_position_m"
 
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"carriage_position_m": commanded, "position_m": reading}
+    def columns(self) -> dict[str, str]:
+        return {"carriage_position_m": "commanded", "position_m": "reading"}
 
     @property
     @abstractmethod
@@ -118,20 +121,12 @@ class Carriage(TrueDrive):
 class TrueMagnet(Carriage):
     """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
 
-    magnet_stiffness_N_per_m: float = 25.0
-    magnet_range_m: float = 0.02
+    calibrated: ClassVar[dict[str, str]] = {"magnet_stiffness_N_per_m": "magnet_stiffness_N_per_m"}
+    magnet_stiffness_N_per_m: float = _at(at.P_MAGNET_K, 25.0)
+    magnet_range_m: float = _at(at.P_MAGNET_RANGE, 0.02)
 
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        return advance_body, (MAGNET,)
-
-    def fill(self, p: Floats) -> None:
-        p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = self.magnet_stiffness_N_per_m, self.magnet_range_m
-
-    def numbers(self) -> dict[str, float]:
-        return {"magnet_stiffness_N_per_m": self.magnet_stiffness_N_per_m}
-
-    def varied(self, force: float, spring: float) -> TrueDrive:
-        return replace(self, magnet_stiffness_N_per_m=self.magnet_stiffness_N_per_m * force)
+    def steps(self, effects: Floats) -> int:
+        return steps.MAGNET
 
     @property
     def gap_limit_m(self) -> float:
@@ -144,23 +139,19 @@ class TrueMagnetPair(Carriage):
     capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
     """
 
-    outer_moment_A_m2: float = 400.0
-    inner_moment_A_m2: float = 1.0
-    height_m: float = 0.15
-    along: bool = False
+    outer_moment_A_m2: float = _at(at.P_OUTER_MOMENT, 400.0)
+    inner_moment_A_m2: float = _at(at.P_INNER_MOMENT, 1.0)
+    height_m: float = _at(at.P_MAGNET_HEIGHT, 0.15)
+    along: bool = _at(at.P_MAGNET_ALONG, False)
 
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        return advance_body, (PAIR,)
-
-    def fill(self, p: Floats) -> None:
-        p[at.P_OUTER_MOMENT], p[at.P_INNER_MOMENT] = self.outer_moment_A_m2, self.inner_moment_A_m2
-        p[at.P_MAGNET_HEIGHT], p[at.P_MAGNET_ALONG] = self.height_m, float(self.along)
+    def steps(self, effects: Floats) -> int:
+        return steps.PAIR
 
     def forces(self, gap_m: Floats) -> tuple[Floats, Floats]:
         """Pull along the lumen and attraction across it in N at the gaps (n,)."""
         p, s = np.zeros(at.P_COUNT), np.zeros(at.S_COUNT)
         self.fill(p)
-        pairs = [(pair_force(gap, s, p), s[at.S_PRESSING]) for gap in gap_m.tolist()]
+        pairs = [(steps.pair_force(gap, s, p), s[at.S_PRESSING]) for gap in gap_m.tolist()]
         return np.array([pull for pull, _ in pairs]), np.array([press for _, press in pairs])
 
     @property
@@ -177,46 +168,34 @@ class TrueMagnetPair(Carriage):
 class TrueCoil(TrueDrive):
     """Voltage-driven coil: `L i' = U - R i - K_e v`, `|i|` limited, `F = K i`."""
 
-    kind: ClassVar[str] = registry.COIL
+    kind: ClassVar[str] = COIL
     free: ClassVar[bool] = True
-    gain_N_per_A: float = 0.5
-    resistance_ohm: float = 10.0
-    inductance_H: float = 10e-3
-    current_limit_A: float = 1.0
-    back_emf_V_s_per_m: float = 0.5
+    calibrated: ClassVar[dict[str, str]] = {"coil_force_N_per_A": "gain_N_per_A"}
+    gain_N_per_A: float = _at(at.P_COIL_GAIN, 0.5)
+    resistance_ohm: float = _at(at.P_COIL_R, 10.0)
+    inductance_H: float = _at(at.P_COIL_L, 10e-3)
+    current_limit_A: float = _at(at.P_COIL_LIMIT, 1.0)
+    back_emf_V_s_per_m: float = _at(at.P_COIL_EMF, 0.5)
 
     @property
     def feedback(self) -> str:
         return "coil_current_A"
 
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        return advance_body, (COIL,)
+    def steps(self, effects: Floats) -> int:
+        return steps.COIL
 
-    def fill(self, p: Floats) -> None:
-        p[at.P_COIL_GAIN], p[at.P_COIL_R], p[at.P_COIL_L] = self.gain_N_per_A, self.resistance_ohm, self.inductance_H
-        p[at.P_COIL_LIMIT], p[at.P_COIL_EMF] = self.current_limit_A, self.back_emf_V_s_per_m
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"coil_current_A": current, "position_m": reading, "coil_voltage_V": commanded}
-
-    def numbers(self) -> dict[str, float]:
-        return {"coil_force_N_per_A": self.gain_N_per_A}
-
-    def varied(self, force: float, spring: float) -> TrueDrive:
-        return replace(self, gain_N_per_A=self.gain_N_per_A * force)
+    def columns(self) -> dict[str, str]:
+        return {"coil_current_A": "current", "position_m": "reading", "coil_voltage_V": "commanded"}
 
 
 @dataclass(frozen=True)
 class Force(TrueDrive):
     """A force in N on the body, nothing else."""
 
-    kind: ClassVar[str] = registry.FORCE
+    kind: ClassVar[str] = FORCE
 
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        return advance_body, (FORCE,)
-
-    def fill(self, p: Floats) -> None:
-        return
+    def steps(self, effects: Floats) -> int:
+        return steps.FORCE
 
 
 @dataclass(frozen=True)
@@ -227,23 +206,27 @@ class TrueVibro(TrueDrive):
     inner mass alone.
     """
 
-    kind: ClassVar[str] = registry.VIBRO
+    kind: ClassVar[str] = VIBRO
     free: ClassVar[bool] = True
     pushes: ClassVar[bool] = False
-    inner_mass_kg: float = 0.074
-    spring_stiffness_N_per_m: float = 256.23
-    spring_damping_N_s_per_m: float = 0.0
+    calibrated: ClassVar[dict[str, str]] = {
+        "force_N": "force_N",
+        "spring_stiffness_N_per_m": "spring_stiffness_N_per_m",
+    }
+    inner_mass_kg: float = _at(at.P_INNER_MASS, 0.074)
+    spring_stiffness_N_per_m: float = _at(at.P_SPRING_K, 256.23)
+    spring_damping_N_s_per_m: float = _at(at.P_SPRING_C, 0.0)
     force_N: float = 1.25
-    reaction_on_body: bool = True
-    front_gap_m: float = 1.0
-    front_stiffness_N_per_m: float = 0.0
-    rear_gap_m: float = 1.0
-    rear_stiffness_N_per_m: float = 0.0
+    reaction_on_body: bool = _at(at.P_REACTION, True)
+    front_gap_m: float = _at(at.P_FRONT_GAP, 1.0)
+    front_stiffness_N_per_m: float = _at(at.P_FRONT_K, 0.0)
+    rear_gap_m: float = _at(at.P_REAR_GAP, 1.0)
+    rear_stiffness_N_per_m: float = _at(at.P_REAR_K, 0.0)
     coil: TrueCoil | None = None
 
     @property
     def feedback(self) -> str:
-        return "" if self.coil is None else "coil_current_A"
+        return "" if self.coil is None else self.coil.feedback
 
     @property
     def inner_kg(self) -> float:
@@ -253,28 +236,13 @@ class TrueVibro(TrueDrive):
     def command_scale(self) -> float:
         return self.force_N if self.coil is None else 1.0
 
-    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        return advance_vibro, (BY_FORCE if self.coil is None else BY_VOLTAGE,)
+    def steps(self, effects: Floats) -> int:
+        return steps.INNER_FORCE if self.coil is None else steps.INNER_VOLTAGE
 
-    def fill(self, p: Floats) -> None:
-        p[at.P_INNER_MASS], p[at.P_SPRING_K] = self.inner_mass_kg, self.spring_stiffness_N_per_m
-        p[at.P_SPRING_C], p[at.P_REACTION] = self.spring_damping_N_s_per_m, float(self.reaction_on_body)
-        p[at.P_FRONT_GAP], p[at.P_FRONT_K] = self.front_gap_m, self.front_stiffness_N_per_m
-        p[at.P_REAR_GAP], p[at.P_REAR_K] = self.rear_gap_m, self.rear_stiffness_N_per_m
+    def columns(self) -> dict[str, str]:
         if self.coil is not None:
-            self.coil.fill(p)
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        if self.coil is not None:
-            return {"coil_voltage_V": mean, "position_m": reading, "coil_current_A": current}
-        return {"drive_on": mean, "position_m": reading}
-
-    def numbers(self) -> dict[str, float]:
-        return {"force_N": self.force_N, "spring_stiffness_N_per_m": self.spring_stiffness_N_per_m}
-
-    def varied(self, force: float, spring: float) -> TrueDrive:
-        stiffness = self.spring_stiffness_N_per_m * spring
-        return replace(self, force_N=self.force_N * force, spring_stiffness_N_per_m=stiffness)
+            return {"coil_voltage_V": "mean", "position_m": "reading", "coil_current_A": "current"}
+        return {"drive_on": "mean", "position_m": "reading"}
 
 
 DRIVES: Final[dict[str, type[TrueDrive]]] = {drive.kind: drive for drive in (TruePull, TrueMagnet, TrueCoil, TrueVibro)}

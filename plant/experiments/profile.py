@@ -16,17 +16,19 @@ FASTEST_M_S: Final = 0.5
 """Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
 
 
-def _check_speeds(key: str, speeds: Sequence[float]) -> None:
-    wrong = next((v for v in speeds if not abs(v) <= FASTEST_M_S), None)
-    if wrong is not None:
-        raise ValueError(f"profile.{key} must lie within {FASTEST_M_S:g} m/s either way; got {wrong:g}")
+def _check_speeds(key: str, *speeds: float) -> None:
+    wrong = [v for v in speeds if not abs(v) <= FASTEST_M_S]
+    if wrong:
+        raise ValueError(f"profile.{key} must lie within {FASTEST_M_S:g} m/s either way; got {wrong[0]:g}")
 
 
 class Profile(Protocol):
-    """Values of the drive at steps of `dt` over `duration_s`, the end included."""
+    """What a drive is commanded."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """One value a step; positions in m, voltages in V, forces in N, or shares of a step that a PWM is on."""
+        """A value at each step of `dt` over `duration_s` in s, the end included: positions in m, voltages in V, forces
+        in N, or shares of a step that a PWM is on.
+        """
         ...
 
 
@@ -35,7 +37,6 @@ class RandomRuns:
     """Out and back at several speeds in random order, with rests; starts again until the time is over."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return random_runs(rng, duration_s, dt)[: round(duration_s / dt) + 1]
 
 
@@ -44,7 +45,6 @@ class Wander:
     """A sum of slow sines, for a carriage."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return random_wander(rng, duration_s, dt)
 
 
@@ -56,13 +56,12 @@ class Runs:
     durations_s: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        wrong = next((d for d in self.durations_s if not 0 < d <= LONGEST_S), None)
-        if wrong is not None:
-            raise ValueError(f"profile.durations_s must be more than 0 and at most {LONGEST_S:g} s; got {wrong:g}")
-        _check_speeds("speeds_m_s", self.speeds_m_s)
+        wrong = [d for d in self.durations_s if not 0 < d <= LONGEST_S]
+        if wrong:
+            raise ValueError(f"profile.durations_s must be more than 0 and at most {LONGEST_S:g} s; got {wrong[0]:g}")
+        _check_speeds("speeds_m_s", *self.speeds_m_s)
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         if len(self.speeds_m_s) != len(self.durations_s):
             raise ValueError(
                 f"profile.durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got"
@@ -79,10 +78,9 @@ class ConstantSpeed:
     speed_m_s: float
 
     def __post_init__(self) -> None:
-        _check_speeds("speed_m_s", (self.speed_m_s,))
+        _check_speeds("speed_m_s", self.speed_m_s)
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return np.asarray(self.speed_m_s * dt * np.arange(round(duration_s / dt) + 1), dtype=np.float64)
 
 
@@ -97,7 +95,6 @@ class SineProfile:
     offset: float = 0.0
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         given = [a for a in (self.amplitude_m, self.amplitude_V, self.amplitude_N) if a != 0.0]
         if len(given) != 1:
             raise ValueError(f"sine must have one of amplitude_m, amplitude_V, amplitude_N; got {len(given)} of them")
@@ -114,7 +111,6 @@ class Pwm:
     amplitude_V: float = 1.0
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return self.amplitude_V * pulse_width(self.period_s, self.duty, duration_s, dt)
 
 
@@ -127,7 +123,6 @@ class RandomPulses(Pwm):
     duty: float = 0.5
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         parts: list[Floats] = []
         while sum(part.size for part in parts) * dt <= duration_s:
             period, duty = self.period_s * rng.uniform(0.6, 1.6), rng.uniform(0.15, 0.85)
@@ -145,7 +140,6 @@ class RandomVoltage:
     amplitude_V: float = 1.6
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         t = np.arange(round(duration_s / dt) + 1) * dt
         frequencies = np.geomspace(0.05, 2.0, 7) * rng.uniform(0.8, 1.25, 7)
         turns = [2 * np.pi * f * t + rng.uniform(0, 2 * np.pi) for f in frequencies]
@@ -162,7 +156,6 @@ class Recorded:
     folder: str = "."
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         file = Path(self.folder) / self.path
         found = [(header, block.values) for header, block in read_blocks(file, self._check)]
         values = np.concatenate([block for _, block in found])

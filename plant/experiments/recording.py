@@ -29,17 +29,15 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     rows = plant.advance(drive * truth.command_scale if switched else drive, every)
     measured = rows[:, truth.measured]
     t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
-    commanded = np.interp(t, dt * np.arange(drive.size), drive)
-    current = np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT])
-    columns = truth.columns(commanded, _mean_before(t, drive, dt), reading, current)
+    times = dt * np.arange(drive.size)
+    sums = np.interp(t, times, np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
+    taken = {
+        "reading": reading,
+        "commanded": np.interp(t, times, drive),
+        "mean": np.append(drive[0], np.diff(sums) / np.diff(t)),
+        "current": np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT]),
+    }
+    columns = {name: taken[what] for name, what in truth.columns().items()}
     if "drive_on" in columns and not switched:
         columns = {"drive_force_N" if name == "drive_on" else name: values for name, values in columns.items()}
     return {"t_s": t, **columns}
-
-
-def _mean_before(t: Floats, drive: Floats, dt: float) -> Floats:
-    """Mean of the steps' values between each sample and the one before."""
-    sums = np.interp(t, dt * np.arange(drive.size), np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
-    mean = np.empty_like(t)
-    mean[0], mean[1:] = drive[0], np.diff(sums) / np.diff(t)
-    return mean

@@ -60,19 +60,18 @@ class Believed:
             {"kind": "gut"} if plate is None else {"kind": "plate", "friction_coefficient": plate.friction_coefficient}
         )
         below = [] if self.plain else _table("surface", surface)
-        head = {"kind": self.kind}
+        rig: dict[str, object] = {"kind": self.kind}
         if isinstance(drive, TrueCoil):
-            winding: Mapping[str, object] = {
-                "coil_resistance_Ohm": drive.resistance_ohm,
-                "coil_inductance_H": drive.inductance_H,
-                "current_limit_A": drive.current_limit_A,
-            }
-            rig = {**head, "force_constant_N_per_A": drive.gain_N_per_A}
-            return [*_table("rig", {**rig, **(winding if self.unlogged else {})}), *below]
-        if not isinstance(drive, TrueVibro):
-            return [*_table("rig", {**head, **({} if self.pulled else asdict(drive))}), *below]
-        names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N", "reaction_on_body")
-        return [*_table("rig", head), *_table("drive", {name: getattr(drive, name) for name in names}), *below]
+            rig["force_constant_N_per_A"] = drive.gain_N_per_A
+            if self.unlogged:
+                rig |= {"coil_resistance_Ohm": drive.resistance_ohm, "coil_inductance_H": drive.inductance_H}
+                rig["current_limit_A"] = drive.current_limit_A
+        elif isinstance(drive, TrueVibro):
+            names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N")
+            below = [*_table("drive", {n: getattr(drive, n) for n in (*names, "reaction_on_body")}), *below]
+        elif not self.pulled:
+            rig |= asdict(drive)
+        return [*_table("rig", rig), *below]
 
 
 def _table(name: str, values: Mapping[str, object]) -> list[str]:

@@ -3,75 +3,66 @@ pulls sideways.
 """
 
 import math
-from typing import Final
 
 from plant.compiling import compiled
-from plant.hidden.registry import ONSET, ROWS
+from plant.hidden.registry import ONSET, ROW
 from plant.layout import S_DRIVE_LAST, S_HYSTERESIS
 from plant.tables import Floats
-
-DECAY: Final = ROWS["coupling_decay"]
-FADE: Final = ROWS["coupling_fade"]
-DEAD_ZONE: Final = ROWS["actuator_dead_zone"]
-SATURATION: Final = ROWS["actuator_saturation"]
-HYSTERESIS: Final = ROWS["magnetic_hysteresis"]
-BACK_EMF: Final = ROWS["back_emf"]
-ATTRACTION: Final = ROWS["attraction_load"]
-DIPOLE: Final = ROWS["dipole_load"]
-STRING: Final = ROWS["string_compliance"]
 
 
 @compiled
 def coupling(x: float, t: float, h: Floats) -> float:
     """Factor on the drive's gain at place `x` in m and time `t` in s."""
     gain = 1.0
-    if h[DECAY, 0] != 0.0:
-        gain *= 1 - 0.5 * h[DECAY, 0] * (1 + math.tanh((x - 5e-3) / h[DECAY, 1]))
-    if h[FADE, 0] != 0.0:
-        gain *= 1 - h[FADE, 0] * (1 - math.exp((h[FADE, ONSET] - t) / h[FADE, 1]))
+    if h[ROW.coupling_decay, 0] != 0.0:
+        gain *= 1 - 0.5 * h[ROW.coupling_decay, 0] * (1 + math.tanh((x - 5e-3) / h[ROW.coupling_decay, 1]))
+    if h[ROW.coupling_fade, 0] != 0.0:
+        gain *= 1 - h[ROW.coupling_fade, 0] * (
+            1 - math.exp((h[ROW.coupling_fade, ONSET] - t) / h[ROW.coupling_fade, 1])
+        )
     return gain
 
 
 @compiled
 def delivered(force: float, s: Floats, h: Floats) -> float:
     """The drive's force in N after saturation, plus what magnetic memory adds."""
-    if h[SATURATION, 0] != 0.0:
-        force /= (1 + abs(force / h[SATURATION, 0]) ** 3) ** (1.0 / 3.0)
-    if h[HYSTERESIS, 0] != 0.0:
-        force += h[HYSTERESIS, 0] * s[S_HYSTERESIS]
+    if h[ROW.actuator_saturation, 0] != 0.0:
+        force /= (1 + abs(force / h[ROW.actuator_saturation, 0]) ** 3) ** (1.0 / 3.0)
+    if h[ROW.magnetic_hysteresis, 0] != 0.0:
+        force += h[ROW.magnetic_hysteresis, 0] * s[S_HYSTERESIS]
     return force
 
 
 @compiled
 def remember_drive(value: float, s: Floats, h: Floats) -> None:
     """Advance magnetic memory with the change of what drives it (gap in m, current in A)."""
-    if h[HYSTERESIS, 0] != 0.0:
+    if h[ROW.magnetic_hysteresis, 0] != 0.0:
         change = value - s[S_DRIVE_LAST]
         z = s[S_HYSTERESIS]
-        s[S_HYSTERESIS] = z + change / h[HYSTERESIS, 1] * (1 - math.copysign(z * abs(z), z * change))
+        s[S_HYSTERESIS] = z + change / h[ROW.magnetic_hysteresis, 1] * (1 - math.copysign(z * abs(z), z * change))
     s[S_DRIVE_LAST] = value
 
 
 @compiled
 def effective_current(current: float, h: Floats) -> float:
     """Current in A that makes force: none below the dead zone, whose edge is rounded."""
-    if h[DEAD_ZONE, 0] == 0.0:
+    if h[ROW.actuator_dead_zone, 0] == 0.0:
         return current
-    return float(current * (1 - 1 / (1 + (current / h[DEAD_ZONE, 0]) ** 4)))
+    return float(current * (1 - 1 / (1 + (current / h[ROW.actuator_dead_zone, 0]) ** 4)))
 
 
 @compiled
 def hidden_emf(v: float, h: Floats) -> float:
     """Voltage in V that the hidden back-EMF takes from the coil."""
-    return float(h[BACK_EMF, 0] * v * (1 + abs(v) * 5.0))
+    return float(h[ROW.back_emf, 0] * v * (1 + abs(v) * 5.0))
 
 
 @compiled
 def sideways_load(gap: float, h: Floats) -> float:
     """Resistance in N that a magnet adds by pressing the capsule down: `a (g/g_0)^2`."""
-    if h[ATTRACTION, 0] == 0.0:
+    if h[ROW.attraction_load, 0] == 0.0:
         return 0.0
-    return float(h[ATTRACTION, 0] * (gap / h[ATTRACTION, 1]) ** 2)
+    return float(h[ROW.attraction_load, 0] * (gap / h[ROW.attraction_load, 1]) ** 2)
 
 
 @compiled
@@ -79,15 +70,15 @@ def dipole_load(gap: float, h: Floats) -> float:
     """Force in N with which a magnet presses the capsule on its surface: `a (1 - 3/2 q)/(1 + q)^(7/2)`, no less than
     0.
     """
-    if h[DIPOLE, 0] == 0.0:
+    if h[ROW.dipole_load, 0] == 0.0:
         return 0.0
-    q = (gap / h[DIPOLE, 1]) ** 2
-    return float(h[DIPOLE, 0] * max(1 - 1.5 * q, 0.0) / (1 + q) ** 3.5)
+    q = (gap / h[ROW.dipole_load, 1]) ** 2
+    return float(h[ROW.dipole_load, 0] * max(1 - 1.5 * q, 0.0) / (1 + q) ** 3.5)
 
 
 @compiled
 def link_force(stretch: float, stiffness: float, h: Floats) -> float:
     """Force in N of the pull's link; a hidden string is softer and stiffens: `k e (1 + (e/e_0)^2)`."""
-    if h[STRING, 0] == 0.0:
+    if h[ROW.string_compliance, 0] == 0.0:
         return stiffness * stretch
-    return float(stretch / h[STRING, 0] * (1 + (stretch / h[STRING, 1]) ** 2))
+    return float(stretch / h[ROW.string_compliance, 0] * (1 + (stretch / h[ROW.string_compliance, 1]) ** 2))

@@ -3,13 +3,10 @@
 from typing import Final
 
 from plant.compiling import compiled
-from plant.hidden.registry import LAG_SHARES, ROWS
+from plant.hidden.registry import LAG_SHARES, ROW
 from plant.tables import Floats
 
-LAG: Final = ROWS["actuator_lag"]
-DRIVER: Final = ROWS["driver_lag"]
-BACKLASH: Final = ROWS["carriage_backlash"]
-BEHIND: Final = [LAG, DRIVER, BACKLASH]
+BEHIND: Final = [ROW.actuator_lag, ROW.driver_lag, ROW.carriage_backlash]
 """Effects between the commanded and the real drive."""
 CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)  # of the memory: two of the play, one a lag
 
@@ -43,9 +40,9 @@ def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
     first values at rest) carries over from call to call and is changed in place.
     """
     arrived = values.copy()
-    time = h[LAG, 0] + h[DRIVER, 0]  # a drive has one of them
+    time = h[ROW.actuator_lag, 0] + h[ROW.driver_lag, 0]  # a drive has one of them
     if time != 0.0:
         lags(arrived, dt, time, memory)
-    if h[BACKLASH, 0] != 0.0:
-        rounded_play(arrived, h[BACKLASH, 0], memory)
+    if h[ROW.carriage_backlash, 0] != 0.0:
+        rounded_play(arrived, h[ROW.carriage_backlash, 0], memory)
     return arrived

@@ -1,7 +1,8 @@
 """The one list of hidden effects: name, form, numbers with their ranges, and the drives they make sense for."""
 
+from collections import namedtuple
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,6 +16,8 @@ RESTING: Final = (*CARRIED, COIL, FORCE)
 GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
 LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time that each of its stages has
 IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
+SIGNED: Final = -1.0
+"""Third number of a range whose values are negative half of the time."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +27,12 @@ class Shape:
     name: str
     lower: float
     upper: float
-    signed: bool = False
+    sign: float = 1.0
 
     def draw(self, rng: np.random.Generator) -> float:
         """A value, evenly from the range; a signed one is negative half of the time."""
         value = float(rng.uniform(self.lower, self.upper))
-        return -value if self.signed and rng.random() < 0.5 else value
+        return -value if self.sign == SIGNED and rng.random() < 0.5 else value
 
     @property
     def middle(self) -> float:
@@ -39,199 +42,195 @@ class Shape:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect: `numbers[0]` is its amplitude, zero switches it off. `called` is what the field calls it, where that
-    is not its `id`.
-    """
+    """An effect: `numbers[0]` is its amplitude, zero switches it off. `answer` is what a search should name."""
 
     id: str
     form: str
     numbers: tuple[Shape, ...]
-    drives: tuple[str, ...] = GUT_DRIVES
-    published: bool = True
-    called: str = ""
-
-    @property
-    def answer(self) -> str:
-        """What a search should name."""
-        return self.called or self.id
+    drives: tuple[str, ...]
+    published: bool
+    answer: str
 
 
-HIDDEN: Final[tuple[Hidden, ...]] = (
-    Hidden("stribeck", "level (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3))),
-    Hidden(
+def _effect(
+    name: str,
+    form: str,
+    ranges: dict[str, tuple[float, ...]],
+    drives: tuple[str, ...] = GUT_DRIVES,
+    called: str = "",
+    published: bool = True,
+) -> Hidden:
+    """An effect with the `ranges` of its numbers; `called` is what the field calls it, where that is not its name."""
+    return Hidden(name, form, tuple(Shape(n, *r) for n, r in ranges.items()), drives, published, called or name)
+
+
+HIDDEN: Final = (
+    _effect("stribeck", "level (1 + a/(1 + (v/v_s)^2))", {"excess": (0.35, 0.8), "speed_m_s": (1.5e-3, 4e-3)}),
+    _effect(
         "directional_asymmetry",
         "level (1 + a v/sqrt(v^2 + v_0^2))",
-        (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-4, 4e-4)),
+        {"excess": (0.12, 0.3, SIGNED), "speed_m_s": (1e-4, 4e-4)},
     ),
-    Hidden(
+    _effect(
         "fold_periodic",
         "level (1 + a (sin q + 0.35 sin(2 q + 0.8))), q = 2 pi x/l + p",
-        (Shape("excess", 0.15, 0.35), Shape("wavelength_m", 5e-3, 10e-3), Shape("phase_rad", 0.0, 6.28)),
+        {"excess": (0.15, 0.35), "wavelength_m": (5e-3, 10e-3), "phase_rad": (0.0, 6.28)},
     ),
-    Hidden(
+    _effect(
         "lumen_taper",
         "level (1 + a tanh((x - c)/w))",
-        (Shape("excess", 0.2, 0.4, True), Shape("centre_m", 0.0, 6e-3), Shape("width_m", 12e-3, 25e-3)),
+        {"excess": (0.2, 0.4, SIGNED), "centre_m": (0.0, 6e-3), "width_m": (12e-3, 25e-3)},
     ),
-    Hidden(
+    _effect(
         "stenosis",
         "level (1 + a cos^2) over 1 width before and 1.5 widths after the centre",
-        (Shape("excess", 0.6, 1.3), Shape("centre_m", 2.5e-3, 9e-3), Shape("width_m", 2.5e-3, 5e-3)),
+        {"excess": (0.6, 1.3), "centre_m": (2.5e-3, 9e-3), "width_m": (2.5e-3, 5e-3)},
     ),
-    Hidden(
-        "tissue_drying", "level (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0))
+    _effect("tissue_drying", "level (1 + a (1 - exp(-t/t_d)))", {"excess": (0.25, 0.5), "time_s": (18.0, 40.0)}),
+    _effect(
+        "preconditioning", "level (1 - a s/(s + s_0)), s the path", {"share": (0.25, 0.5), "path_m": (40e-3, 120e-3)}
     ),
-    Hidden(
-        "preconditioning",
-        "level (1 - a s/(s + s_0)), s the path",
-        (Shape("share", 0.25, 0.5), Shape("path_m", 40e-3, 120e-3)),
-    ),
-    Hidden(
+    _effect(
         "dwell_adhesion",
         "level (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
-        (Shape("excess", 0.6, 1.2), Shape("time_s", 0.4, 1.2), Shape("path_m", 0.6e-3, 1.5e-3)),
+        {"excess": (0.6, 1.2), "time_s": (0.4, 1.2), "path_m": (0.6e-3, 1.5e-3)},
         RESTING,
     ),
-    Hidden(
+    _effect(
         "nose_asymmetry",
         "resistance (1 + a v/sqrt(v^2 + v_0^2)), the slip limit as it was",
-        (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-5, 1e-4)),
+        {"excess": (0.12, 0.3, SIGNED), "speed_m_s": (1e-5, 1e-4)},
         RESTING,
         called="directional_asymmetry",
     ),
-    Hidden(
+    _effect(
         "film_weakening",
         "resistance + a/(1 + |v|/v_s), the slip limit as it was",
-        (Shape("force_N", 12e-3, 24e-3), Shape("speed_m_s", 1.5e-3, 4e-3)),
+        {"force_N": (12e-3, 24e-3), "speed_m_s": (1.5e-3, 4e-3)},
         RESTING,
         called="stribeck",
     ),
-    Hidden(
+    _effect(
         "slip_folds",
         "slip limit's hoop stress (1 + a sin q (1 + 0.5 cos q)), q = 2 pi x/l, resistance as it was",
-        (Shape("excess", 0.2, 0.4), Shape("wavelength_m", 5e-3, 10e-3)),
+        {"excess": (0.2, 0.4), "wavelength_m": (5e-3, 10e-3)},
         RESTING,
         called="fold_periodic",
     ),
-    Hidden(
+    _effect(
         "travel_step",
         "level (1 + a) once a path d is done, over 1 mm",
-        (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)),
+        {"excess": (0.25, 0.5, SIGNED), "path_m": (40e-3, 80e-3)},
         published=False,
     ),
-    Hidden(
+    _effect(
         "rolling_wobble",
         "level (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
-        (Shape("excess", 0.2, 0.4), Shape("length_m", 4e-3, 8e-3), Shape("frequency_Hz", 0.3, 0.8)),
+        {"excess": (0.2, 0.4), "length_m": (4e-3, 8e-3), "frequency_Hz": (0.3, 0.8)},
         published=False,
     ),
-    Hidden(
+    _effect(
         "attraction_load",
         "resistance + a (g/g_0)^2 on the gap g",
-        (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)),
+        {"force_N": (3e-3, 7e-3), "gap_m": (3e-3, 4e-3)},
         (MAGNETIC,),
         published=False,
     ),
-    Hidden("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", (Shape("force_N", 10e-3, 30e-3),)),
-    Hidden(
+    _effect("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", {"force_N": (10e-3, 30e-3)}),
+    _effect(
         "peristaltic_wave",
         "a max(0, sin(2 pi (t/T - x/l))), pulses of half a period",
-        (Shape("force_N", 12e-3, 25e-3), Shape("period_s", 3.0, 7.0), Shape("wavelength_m", 25e-3, 60e-3)),
+        {"force_N": (12e-3, 25e-3), "period_s": (3.0, 7.0), "wavelength_m": (25e-3, 60e-3)},
     ),
-    Hidden("respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0))),
-    Hidden("incline_gravity", "-m g sin(angle)", (Shape("angle_rad", 0.25, 0.6, True),)),
-    Hidden(
+    _effect("respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", {"force_N": (8e-3, 18e-3), "period_s": (3.0, 5.0)}),
+    _effect("incline_gravity", "-m g sin(angle)", {"angle_rad": (0.25, 0.6, SIGNED)}),
+    _effect(
         "stress_relaxation",
         "-a q, q' = v/d (1 - q sgn v) - q sqrt|q|/t_r",
-        (Shape("force_N", 15e-3, 30e-3), Shape("path_m", 1.5e-3, 4e-3), Shape("time_s", 0.8, 2.5)),
+        {"force_N": (15e-3, 30e-3), "path_m": (1.5e-3, 4e-3), "time_s": (0.8, 2.5)},
     ),
-    Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),)),
-    Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),)),
-    Hidden("exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),)),
-    Hidden(
-        "small_strain_stiffening",
-        "T (1 + a/(1 + (|u|/u_0)^1.2))",
-        (Shape("excess", 1.0, 2.5), Shape("drag_m", 80e-6, 250e-6)),
+    _effect("added_mass", "(m + a) v'", {"mass_kg": (0.1, 0.3)}),
+    _effect("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", {"force_N": (10e-3, 25e-3)}),
+    _effect("exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", {"rate": (1.5, 2.5)}),
+    _effect(
+        "small_strain_stiffening", "T (1 + a/(1 + (|u|/u_0)^1.2))", {"excess": (1.0, 2.5), "drag_m": (80e-6, 250e-6)}
     ),
-    Hidden(
+    _effect(
         "string_compliance",
         "force k e (1 + (e/e_0)^2) on the link's stretch e, a = 1/k",
-        (Shape("compliance_m_per_N", 5e-3, 15e-3), Shape("scale_m", 1.5e-3, 4e-3)),
+        {"compliance_m_per_N": (5e-3, 15e-3), "scale_m": (1.5e-3, 4e-3)},
         (PULL,),
     ),
-    Hidden(
+    _effect(
         "coupling_decay",
         "gain (1 - a (1 + tanh((x - 5 mm)/l))/2)",
-        (Shape("share", 0.2, 0.4), Shape("length_m", 10e-3, 20e-3)),
+        {"share": (0.2, 0.4), "length_m": (10e-3, 20e-3)},
         PUSHED,
     ),
-    Hidden(
-        "coupling_fade",
-        "gain (1 - a (1 - exp(-t/t_h)))",
-        (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)),
-        PUSHED,
-    ),
-    Hidden(
+    _effect("coupling_fade", "gain (1 - a (1 - exp(-t/t_h)))", {"share": (0.2, 0.4), "time_s": (12.0, 30.0)}, PUSHED),
+    _effect(
         "dipole_load",
         "load a (1 - 3/2 q)/(1 + q)^(7/2) across the lumen, q = (g/h)^2 on the gap g",
-        (Shape("load_N", 0.5, 1.0), Shape("height_m", 12e-3, 20e-3)),
+        {"load_N": (0.5, 1.0), "height_m": (12e-3, 20e-3)},
         (MAGNETIC,),
         called="magnet_normal_load",
     ),
-    Hidden("actuator_lag", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), (PULL, *PUSHED)),
-    Hidden("driver_lag", IN_A_ROW, (Shape("time_s", 2e-3, 6e-3),), (VIBRO,), called="actuator_lag"),
-    Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
-    Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), (COIL,)),
-    Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), PUSHED),
-    Hidden(
+    _effect("actuator_lag", IN_A_ROW, {"time_s": (0.06, 0.16)}, (PULL, *PUSHED)),
+    _effect("driver_lag", IN_A_ROW, {"time_s": (2e-3, 6e-3)}, (VIBRO,), called="actuator_lag"),
+    _effect("carriage_backlash", "play of width a whose ends are rounded", {"width_m": (1.0e-3, 2.5e-3)}, CARRIED),
+    _effect("actuator_dead_zone", "current below a does nothing, rounded", {"current_A": (0.05, 0.12)}, (COIL,)),
+    _effect("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", {"force_N": (0.08, 0.12)}, PUSHED),
+    _effect(
         "magnetic_hysteresis",
         "force + a z, z' = (1 - z|z| sgn(d'))d'/d_0 on the drive d",
-        (Shape("force_N", 10e-3, 25e-3), Shape("scale", 1.5e-3, 3e-3)),
+        {"force_N": (10e-3, 25e-3), "scale": (1.5e-3, 3e-3)},
         PUSHED,
     ),
-    Hidden("back_emf", "voltage - a v (1 + |v|/0.2 m/s)", (Shape("gain_V_s_per_m", 5.0, 15.0),), (COIL,)),
-    Hidden("spring_damping", "-a r' (1 + |r'|/0.5 m/s)", (Shape("damping_N_s_per_m", 0.2, 0.8),), (VIBRO,)),
-    Hidden(
+    _effect("back_emf", "voltage - a v (1 + |v|/0.2 m/s)", {"gain_V_s_per_m": (5.0, 15.0)}, (COIL,)),
+    _effect("spring_damping", "-a r' (1 + |r'|/0.5 m/s)", {"damping_N_s_per_m": (0.2, 0.8)}, (VIBRO,)),
+    _effect(
         "end_stop_impact",
         "stops at +-a, k d (1 + 1.5 s/m d')",
-        (Shape("gap_m", 2e-3, 4e-3), Shape("stiffness_N_per_m", 5e3, 2e4)),
+        {"gap_m": (2e-3, 4e-3), "stiffness_N_per_m": (5e3, 2e4)},
         (VIBRO,),
     ),
-    Hidden(
+    _effect(
         "spring_stiffening",
         "-a r (sqrt(1 + (r/l)^2) - 1)",
-        (Shape("stiffness_N_per_m", 40.0, 120.0), Shape("length_m", 3e-3, 6e-3)),
+        {"stiffness_N_per_m": (40.0, 120.0), "length_m": (3e-3, 6e-3)},
         (VIBRO,),
         called="spring_hardening",
     ),
-    Hidden(
+    _effect(
         "guide_rubbing",
         "-a r'/(|r'| + 3 mm/s) (1 + exp(-|r'|/0.15 m/s)/2)",
-        (Shape("friction_N", 0.02, 0.06),),
+        {"friction_N": (0.02, 0.06)},
         (VIBRO,),
         called="guide_friction",
     ),
-    Hidden(
+    _effect(
         "coil_field",
         "coil's force (1 - a tanh(r/l))",
-        (Shape("share", 0.2, 0.45, True), Shape("length_m", 6e-3, 12e-3)),
+        {"share": (0.2, 0.45, SIGNED), "length_m": (6e-3, 12e-3)},
         (VIBRO,),
         called="coil_reach",
     ),
-    Hidden(
+    _effect(
         "sensor_drift",
         "a log(1 + t/t_0), in spans of the sensor",
-        (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)),
+        {"span": (0.06, 0.15, SIGNED), "time_s": (8.0, 20.0)},
     ),
-    Hidden("sensor_bias", "a, in spans of the sensor", (Shape("span", 0.05, 0.12, True),)),
-    Hidden("sensor_scale", "1 + a", (Shape("excess", 0.08, 0.2, True),)),
-    Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),)),
-    Hidden("sensor_lowpass", IN_A_ROW, (Shape("time_s", 0.06, 0.16),)),
-    Hidden("mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", (Shape("span", 0.02, 0.05),)),
+    _effect("sensor_bias", "a, in spans of the sensor", {"span": (0.05, 0.12, SIGNED)}),
+    _effect("sensor_scale", "1 + a", {"excess": (0.08, 0.2, SIGNED)}),
+    _effect("sensor_delay", "y(t - a)", {"time_s": (0.04, 0.12)}),
+    _effect("sensor_lowpass", IN_A_ROW, {"time_s": (0.06, 0.16)}),
+    _effect("mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", {"span": (0.02, 0.05)}),
 )
 ONSET: Final = 3
 """Where in an effect's row of numbers the time in s stands from which on it is there, 0: from the beginning."""
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
+ROW: Final[Any] = namedtuple("Row", ROWS)(**ROWS)
+"""The same as a constant of compiled steps: `ROW.stribeck`."""
 
 
 def hidden(name: str) -> Hidden:

@@ -7,19 +7,14 @@ from numpy.typing import NDArray
 
 from models.parameter import nearest
 from plant.compiling import compiled
-from plant.hidden.registry import HIDDEN, ONSET, ROWS, Shape, hidden
+from plant.hidden.registry import HIDDEN, ONSET, ROW, ROWS, Shape, hidden
 from plant.tables import Floats
-
-_LEVEL: Final = (ROWS["stribeck"], ROWS["rolling_wobble"] + 1)  # rows from the first effect on the level to the last
-_FORCE: Final = (ROWS["viscous_drag"], ROWS["stress_relaxation"] + 1)  # the same of forces
-_DRIVE: Final = (ROWS["coupling_decay"], ROWS["back_emf"] + 1)  # the same of drives
-_STRING: Final = ROWS["string_compliance"]
 
 
 @compiled
-def _any(h: Floats, rows: tuple[int, int]) -> bool:
+def _any(h: Floats, first: int, last: int) -> bool:
     found = False
-    for row in range(rows[0], rows[1]):
+    for row in range(first, last + 1):
         found = found or h[row, 0] != 0.0
     return found
 
@@ -27,19 +22,19 @@ def _any(h: Floats, rows: tuple[int, int]) -> bool:
 @compiled
 def has_level(h: Floats) -> bool:
     """Whether the table `h` holds an effect on the level of resistance."""
-    return _any(h, _LEVEL)
+    return _any(h, ROW.stribeck, ROW.rolling_wobble)
 
 
 @compiled
 def has_force(h: Floats) -> bool:
     """Whether it holds a hidden force on the body."""
-    return _any(h, _FORCE)
+    return _any(h, ROW.viscous_drag, ROW.stress_relaxation)
 
 
 @compiled
 def has_drive(h: Floats) -> bool:
     """Whether it holds an effect between drive and body."""
-    return _any(h, _DRIVE) or h[_STRING, 0] != 0.0
+    return _any(h, ROW.coupling_decay, ROW.back_emf) or bool(h[ROW.string_compliance, 0] != 0.0)
 
 
 SLOTS: Final = 4  # numbers of an effect at most

@@ -15,9 +15,9 @@ import cantools
 
 from hil.bus.catalogue import DBC, Frame, load_catalogue
 from hil.bus.codec import Codec, Refusal
-from hil.bus.load import bus_load
 from hil.bus.protection import Receiver, Sender, crc8
-from hil.bus.simulated import Medium, SimulatedBus
+from hil.simulated.medium import Medium, SimulatedBus
+from tests.hil.bus.bus_load import bus_load
 
 CATALOGUE = load_catalogue()
 FRAMES = 1_000_000

@@ -19,7 +19,7 @@ import numpy as np
 
 from models.identification import close
 from models.identification.fitting.fit import Problem, descend
-from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig

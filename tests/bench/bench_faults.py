@@ -19,10 +19,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.nodes.actuators import ACTUATORS
-from hil.nodes.faults.table import KINDS, OPERATOR, Fault
+from hil.drives.makers import ACTUATORS
+from hil.simulated.faults.table import KINDS, OPERATOR, Fault
 from tests.hil.app.sil.sil_runs import RIGS, run
-from tests.hil.nodes.fault_rows import MAKERS_ROWS, OWN_KINDS
+from tests.hil.simulated.fault_rows import MAKERS_ROWS, OWN_KINDS
 
 LENGTH_S: Final = 0.2
 STATES: Final[Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]]] = {

@@ -12,7 +12,7 @@ from models.assembly.model import assemble
 from models.compiled.kernel import LANES, lower
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 
@@ -25,7 +25,7 @@ def main() -> None:
     command = 0.01 * np.sin(2 * np.pi * 0.05 * DT_S * np.arange(SAMPLES))
     for drive, substeps in ((Magnetic(), 8), (Pull(), 1)):
         for effects in ((), ("fold_periodic",), ("stribeck",)):
-            model = assemble(Wall.around(Capsule(), Tissue()), drive, [BY_ID[name] for name in effects])
+            model = assemble(Wall.around(Capsule(), Tissue()), drive, [CATALOGUE[name] for name in effects])
             kernel, p = lower(model.step, model.correct), model.vector({})
             alone, together = np.empty(SAMPLES), np.empty((SAMPLES, LANES))
             states, parameters = (np.repeat(v[:, None], LANES, axis=1) for v in (model.start(), p))

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from controller.estimator.noise import trusting
+from controller.estimator.base import trusting
 from controller.monitor import forecast
 from controller.monitor.forecast import Second
 from controller.monitor.monitor import Health, Monitor

@@ -12,10 +12,10 @@ from types import MappingProxyType
 from typing import Final
 
 from controller.limits import Limits
+from hil.drives.moteus.protocol import MoteusTable
 from hil.nodes.frame_map import ENABLE, QUICK_STOP
-from hil.nodes.moteus.drive import MoteusDrive
-from hil.nodes.moteus.table import MoteusTable
-from tests.hil.nodes.maker_desk import WIRING, Desk
+from hil.simulated.moteus_drive import MoteusDrive
+from tests.hil.drives.maker_desk import WIRING, Desk
 from tests.hil.ticks import TICK
 
 SPEED_M_S: Final = Limits().carriage_speed_m_s

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.files.toml import parse_toml
 from models.identification.experiment.propose import propose
 from models.identification.finding import Proposal
@@ -108,7 +108,7 @@ def series_of(draw_number: int) -> tuple[Series, ...]:
 
 def family(effect: str) -> set[str]:
     """The effect, those it is declared confounded with, and those that declare it."""
-    return {effect, *BY_ID[effect].confounders, *(e.id for e in BY_ID.values() if effect in e.confounders)}
+    return {effect, *CATALOGUE[effect].confounders, *(e.id for e in CATALOGUE.values() if effect in e.confounders)}
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ and prints the longest way and time from the last command to rest, both ways.
 import argparse
 from dataclasses import dataclass
 
-from hil.nodes.actuators import ACTUATORS
+from hil.drives.makers import ACTUATORS
+from hil.drives.table import TurningTable
 from hil.nodes.frame_map import ENABLE, QUICK_STOP, frame_map_of
-from hil.nodes.turning import Turning
-from tests.hil.nodes.maker_desk import LIMITS, Desk
+from tests.hil.drives.maker_desk import LIMITS, Desk
 from tests.hil.ticks import TICK
 
 PHASES = 20
@@ -61,7 +61,7 @@ def worst(name: str, speed_m_s: float, phases: int = PHASES, *, told: bool = Fal
 def stated(name: str, speed_m_s: float) -> Stopped:
     """What the drive's table states: at the same speed until its watchdog has expired, then braked or coasting."""
     table, wiring = ACTUATORS[name](), frame_map_of("magnetic")
-    if isinstance(table, Turning):
+    if isinstance(table, TurningTable):
         slows_m_s2, live_s = table.coast_m_s2, table.watchdog_s
     else:
         slows_m_s2, live_s = wiring.braking_m_s2, 1e-3 * wiring.life_ms(speed_m_s)

@@ -23,7 +23,7 @@ import numpy as np
 from hil.app.main import run as capsule
 from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import read_model
 from models.identification.search.validation import free_run
 from models.identification.settings import SET

@@ -15,9 +15,8 @@ import numpy as np
 
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.design.cost_by_impact import squares
 from controller.vibro.design.drive_map import design, designed
-from controller.vibro.design.speed_map import best_square, speed_map
+from controller.vibro.design.speed_map import speed_map, squares
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import Tuning
 from controller.vibro.waveform import Waveform
@@ -64,12 +63,8 @@ def energies() -> list[Row]:
         row: Row = {"speed_mm_s": 1e3 * v}
         for one in plain + better:
             row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.pace)
-        for name, found in (
-            ("square, full force", best_square(cycles, table, v, full_force=True)),
-            ("four-phase", phases[v]),
-        ):
-            if found is not None:
-                row[name] = _said(*found) | {"impact": impact_of(cycles.model, found[1])}
+        if (found := phases[v]) is not None:
+            row["four-phase"] = _said(*found) | {"impact": impact_of(cycles.model, found[1])}
         chosen, square = cheapest(plain + better), cheapest(plain)
         if chosen is not None:
             share = None if square is None else round(chosen.pace.energy_J_per_m / square.pace.energy_J_per_m, 3)
@@ -82,7 +77,7 @@ def energies() -> list[Row]:
 def _said(wave: Waveform, pace: Gait) -> Row:
     return {
         "J_per_m": round(pace.energy_J_per_m, 2),
-        "work_J_per_m": round(pace.work_J_per_m, 3),
+        "work_J_per_m": round(pace.work_W / abs(pace.speed_m_s), 3),
         "speed_mm_s": round(1e3 * pace.speed_m_s, 2),
         "period_ms": round(1e3 * wave.period_s, 1),
     }

@@ -55,7 +55,7 @@ def four_phase(
     m, k = model.drive.inner_mass_kg, (2 * math.pi / free_period(model)) ** 2 * model.drive.inner_mass_kg
     damping = float(model.values.get("spring_damping_N_s_per_m", model.drive.spring_damping_N_s_per_m))
     damping += float(model.values.get(("spring_damping", "damping_N_s_per_m"), 0.0))
-    full, ratio = abs(model.force_N), m / model.body_kg
+    full, ratio = abs(model.force_N), m / model.surface.body_kg
     held, friction = middle * full / k, 0.0
     names = cycles.states
     at = [names.index(name) for name in (("vibro", "stretch_m"), ("vibro", "rate_m_s"), "a")]
@@ -71,7 +71,7 @@ def four_phase(
             levels[i] = min(max(force / full, 0.0), 1.0)
             for _step in range(sub):
                 cycles.step(state, float(levels[i]), h)
-            friction = model.body_kg * state[at[2]] + full * levels[i] - spring
+            friction = model.surface.body_kg * state[at[2]] + full * levels[i] - spring
     return Waveform.even(period_s, levels)
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from plant.hidden.registry import HIDDEN
 from plant.hidden.table import draw
 
@@ -139,7 +139,7 @@ drive or a sensor gets wrong lies of its own accord.
 
 def hidden_of(rig: str) -> list[str]:
     """What may hide in a sound rig of this kind."""
-    gut = {name for name, effect in BY_ID.items() if effect.__module__.split(".")[2] in SOUND}
+    gut = {name for name, effect in CATALOGUE.items() if effect.__module__.split(".")[2] in SOUND}
     return [h.id for h in HIDDEN if rig in h.drives and h.answer in gut]
 
 

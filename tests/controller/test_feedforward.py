@@ -55,7 +55,7 @@ def test_at_rest_the_drive_pulls_against_the_wall_alone() -> None:
     x = inverse.model.initial(0.0)
     x[MODEL.index("u")] = 1e-4
     gap = inverse.command(x, 0.0, 0.0, 0.0)
-    tension = float(MODEL.wall_force(x, 0.0))
+    tension = float(MODEL.symbols.wall_force(x, 0.0, MODEL.values))
     assert 25.0 * gap / (1 + (gap / 0.02) ** 2) ** 2 == pytest.approx(tension, rel=0.05)
 
 

@@ -1,7 +1,6 @@
 """The example effect is found where it is there: in a record of a model that has it, with noise."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 
 from hil.app.main import run
 from hil.app.write import write_table
-from models.effects import use_effects
+from models.effects import Catalogue
 from models.identification.kinds import kind_for
 from models.records.record import read_record
 from models.rigs.reader import read_rig
@@ -21,16 +20,9 @@ BUMP = EXAMPLES / "own_effect" / "soft_bump.py"
 HIDDEN = Theta.of({("soft_bump", "force_N"): 0.03, ("soft_bump", "place_m"): 4e-3, ("soft_bump", "width_m"): 1.5e-3})
 
 
-@pytest.fixture(autouse=True)
-def _none_left() -> Iterator[None]:
-    yield
-    use_effects([])
-
-
 def test_it_is_named_with_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    use_effects([BUMP])
     rig_file = EXAMPLES / "own_record" / "rig.toml"
-    rig, rng = read_rig(rig_file), np.random.default_rng(3)
+    rig, rng = Catalogue.read([BUMP]).given_to(read_rig(rig_file)), np.random.default_rng(3)
     for name in ("pull_1", "pull_2", "held_out"):
         record = read_record(EXAMPLES / "own_record" / f"{name}.csv", rig)
         kind = kind_for(rig, [record])

@@ -27,8 +27,8 @@ from hil.log.blf_file import SENT, BlfFile, Logged
 from hil.log.channels import file_channels
 from hil.log.reader import read_frames
 from hil.log.record import read_rig_record
+from models.checks.sizes import check_units
 from models.checks.view import View
-from models.checks.wiring.units import check_units
 from models.identification.model import Model, read_model, read_report
 from models.records.record import Record
 from models.rigs.reader import read_rig

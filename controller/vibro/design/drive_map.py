@@ -11,9 +11,8 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from controller.vibro.cycles import IMPACTS, Cycles, VibroModel
-from controller.vibro.design.cost_by_impact import squares
 from controller.vibro.design.optimal_cycle import optimal_cycle
-from controller.vibro.design.speed_map import SpeedMap, speed_map
+from controller.vibro.design.speed_map import SpeedMap, speed_map, squares
 from controller.vibro.gears import DriveMap, Gear, gear_of
 from controller.vibro.waveform import Waveform
 from models.compiled.cache import cache_folder
@@ -40,29 +39,29 @@ def rough_map(cycles: Cycles) -> SpeedMap:
     return speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
 
 
-def wrong_models(model: VibroModel, share: float = _WRONG) -> list[VibroModel]:
-    """The model with its parameters off by `share`: spring alone either way, then drive against friction either way."""
+def wrong_models(model: VibroModel) -> list[VibroModel]:
+    """The model with its parameters off by `_WRONG`: spring either way, then drive against friction either way."""
     known = {p.key for p in model.assembly().parameters}
-    more, less = 1 + share, 1 - share
+    more, less = 1 + _WRONG, 1 - _WRONG
     corners = [{"spring_stiffness_N_per_m": less}, {"spring_stiffness_N_per_m": more}]
     for drive, friction in ((less, more), (more, less)):
         corners.append({"force_N": drive, "hoop_stress_factor": friction, "friction_coefficient": friction})
     return [model.at(**{name: factor for name, factor in corner.items() if name in known}) for corner in corners]
 
 
-def seed_square(nominal: Cycles, wrong: list[Cycles], table: SpeedMap, speed_m_s: float) -> Waveform | None:
+def seed_square(wrong: list[Cycles], table: SpeedMap, speed_m_s: float) -> Waveform | None:
     """The cheapest square wave within 0.6 to 1.5 of `speed_m_s` that keeps its direction with wrong parameters, else
     the one of the cheapest that keeps most of its speed; None where the map has no such speed.
     """
     low, high = sorted((0.6 * speed_m_s, 1.5 * speed_m_s))
-    best: tuple[float, Waveform] | None = None
+    best, most = None, -math.inf
     for wave in table.squares(low, high)[:_TRIED]:
         kept = _kept(wrong, wave, speed_m_s)
         if kept >= _LEAST:
             return wave
-        if best is None or kept > best[0]:
-            best = (kept, wave)
-    return None if best is None else best[1]
+        if best is None or kept > most:
+            best, most = wave, kept
+    return best
 
 
 def shape_at(
@@ -71,19 +70,17 @@ def shape_at(
     """The cheapest least-energy cycle at `speed_m_s` found from `guesses` that keeps its direction with wrong
     parameters; the square `seed` where there is none. Two guesses in a row that save little are the last.
     """
-    best: tuple[float, Waveform] | None = None
-    in_vain = 0
+    best, least, in_vain = seed, math.inf, 0
     for guess in guesses:
         optimum = optimal_cycle(nominal, speed_m_s, guess, _ROUNDS, _CLOSE)
-        energy = optimum.pace.energy_J_per_m if optimum.found else np.inf
-        least = np.inf if best is None else best[0]
+        energy = optimum.pace.energy_J_per_m if optimum.found else math.inf
         in_vain += 1
         if energy < least and _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
-            best = (energy, optimum.waveform)
             in_vain = 0 if energy < (1 - _SAVES) * least else in_vain
-        if best is not None and in_vain == _IN_VAIN:
+            best, least = optimum.waveform, energy
+        if least < math.inf and in_vain == _IN_VAIN:
             break
-    return seed if best is None else best[1]
+    return best
 
 
 def _kept(wrong: list[Cycles], wave: Waveform, speed: float) -> float:
@@ -114,7 +111,7 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
     gears: list[Gear] = []
     found: list[Waveform] = []
     for speed in (sign * size for sign in (1, -1) for size in SEEDS_M_S):
-        seed = seed_square(cycles, wrong, table, speed)
+        seed = seed_square(wrong, table, speed)
         if seed is None:
             continue
         other = squares(cycles, table, speed) if optimise else []

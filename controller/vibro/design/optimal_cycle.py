@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.vibro.cycles import Cycles, Gait, VibroModel
+from controller.vibro.cycles import COPPER_N2_PER_W, Cycles, Gait, VibroModel
 from controller.vibro.design.smooth_cycle import SCALE, CyclePart, smooth_part
 from controller.vibro.waveform import Waveform
 from models.parameter import Name
@@ -66,7 +66,7 @@ class Optimum:
 
 
 def optimal_cycle(
-    cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = ROUNDS, close: float = CLOSE, parts: int = PARTS
+    cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = ROUNDS, close: float = CLOSE
 ) -> Optimum:
     """The least-energy cycle at the mean `speed_m_s`, not 0, found from `guess`; the exact model's may be off by
     the share `close`.
@@ -75,12 +75,12 @@ def optimal_cycle(
     """
     if speed_m_s == 0 or not np.isfinite(speed_m_s):
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")
-    lags = _lags(cycles, guess, parts)
+    lags = _lags(cycles, guess)
     programs = [smooth_part(cycles.model, eps, STEPS, lags) for eps in _SMOOTHING]
     best, nearest = None, (abs(cycles.pace(guess).speed_m_s - speed_m_s), guess, cycles.pace(guess))
     waveform, aim = guess, speed_m_s * cycles.model.mirror
     for k in range(rounds):
-        solution = _solve(cycles, programs[min(k, len(programs) - 1)], waveform, aim, parts)
+        solution = _solve(cycles, programs[min(k, len(programs) - 1)], waveform, aim)
         if solution is None:
             break
         waveform = solution
@@ -97,19 +97,15 @@ def optimal_cycle(
         ratio = pace.speed_m_s / speed_m_s
         aim *= float(np.clip(1 / ratio, 0.75, 1.35)) if ratio > 0 else 1.35
     if best is not None:
-        return Optimum(best[0], best[1], True, "")
+        return Optimum(*best, True, "")
     _, waveform, pace = nearest
-    return Optimum(
-        waveform,
-        pace,
-        False,
-        f"no cycle came within {close:.0%} of the speed; the nearest goes {pace.speed_m_s:.3g} m/s",
-    )
+    reason = f"no cycle came within {close:.0%} of the speed; the nearest goes {pace.speed_m_s:.3g} m/s"
+    return Optimum(waveform, pace, False, reason)
 
 
-def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[Name, float]:
+def _lags(cycles: Cycles, waveform: Waveform) -> dict[Name, float]:
     """The effects' states that swing with the cycle, each with the size that it swings by."""
-    states = cycles.last_cycle(waveform, parts)
+    states = cycles.last_cycle(waveform, PARTS)
     ids = {effect.id for effect in cycles.model.effects}
     found: dict[Name, float] = {}
     for column, name in enumerate(cycles.states):
@@ -120,40 +116,40 @@ def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[Name, float]:
     return found
 
 
-def _solve(cycles: Cycles, part: CyclePart, waveform: Waveform, aim: float, parts: int) -> Waveform | None:
+def _solve(cycles: Cycles, part: CyclePart, waveform: Waveform, aim: float) -> Waveform | None:
     """One round from `waveform`, or None where IPOPT gave nothing finite."""
-    states = cycles.last_cycle(waveform, 2 * parts)
+    states = cycles.last_cycle(waveform, 2 * PARTS)
     columns = [cycles.states.index(name) for name in part.names]
     start = states[::2, columns] / part.scale
     start[:, 0] -= start[0, 0]
     slip = np.round(states[1::2, cycles.states.index("slip")])
-    program = _Program(cycles.model, part, aim, parts)
+    program = _Program(cycles.model, part, aim)
     solver, low, high = program.solver(slip, start)
-    nodes = len(part.names) * (parts + 1)
+    nodes = len(part.names) * (PARTS + 1)
     period = waveform.period_s
-    x0 = np.concatenate((start.ravel(), waveform.sampled(parts), [period / _TIME], np.zeros(parts + 1)))
+    x0 = np.concatenate((start.ravel(), waveform.sampled(PARTS), [period / _TIME], np.zeros(PARTS + 1)))
     shortest, longest = max(SHORTEST_S, period / _STRETCH) / _TIME, min(LONGEST_S, period * _STRETCH) / _TIME
-    free, none, ones = np.full(nodes, np.inf), np.zeros(parts), np.ones(parts)
-    lower = np.concatenate((-free, none, [shortest], np.zeros(parts + 1)))
-    upper = np.concatenate((free, ones, [longest], np.full(parts + 1, 5.0)))
+    free, none, ones = np.full(nodes, np.inf), np.zeros(PARTS), np.ones(PARTS)
+    lower = np.concatenate((-free, none, [shortest], np.zeros(PARTS + 1)))
+    upper = np.concatenate((free, ones, [longest], np.full(PARTS + 1, 5.0)))
     answer = np.array(solver(x0=x0, lbx=lower, ubx=upper, lbg=low, ubg=high)["x"]).ravel()
     if not np.isfinite(answer).all():
         return None
-    return Waveform.even(float(answer[nodes + parts]) * _TIME, answer[nodes : nodes + parts])
+    return Waveform.even(float(answer[nodes + PARTS]) * _TIME, answer[nodes : nodes + PARTS])
 
 
 class _Program:
     """The nonlinear program of one round in CasADi's symbols: nodes Z (n, N + 1), levels C, period T, slacks E."""
 
-    def __init__(self, model: VibroModel, part: CyclePart, aim: float, parts: int) -> None:
-        self.model, self.part, self.aim, self.n = model, part, aim, parts
-        self.Z, self.C = ca.MX.sym("Z", len(part.names), parts + 1), ca.MX.sym("C", parts)
-        self.T, self.E = ca.MX.sym("T"), ca.MX.sym("E", parts + 1)
+    def __init__(self, model: VibroModel, part: CyclePart, aim: float) -> None:
+        self.model, self.part, self.aim = model, part, aim
+        self.Z, self.C = ca.MX.sym("Z", len(part.names), PARTS + 1), ca.MX.sym("C", PARTS)
+        self.T, self.E = ca.MX.sym("T"), ca.MX.sym("E", PARTS + 1)
 
     def cost(self) -> Any:
         """Energy for the way in units of 10 J/m, with a little against rough levels and the slacks' price."""
         force, time = self.model.force_N, self.T * _TIME
-        copper = ca.sumsqr(self.C) * time / self.n * force * force / self.model.copper_N2_per_W
+        copper = ca.sumsqr(self.C) * time / PARTS * force * force / COPPER_N2_PER_W
         moved = self.Z[2, 1:] - self.Z[2, :-1]
         if not self.model.drive.reaction_on_body:
             moved = moved + self.Z[0, 1:] - self.Z[0, :-1]
@@ -164,28 +160,24 @@ class _Program:
 
     def solver(self, slip: Array, start: Array) -> tuple[ca.Function, Array, Array]:
         """The solver with the bounds of its constraints."""
-        h = self.T * (_TIME / (self.n * self.part.steps))
-        ends = self.part.advance.map(self.n)(self.Z[:, :-1], self.C.T, h, ca.DM(slip).T)
+        h = self.T * (_TIME / (PARTS * self.part.steps))
+        ends = self.part.advance.map(PARTS)(self.Z[:, :-1], self.C.T, h, ca.DM(slip).T)
         way = self.aim * self.T * _TIME / SCALE[0]
         rows = [ca.vec(ends - self.Z[:, 1:]), self.Z[1:, -1] - self.Z[1:, 0], self.Z[0, 0], self.Z[0, -1] - way]
-        equal = np.zeros(len(self.part.names) * (self.n + 1) + 1)
+        equal = np.zeros(len(self.part.names) * (PARTS + 1) + 1)
         more, low, high = self._wall(slip, start)
         unknown = ca.vertcat(ca.vec(self.Z), self.C, self.T, self.E)
         program = {"x": unknown, "f": self.cost(), "g": ca.vertcat(*rows, *more)}
-        return (
-            ca.nlpsol("cycle", "ipopt", program, _OPTIONS),
-            np.concatenate((equal, low)),
-            np.concatenate((equal, high)),
-        )
+        return ca.nlpsol("cycle", "ipopt", program, _OPTIONS), np.append(equal, low), np.append(equal, high)
 
     def _wall(self, slip: Array, start: Array) -> tuple[list[Any], Array, Array]:
         """What keeps the wall's modes true: rows with lower and upper bounds."""
         if self.part.strain is None:
             return [], np.zeros(0), np.zeros(0)
-        strain = self.part.strain.map(self.n + 1)(self.Z)
+        strain = self.part.strain.map(PARTS + 1)(self.Z)
         rows: list[tuple[Any, float, float]] = []
-        for k in range(self.n):
-            s, after, slack = slip[k], slip[(k + 1) % self.n], self.E[k + 1]
+        for k in range(PARTS):
+            s, after, slack = slip[k], slip[(k + 1) % PARTS], self.E[k + 1]
             if s == 0:
                 rows += [(strain[k + 1] - slack, -np.inf, 1.0), (strain[k + 1] + slack, -1.0, np.inf)]
                 if after != 0:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,8 @@ def free_period(model: VibroModel) -> float:
 
 @dataclass(frozen=True)
 class SpeedMap:
-    """`speed` in m/s, `energy` and `work` in J/m (= mJ/mm), each (P, D, A), over `period_s` (P,), `duty` (D,),
-    `amplitude` (A,); `impact` (P, D, A) holds the place in `IMPACTS` of the stop that is hit.
+    """`speed` in m/s and `energy` in J/m (= mJ/mm), each (P, D, A), over `period_s` (P,), `duty` (D,), `amplitude`
+    (A,); `impact` (P, D, A) holds the place in `IMPACTS` of the stop that is hit.
     """
 
     period_s: Array
@@ -38,7 +39,6 @@ class SpeedMap:
     amplitude: Array
     speed: Array
     energy: Array
-    work: Array
     impact: NDArray[np.int8]
 
     def squares(self, low_m_s: float, high_m_s: float, impact: Impact | None = None) -> list[Waveform]:
@@ -63,49 +63,58 @@ def speed_map(
     """The map of a model, periods as multiples of the inner mass's free period."""
     periods = np.asarray(ratios) * free_period(cycles.model)
     shape = (len(ratios), len(duties), len(amplitudes))
-    found, impact = np.zeros((3, *shape)), np.zeros(shape, dtype=np.int8)
+    speed, energy, impact = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=np.int8)
     for i, j, k in np.ndindex(*shape):
         pace = cycles.pace(Waveform.square(float(periods[i]), duties[j], amplitudes[k]))
-        found[:, i, j, k] = pace.speed_m_s, pace.energy_J_per_m, pace.work_J_per_m
+        speed[i, j, k], energy[i, j, k] = pace.speed_m_s, pace.energy_J_per_m
         impact[i, j, k] = IMPACTS.index(impact_of(cycles.model, pace))
-    speed, energy, work = found
-    return SpeedMap(periods, np.asarray(duties), np.asarray(amplitudes), speed, energy, work, impact)
+    return SpeedMap(periods, np.asarray(duties), np.asarray(amplitudes), speed, energy, impact)
 
 
 def best_square(
-    cycles: Cycles, table: SpeedMap, speed_m_s: float, full_force: bool = False, impact: Impact | None = None
+    cycles: Cycles, table: SpeedMap, speed_m_s: float, impact: Impact | None = None
 ) -> tuple[Waveform, Gait] | None:
-    """The cheapest square wave at `speed_m_s`: those of the map within a quarter of it, brought there by their
-    amplitude.
-
-    `full_force`: amplitude 1 alone, as a coil that is switched on and off has it; then the duty brings it there.
-    `impact`: those that hit these stops alone. None where the map has nothing that comes within 2 %.
+    """The cheapest square wave at `speed_m_s`, of those that hit the stops `impact` alone where given: those of the map
+    within a quarter of it, brought there by their amplitude. None where the map has nothing that comes within 2 %.
     """
     ends = sorted((0.75 * speed_m_s, 1.25 * speed_m_s))
     best: tuple[Waveform, Gait] | None = None
-    candidates = [w for w in table.squares(ends[0], ends[1], impact) if not full_force or max(w.levels) == 1]
-    for candidate in candidates[:_TRIED]:
-        wave, pace = _brought_to(cycles, candidate, speed_m_s, full_force)
+    for candidate in table.squares(ends[0], ends[1], impact)[:_TRIED]:
+        wave, pace = _brought_to(cycles, candidate, speed_m_s)
         fits = abs(pace.speed_m_s / speed_m_s - 1) < _EXACT and impact in (None, impact_of(cycles.model, pace))
         if fits and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
             best = (wave, pace)
     return best
 
 
-def _brought_to(cycles: Cycles, wave: Waveform, speed: float, by_duty: bool) -> tuple[Waveform, Gait]:
-    """The square wave near `wave` at `speed`, by a few steps on amplitude or duty."""
-    level, duty, pace = max(wave.levels), wave.edges[1], cycles.pace(wave)
-    flip = duty > 0.5
+def _brought_to(cycles: Cycles, wave: Waveform, speed: float) -> tuple[Waveform, Gait]:
+    """The square wave near `wave` at `speed`, by a few steps on its amplitude."""
+    pace = cycles.pace(wave)
     for _ in range(6):
         ratio = pace.speed_m_s / speed
         if not ratio > 0 or abs(ratio - 1) < 0.5 * _EXACT:
             break
-        factor = min(max(ratio**-0.6, 0.8), 1.25)
-        if by_duty:
-            short = (1 - duty if flip else duty) * factor
-            duty = min(max(1 - short if flip else short, 0.01), 0.99)
-        else:
-            level = min(level * factor, 1.0)
-        wave = Waveform.square(wave.period_s, duty, level)
+        wave = wave.scaled(min(max(ratio**-0.6, 0.8), 1.25))
         pace = cycles.pace(wave)
     return wave, pace
+
+
+Shape = Literal["square", "optimal", "map"]
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One way to go at a mean speed: the `waveform` with what it does, the stop that it strikes and where it comes
+    from: a square wave, the optimiser, or the drive map that a controller runs on.
+    """
+
+    waveform: Waveform
+    pace: Gait
+    impact: Impact
+    shape: Shape
+
+
+def squares(cycles: Cycles, table: SpeedMap, speed_m_s: float) -> list[Alternative]:
+    """The cheapest square wave at `speed_m_s` of every kind of impact that the map `table` has there."""
+    found = ((impact, best_square(cycles, table, speed_m_s, impact=impact)) for impact in IMPACTS)
+    return [Alternative(*best, impact, "square") for impact, best in found if best is not None]

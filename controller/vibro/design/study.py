@@ -13,10 +13,9 @@ from scipy.linalg import solve_discrete_are
 
 from controller.design.margins import OpenLoop, closed_loop
 from controller.model.linear import Linear
-from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.design.cost_by_impact import Alternative, from_map, squares
+from controller.vibro.cycles import Cycles, VibroModel, impact_of
 from controller.vibro.design.drive_map import wrong_models
-from controller.vibro.design.speed_map import SpeedMap, free_period
+from controller.vibro.design.speed_map import Alternative, SpeedMap, free_period, squares
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
 
@@ -74,28 +73,26 @@ class VibroStudy:
         return tuple(one.loop for one in self.slow)
 
 
-def vibro_study(
-    model: VibroModel,
-    drive: DriveMap,
-    table: SpeedMap,
-    delay_s: float = 0.015,
-    speeds_m_s: Sequence[float] = SPEEDS_M_S,
-) -> VibroStudy:
+def vibro_study(model: VibroModel, drive: DriveMap, table: SpeedMap, delay_s: float = 0.015) -> VibroStudy:
     """Study `model` under its `drive` map; speeds that it does not reach are left out. Raises ValueError for a delay
     outside [0, 0.2] s.
     """
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
     cycles, wrong = Cycles(model), [Cycles(m) for m in wrong_models(model)]
-    reached = [v for v in speeds_m_s if drive.nearest(v) is not None]
-    found = {v: squares(cycles, table, v) + [from_map(cycles, drive, v)] * (v in reached) for v in speeds_m_s}
+    reached = [v for v in SPEEDS_M_S if drive.nearest(v) is not None]
+    found = {v: squares(cycles, table, v) for v in SPEEDS_M_S}
+    for v in reached:
+        wave = drive.choose(v).waveform
+        pace = cycles.pace(wave)
+        found[v].append(Alternative(wave, pace, impact_of(model, pace), "map"))
     slow = tuple(slow_loop(drive, wrong, v, delay_s) for v in reached)
     return VibroStudy(resonance(model), drive, table, found, slow, delay_s)
 
 
 def resonance(model: VibroModel) -> Resonance:
     """The inner mass's own swing, from masses, spring, damping and front stop."""
-    m, M, drive = model.drive.inner_mass_kg, model.body_kg, model.drive
+    m, M, drive = model.drive.inner_mass_kg, model.surface.body_kg, model.drive
     held = 2 * math.pi / free_period(model)
     share = math.sqrt(1 + m / M)
     damping = float(model.values.get("spring_damping_N_s_per_m", drive.spring_damping_N_s_per_m))

@@ -20,7 +20,7 @@ from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.write import own_folder, write_files
 from hil.report.quantities import number
-from models.effects import use_effects
+from models.effects import Catalogue
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5  # worst cases that the terminal shows
@@ -118,7 +118,7 @@ def _one(plan: Campaign, number: int) -> int:
 
 
 def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers) -> Outcome:
-    use_effects(effects)
+    Catalogue.read(effects)  # refused before any series is begun
     jobs = find_series(paths, out / REPORTS, effects, seed)
     with Results(out / RESULTS, _MARK) as results:
         for job in jobs:

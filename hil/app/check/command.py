@@ -10,21 +10,21 @@ from hil.app.identify.close_loop import read_series
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.report.words import grouped, tidy
 from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
-def check(records: Sequence[Path], rig: Path, *, json_output: bool = False) -> int:
+def check(records: Sequence[Path], rig: Path, *, json_output: bool = False, effects: Catalogue = CATALOGUE) -> int:
     """Print the findings on `records` of the rig file `rig` and the effects that they cannot show; status 1 where a
     finding stops a fit, else 0. Raises ValueError of one sentence for files that are no records of this rig.
     """
     belief = read_deployed_rig(rig)
     read, _ = read_series(records, (), belief, lenient=True)
     findings = examine(belief, read)
-    hidden = cannot_show(belief, read, effects_for(belief.kind)) if stopping(findings) is None else {}
+    hidden = cannot_show(belief, read, effects.acting_on(belief.kind)) if stopping(findings) is None else {}
     if json_output:
         print_json({"findings": [finding.to_dict() for finding in findings], "cannot_show": hidden})
     else:

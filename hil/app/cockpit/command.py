@@ -21,9 +21,9 @@ from hil.app.run.loop import Signals
 from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.drives.makers import carriage_bus
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
-from hil.nodes.actuators import carriage_bus
 from hil.nodes.frame_map import frame_map_of
 
 PORT: Final = 8420  # of the page, where none is named

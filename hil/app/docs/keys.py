@@ -15,16 +15,12 @@ from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Pace
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
+from hil.drives.cia402.protocol import MODES
+from hil.drives.makers import ACTUATORS
+from hil.drives.odrive.protocol import FREE_NODES, OdriveTable
+from hil.drives.table import HOMES
 from hil.formats.table import FORMATS
-from hil.nodes.actuators import ACTUATORS
-from hil.nodes.cia402.states import MODES, Cia402Table
-from hil.nodes.cia402.states import RANGES as CIA402_RANGES
-from hil.nodes.controller.operator import OPERATOR_RANGES, OperatorLimits
-from hil.nodes.moteus.table import RANGES as MOTEUS_RANGES
-from hil.nodes.moteus.table import MoteusTable
-from hil.nodes.odrive.table import FREE_NODES, OdriveTable
-from hil.nodes.odrive.table import RANGES as ODRIVE_RANGES
-from hil.nodes.turning import HOMES
+from hil.nodes.controller.operator import OperatorLimits
 from models.files.units import unit_at_end
 from models.identification.finding import STAGES
 from models.rigs.columns import RANGES, TIME
@@ -100,11 +96,6 @@ _NESTED: Final[Mapping[str, str]] = {"options": '`"index.sub" = value`', "endpoi
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (JogTable, "life_ms"): (1, 200),
-    (Cia402Table, "node_id"): (1, 15),
-    **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
-    **{(OperatorLimits, name): (lower, upper) for name, lower, upper in OPERATOR_RANGES},
-    **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
-    **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
     **{
         (cls, field.name): field.metadata["range"]
         for cls in DEPLOYMENT_TABLES.values()

@@ -8,11 +8,10 @@ from rich.table import Table
 
 from hil.app.console import print_json, summary, text_table
 from hil.app.effects.propose import propose
-from models.effects import BY_ID, EFFECTS, use_effects
+from models.effects import CATALOGUE, Catalogue
 from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
 from models.effects.equation import text_of
-from models.effects.own import LOADED
 from models.parameter import nearest
 
 
@@ -34,12 +33,12 @@ def effects(
         )
     if (file is None) == (action == "check"):
         raise ValueError(f"a file must stand with check alone; got {file or 'none'}")
-    found = use_effects([file] if file is not None else own)
+    catalogue = Catalogue.read([file] if file is not None else own)
     if action == "list":
-        found = [*EFFECTS, *(origin.effect for origin in LOADED.values())]
+        found = list(catalogue.candidates)
         document: dict[str, Any] = {"effects": [described(effect) for effect in found]}
     else:
-        found = [effect for effect in found if file is not None and LOADED[effect.id].file == file.name]
+        found = [origin.effect for origin in catalogue.own if file is not None and origin.file == file.name]
         checked = [{"id": effect.id, "checks": list(CHECKS), "passed": True} for effect in found]
         document = {"file": str(file), "effects": checked}
     if json_output:
@@ -62,7 +61,7 @@ def described(effect: type[Effect]) -> dict[str, Any]:
             {"name": p.name, "unit": p.unit, "value": p.value, "lower": p.lower, "upper": p.upper, "source": p.source}
             for p in effect.parameters()
         ],
-        "confounders": [name for name in effect.confounders if name in BY_ID],
+        "confounders": [name for name in effect.confounders if name in CATALOGUE],
         "separated_by": effect.separated_by,
         "source": effect.source,
     }

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from hil.app.console import print_json, say
 from hil.app.write import check_file, check_targets, write_files
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.effects.conformance import CHECKS
 from models.effects.own import effects_in, own_failure
 from models.files.tables import is_number
@@ -89,7 +89,7 @@ def _check(text: str, out: Path) -> None:
         draft = Path(folder) / out.name
         draft.write_text(text, encoding="utf-8")
         for origin in effects_in(draft):
-            failure = own_failure(origin.effect, BY_ID)
+            failure = own_failure(origin.effect, CATALOGUE)
             if failure is not None:
                 raise ValueError(f"{out}: {failure}")
 
@@ -117,7 +117,7 @@ def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:
     """The Python file of the effect called `name` that the object of a report.json proposes. Raises ValueError of one
     sentence, which begins with `where`, for a report without a term or a name that no effect can have.
     """
-    if not name.isidentifier() or name != name.lower() or name in BY_ID:
+    if not name.isidentifier() or name != name.lower() or name in CATALOGUE:
         raise ValueError(
             f"--out must be a file named like a new effect, in lower-case letters, digits and underscores; got {name!r}"
         )

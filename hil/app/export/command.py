@@ -7,6 +7,7 @@ from typing import Any, Final
 from hil.app.console import json_text, output_to_notes, print_json, say
 from hil.app.export.found import Found, read_found
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
+from models.effects import CATALOGUE, Catalogue
 from models.files.tables import check_word
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
@@ -25,6 +26,7 @@ def export(
     stage: str = "augmented",
     driven: str = "",
     json_output: bool = False,
+    effects: Catalogue = CATALOGUE,
 ) -> None:
     """Write a scenario's plant, or the model of a rig at a stage, in the `form` asked for, complete or not at all, and
     say what of it the form could not carry. Raises ValueError of one sentence.
@@ -47,7 +49,7 @@ def export(
             files, found = _plant(scenario, out)
         elif rig is not None and model is not None:
             make = {"fmu": _model, "table": _table, "mujoco": _mujoco}[form]
-            files, found = make(read_found(rig, model, stage, driven), out)
+            files, found = make(read_found(rig, model, stage, driven, effects), out)
     if form == "table":
         check_folder(out, "--out")
     write_files(files)

@@ -7,7 +7,7 @@ from typing import Final
 from hil.app.scenario.deployment import read_deployed_rig
 from models.assembly.model import Assembly, assemble
 from models.drives.drive import Drive
-from models.effects import BY_ID
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.files.tables import check_word
 from models.identification.finding import STAGES
@@ -50,19 +50,19 @@ class Found:
         return told | {e.id: LATE_WORDS for e in self.effects if e.answers("delay")}
 
 
-def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
+def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: Catalogue = CATALOGUE) -> Found:
     """A model that close-loop wrote with its rig; `driven` is `coil_voltage_V` where that is the command.
 
     Raises ValueError of one sentence.
     """
     check_word(stage, "--stage", STAGES)
-    belief = read_deployed_rig(rig)
+    belief = catalogue.given_to(read_deployed_rig(rig))
     if not KINDS[belief.kind].of_capsule:
         known = ", ".join(name for name, kind in KINDS.items() if kind.of_capsule)
         raise ValueError(f"{rig}: rig.kind must be one of {known} to be exported; got {belief.kind!r}")
-    learned = read_model(model, belief.kind)
+    learned = read_model(model, belief.kind, catalogue=catalogue)
     values = learned.stages[stage]
-    effects = tuple(BY_ID[name] for name in sorted(values.effects))
+    effects = tuple(catalogue[name] for name in sorted(values.effects))
     found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage)
     _check(found, learned, model)
     return found

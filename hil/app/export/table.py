@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hil.app.export.found import Found
 from models.assembly.effects import Active
 from models.assembly.step import Stepper
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.effects.effect import Effect, Signals
 from models.surfaces.gut import Drag
 from models.theta import Theta
@@ -93,7 +93,7 @@ def _steady(effect: type[Effect]) -> bool:
     """Whether what an effect adds to friction follows from speed, direction and place alone."""
     names = ("t", "travelled", "dwell", "tension", "drag", "drag_rate", "rate", "load")
     history = {name: ca.SX.sym(name) for name in names}
-    owners = [effect, *([BY_ID[effect.of]] if effect.of else [])]
+    owners = [effect, *([CATALOGUE[effect.of]] if effect.of else [])]
     p = {q.name: ca.SX.sym(q.name) for owner in owners for q in owner.parameters()}
     z = {name: ca.SX.sym(name) for name in effect.states}
     s = Signals(x=ca.SX.sym("x"), v=ca.SX.sym("v"), direction=ca.SX.sym("d"), command=0.0, **history)

@@ -18,6 +18,7 @@ from hil.report.closed_loop import report_html
 from hil.report.dependence import story
 from hil.report.numbers import report_json
 from hil.report.words import error_cells, error_scale, grouped, headline, tidy
+from models.effects import CATALOGUE, Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
@@ -39,13 +40,14 @@ def close_loop(
     *,
     json_output: bool = False,
     seed: int = 0,
+    effects: Catalogue = CATALOGUE,
 ) -> Finding:
     """Find what the model lacks and write `report.html`, `report.json`, `model.toml` and, where something is left to be
     told apart, `next_experiment.toml` and `.csv` to the folder `out`, all or none. SIGTERM ends it as Ctrl-C does. A
     second one into the same folder is refused.
     """
     with sole_writer(out, "--out"):
-        finding = _closed(records, rig, out, holdout, seed)
+        finding = _closed(records, rig, out, holdout, seed, effects)
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
     else:
@@ -53,10 +55,12 @@ def close_loop(
     return finding
 
 
-def _closed(records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int) -> Finding:
+def _closed(
+    records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int, effects: Catalogue
+) -> Finding:
     """Read, find and write."""
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
-    belief = read_deployed_rig(rig)
+    belief = effects.given_to(read_deployed_rig(rig))
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
         notes().print(f"{record.name}: {len(record)} rows, {role}")

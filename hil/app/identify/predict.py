@@ -10,6 +10,7 @@ from hil.app.console import note, output_to_notes, print_json, say, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
+from models.effects import CATALOGUE, Catalogue
 from models.files.tables import check_word
 from models.files.toml import in_file
 from models.identification.finding import STAGES
@@ -18,14 +19,21 @@ from models.records.record import Record
 
 
 def predict(
-    record: Path, rig: Path, model: Path, out: Path, *, stage: str = "augmented", json_output: bool = False
+    record: Path,
+    rig: Path,
+    model: Path,
+    out: Path,
+    *,
+    stage: str = "augmented",
+    json_output: bool = False,
+    effects: Catalogue = CATALOGUE,
 ) -> None:
     """Write the free-running prediction of `record` to `out`, one row a sample (a condition, for a table of runs)."""
     check_word(stage, "--stage", STAGES)
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
-    belief = read_deployed_rig(rig)
-    learned = read_model(model, belief.kind, whole=False)
+    belief = effects.given_to(read_deployed_rig(rig))
+    learned = read_model(model, belief.kind, whole=False, catalogue=effects)
     driven = read_told(record, belief, driven_only=True)
     with in_file(model):
         learned.check(belief, driven)

@@ -17,13 +17,12 @@ from hil.app.learn.left_over import LeftOver
 from hil.log.record import SOURCES
 from hil.report.quantities import quantity
 from models.assembly.model import effect_parameters
-from models.checks.instrument.usable import from_row
-from models.effects import BY_ID
+from models.checks.usable import from_row
 from models.identification import close
 from models.identification.finding import STAGES
 from models.identification.fitting.fit import evaluate
 from models.identification.kinds import AnyKind, Known, kind_for, ready
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
 from models.identification.search.validation import free_run
@@ -180,7 +179,7 @@ def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
     fitted = [(p, values.get(p.name, p.value)) for p in kind.base if p.fit]
     known: dict[Name, tuple[float, float]]
     known = {p.name: (value, base * abs(value)) for p, value in fitted if value and np.isfinite(base)}
-    for p in effect_parameters([BY_ID[name] for name in sorted(values.effects)]):
+    for p in effect_parameters([kind.catalogue[name] for name in sorted(values.effects)]):
         value = values.get(p.key, p.value)
         size = abs(value) if value and p.role != "phase" else p.upper - p.lower
         known[p.key] = (value, effects * size)

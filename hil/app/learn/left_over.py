@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from controller.signals import Array
-from models.checks.instrument.usable import counted
+from models.checks.usable import counted
 from models.identification.kind import Kind
 from models.records.record import Record
 from models.theta import Theta

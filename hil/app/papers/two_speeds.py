@@ -10,7 +10,7 @@ from hil.app.papers.drawing import DERIVED, PRINTED, THIRD, Drawing, axes, line,
 from hil.app.papers.flat_car import measured_teeth
 from hil.app.papers.row import Row, Verdict, row, speed_key
 from hil.app.papers.viscoelastic import measured_band
-from models.identification.kinds.periods.kind import Cycle, PeriodsKind
+from models.identification.kinds.periods.periods import Cycle, PeriodsKind
 from models.sets import load_measurement
 
 SLOW, FAST = 0.5e-3, 10e-3  # m/s, papers A and C

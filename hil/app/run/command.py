@@ -29,15 +29,17 @@ from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import load_catalogue
 from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
+from hil.drives.carriage_bus import CarriageBus
+from hil.drives.makers import carriage_bus, set_up
+from hil.drives.table import ActuatorTable
 from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
-from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import heard_for
+from models.effects import CATALOGUE, Catalogue
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -63,6 +65,7 @@ def run(
     learn: bool = False,
     mcap: Path | None = None,
     move: bool = False,
+    effects: Catalogue = CATALOGUE,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
     (`hil.app.ends.RUN_ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
@@ -75,7 +78,7 @@ def run(
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path, reference), load_catalogue()
+    deployment, catalogue = load_deployment(path, reference, effects), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
     if move and (action != "check" or dry_run):
         raise ValueError("--move must go with check; got it with leading, reset or --dry-run")

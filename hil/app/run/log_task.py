@@ -12,6 +12,7 @@ from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
 from hil.nodes.controller.node import Task
+from models.effects import CATALOGUE, Catalogue
 from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
 from models.theta import Theta
@@ -66,8 +67,10 @@ def checked(record: Mapping[str, Any]) -> None:
             raise ValueError(f"{key} must be {wanted}; got {shown(record[key])}")
 
 
-def task_of(record: Mapping[str, Any], where: str) -> Task:
-    """The controller's task that a log's record describes. Raises ValueError where it does not."""
+def task_of(record: Mapping[str, Any], where: str, known: Catalogue = CATALOGUE) -> Task:
+    """The controller's task that a log's record describes, whose rig may have the `known` effects. Raises ValueError
+    where it does not.
+    """
     checked(record)
     if not {"controller", "values"} <= set(record) or not {"deployment", "scenario"} & set(record):
         raise ValueError(
@@ -79,11 +82,14 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         learned = [Offered.of(one) for one in record.get("learned", [])]
         experiments = tuple(Experiment.of(one) for one in record.get("experiments", []))
         if "deployment" in record:
-            deployment = replace(parse_deployment(record["deployment"], values), offered=offered)
+            deployment = parse_deployment(record["deployment"], values)
+            deployment = replace(deployment, rig=known.given_to(deployment.rig), offered=offered)
             offers = (offer_of(one, deployment.believed) for one in learned)
             task = replace(deployment.task(), controller=name, deadline_s=math.inf)
             return replace(task, learned=tuple(one for one in offers if one), experiments=experiments)
         on_bus = parse_sil_scenario(parse_toml(record["scenario"], "scenario"))
+        loop = replace(on_bus.loop, belief=known.given_to(on_bus.loop.belief))
+        on_bus = replace(on_bus, loop=loop)
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
 

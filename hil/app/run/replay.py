@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import can
 
+import models.effects
 from hil.app.console import note, output_to_notes, print_json, say
 from hil.app.run.log_task import task_of
 from hil.bus.catalogue import Catalogue, load_catalogue
@@ -20,6 +21,7 @@ from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
+from models.effects import CATALOGUE
 from models.files.tables import shown
 
 _SHOWN: Final = 5  # differences on the terminal
@@ -110,7 +112,7 @@ class Replay:
         return not self.differences
 
 
-def replay(path: Path, *, json_output: bool = False) -> int:
+def replay(path: Path, *, json_output: bool = False, effects: models.effects.Catalogue = CATALOGUE) -> int:
     """Run the controller of the log `path` again; 0 where all frames of a whole log are the same, else 1. Raises
     ValueError of one sentence.
     """
@@ -131,7 +133,7 @@ def replay(path: Path, *, json_output: bool = False) -> int:
     try:
         _fits(record, catalogue)
         with output_to_notes():
-            task = task_of(record, str(path))
+            task = task_of(record, str(path), effects)
             found = replayed(counted(), task, catalogue, record.get("dry_run", False))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None

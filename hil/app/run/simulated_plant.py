@@ -12,10 +12,9 @@ from hil.app.run.loop import Signals, prepare_process
 from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.bus.authenticated import AuthenticatedBus
-from hil.nodes.actuators import ActuatorTable
-from hil.nodes.faults.table import Fault, read_lie
-from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
-from hil.nodes.simulated_drives import simulated_drive
+from hil.drives.table import ActuatorTable
+from hil.simulated.faults.table import Fault, read_lie
+from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from plant import layout as at
 from plant.session import Session
 
@@ -25,7 +24,7 @@ def plant(path: Path, seconds: float | None = None, lies: Sequence[str] = (), *,
     "ready" once it is there. With `json_output` that goes to standard error, and at the end what became of the plant,
     the truth included, to standard output.
 
-    Each of `lies` is one of its localiser or drive (`hil.nodes.faults.table.read_lie`). Raises ValueError, one
+    Each of `lies` is one of its localiser or drive (`hil.simulated.faults.table.read_lie`). Raises ValueError, one
     sentence, for a file that names no plant, a lie that is none and for a bus that does not open.
     """
     if seconds is not None and not 0 < seconds <= 1e6:

@@ -17,12 +17,13 @@ from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_t
 from hil.bus.authenticated import authenticator
 from hil.bus.key import read_key
 from hil.bus.local import LocalBus
-from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
+from hil.drives.makers import ACTUATORS, read_actuator
+from hil.drives.table import ActuatorTable
 from hil.nodes.controller.operator import SETPOINT, OperatorLimits
-from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
-from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.plant_node import SLOT_S
+from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
+from hil.simulated.fmu_plant import read_fmu
+from hil.simulated.plant_node import SLOT_S
 from models.files.tables import Declared, check_word, limited
 from models.files.toml import in_file, read_toml, toml_text
 from models.parameter import nearest

@@ -17,10 +17,12 @@ from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
-from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuator
+from hil.drives.makers import ACTUATORS, read_actuator
+from hil.drives.table import ActuatorTable
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
+from models.effects import CATALOGUE, Catalogue
 from models.files.tables import Declared, from_table, limited
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
@@ -206,17 +208,18 @@ class Deployment:
         return control_model(self.rig, values, self.control.tick_s)
 
 
-def load_deployment(path: Path, reference: Path | None = None) -> Deployment:
-    """Read and check a deployment file, with the reference of another one where that is given; anything wrong is a
-    ValueError of one sentence.
+def load_deployment(path: Path, reference: Path | None = None, known: Catalogue = CATALOGUE) -> Deployment:
+    """Read and check a deployment file, with the reference of another one where that is given; its rig may have the
+    `known` effects. Anything wrong is a ValueError of one sentence.
     """
     raw, text = read_toml(path, "rig file")
     if reference is not None:
         raw = with_reference(raw, reference, "control")
         text = toml_text(raw)
     with in_file(path):
-        values, verdict = _learned(raw, path.parent)
+        values, verdict = _learned(raw, path.parent, known)
         deployment = parse_deployment(text, values, path.stem, verdict)
+        deployment = replace(deployment, rig=known.given_to(deployment.rig))
         return replace(
             deployment,
             offered=read_offer(OfferTable.read(raw) if "offer" in raw else None, path.parent, deployment.rig, values),
@@ -321,7 +324,7 @@ def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> 
     """The drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind, limits)
     check_no_key(table, bus.key_file)
-    if needs_fd(table) and not bus.fd:
+    if table is not None and table.fd and not bus.fd:
         raise ValueError("bus.fd must be true with [moteus], whose frames are CAN FD; got false")
     return table
 
@@ -344,11 +347,11 @@ def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
-def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[Theta, Acceptance | None]:
+def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Theta, Acceptance | None]:
     """Values of the model that the file names and what the gate says of them."""
     if not isinstance(raw.get("model"), dict):
         return Theta(), None
-    table, rig = ModelTable.read(raw), _rig(raw)
-    model = read_model(folder / table.file, rig.kind)
+    table, rig = ModelTable.read(raw), known.given_to(_rig(raw))
+    model = read_model(folder / table.file, rig.kind, catalogue=known)
     verdict = AcceptanceTest().judge(read_report(folder / table.report), model, rig, stage=table.stage)
     return model.believed(table.stage), verdict

@@ -4,7 +4,6 @@ from typing import Any
 
 from controller.model.control_model import ControlModel
 from hil.report.quantities import DASH, quantity
-from models.effects import BY_ID
 
 
 def model_facts(model: ControlModel) -> dict[str, Any]:
@@ -13,6 +12,6 @@ def model_facts(model: ControlModel) -> dict[str, Any]:
     for p, value in zip(model.symbols.parameters, model.values.tolist(), strict=True):
         if p.effect or value != p.value:  # the rig file has no number of an effect
             rows.append([p.name, quantity(value, p.unit), DASH if p.effect else quantity(p.value, p.unit)])
-    summaries = {name: BY_ID[name].summary for name in effects if name in BY_ID}
+    summaries = {effect.id: effect.summary for effect in model.symbols.effects}
     made = " + ".join(["base", *effects]) if effects else "base model"
     return {"made": made, "kind": "learned" if rows else "nominal values", "rows": rows, "effects": summaries}

@@ -13,6 +13,7 @@ from typing import Any
 from controller.model.control_model import ControlModel
 from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.supervision.model_switch import Offer
+from models.effects import Catalogue
 from models.files.tables import Declared, limited
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
@@ -58,7 +59,8 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) 
     """
     if table is None:
         return None
-    model, report = read_model(folder / table.file, rig.kind), read_report(folder / table.report)
+    model = read_model(folder / table.file, rig.kind, catalogue=Catalogue.of(rig))
+    report = read_report(folder / table.report)
     used = next((stage for stage in STAGES if model.believed(stage) == values), "" if values else STAGES[0])
     verdict = AcceptanceTest().judge(report, model, rig, stage=table.stage, current=used or math.nan)
     if not verdict.passed:

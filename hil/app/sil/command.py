@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ def sil(path: Path, asked: Options) -> int:
     Raises ValueError, one sentence, for anything that cannot be used.
     """
     scenario, text = load_sil_scenario(path, asked.reference)
+    scenario = replace(scenario, loop=asked.equipped(scenario.loop))
     values, used = asked.values(scenario.loop.kind)
     if asked.learn:
         check_learnt(scenario.loop.belief)

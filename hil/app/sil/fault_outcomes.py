@@ -12,11 +12,11 @@ from hil.app.scenario.bus_scenario import JogTable, SilScenario
 from hil.app.sil.lie_outcomes import lied
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import violations
-from hil.nodes.actuators import ActuatorTable
+from hil.drives.table import ActuatorTable
 from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
-from hil.nodes.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
 from hil.nodes.frame_map import CARRIAGE_MAP, frame_map_of
 from hil.nodes.operator_sender import CYCLE_S
+from hil.simulated.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
 
 WANTED, SOURCE, _, PRESSED = range(4)

@@ -26,11 +26,11 @@ from hil.app.scenario.model_offer import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.track.loop import Array, Progress, Trace
-from hil.bus.simulated import SimulatedBus
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
-from hil.nodes.plant_node import SLOT_S
+from hil.simulated.medium import SimulatedBus
+from hil.simulated.plant_node import SLOT_S
 from models.theta import Theta
 
 _REPORTS: Final = 50  # of the progress

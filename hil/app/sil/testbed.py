@@ -19,18 +19,17 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.hand import Hand, SecondOperator, Stranger
 from hil.bus.authenticated import AuthenticatedBus, inside
 from hil.bus.key import read_key
-from hil.bus.simulated import Medium, SimulatedBus
+from hil.drives.carriage_bus import CarriageBus
+from hil.drives.makers import carriage_bus
 from hil.log.recorder import Recorder
-from hil.nodes.actuators import carriage_bus, identifiers, needs_fd
-from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task, Tick
 from hil.nodes.controller.operator import SETPOINT
-from hil.nodes.faults.injection import TAMPERING, FaultInjection
-from hil.nodes.faults.table import LIES, SETPOINTS, Fault
-from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
-from hil.nodes.simulated_drives import simulated_drive
+from hil.simulated.faults.injection import TAMPERING, FaultInjection
+from hil.simulated.faults.table import LIES, SETPOINTS, Fault
+from hil.simulated.fmu_plant import FmuPlant
+from hil.simulated.medium import Medium, SimulatedBus
+from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from models.theta import Theta
 from plant.session import Session
 
@@ -80,7 +79,7 @@ class Bench:
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
         bus = scenario.bus
-        fd = bus.fd or needs_fd(scenario.drive)
+        fd = bus.fd or (scenario.drive is not None and scenario.drive.fd)
         self.medium = Medium(frames().bit_rate, data_bit_rate=bus.data_bitrate if fd else 0)
         self.ports = {name: SimulatedBus(self.medium, name) for name in ("controller", "drive", "localiser")}
         self._key = read_key(Path(bus.key_file)) if bus.key_file else b""
@@ -258,7 +257,7 @@ class Bench:
         known, own = frames(), self.wiring
         told, says = frozenset[int](), frozenset[int]()
         if self.scenario.drive is not None:
-            told, says = identifiers(self.scenario.drive)
+            told, says = self.scenario.drive.identifiers()
             if fault.target in ("commands", "feedback"):
                 link, hit_by = ("drive", told) if fault.target == "commands" else ("controller", says)
                 return [(self.links[link], (fault, hit_by))]

@@ -30,7 +30,7 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
     The exit status is 1 where a run fails one of the scenario's checks. Raises ValueError, one sentence, for anything
     that cannot be used.
     """
-    scenario = load_track_scenario(path, asked.reference)
+    scenario = asked.equipped(load_track_scenario(path, asked.reference))
     values, used = asked.values(scenario.kind)
     name, number = asked.of(scenario)
     names = [one for one in CONTROLLERS if scenario.kind in leads(one)] if compare else [name]

@@ -22,7 +22,7 @@ from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import Event
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
-from controller.vibro.table_values import in_time
+from controller.vibro.cycles import in_time
 from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
 from models.theta import Theta

@@ -16,7 +16,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.view import within
-from models.files.tables import check_ranges
+from models.files.tables import Declared, limited
 from models.parameter import nearest
 
 SETPOINT: Final = "OperatorSetpoint"
@@ -33,16 +33,10 @@ NOBODY: Final = 0  # `Source` where nobody steers
 OFF, READY, MOVING, HELD, STOPPED = range(5)
 """What the controller makes of setpoints, in the numbers of OperatorStatus."""
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
-OPERATOR_RANGES: Final = (  # least and most of a table's keys
-    ("speed_m_s", 1e-4, _FASTEST_M_S),
-    ("acceleration_m_s2", 1e-3, 10.0),
-    ("stop_after_s", 0.05, 60.0),
-    ("drift_share", 5e-4, 1.0),
-)
 
 
 @dataclass(frozen=True)
-class OperatorLimits:
+class OperatorLimits(Declared, where="operator"):
     """`[operator]`: whether setpoints from the bus are taken, from which `sources` (none: from all), and within what:
     speed and acceleration of the reference, its lowest and highest position. The drive is stopped `stop_after_s` after
     the dead-man switch has been released, or a setpoint has come late. Senders may be slower than the frame's cycle by
@@ -51,15 +45,15 @@ class OperatorLimits:
 
     accept: bool = False
     sources: tuple[str, ...] = ()
-    speed_m_s: float = 0.005
-    acceleration_m_s2: float = 0.05
+    speed_m_s: float = limited(0.005, 1e-4, _FASTEST_M_S)
+    acceleration_m_s2: float = limited(0.05, 1e-3, 10.0)
     lowest_m: float = -0.05
     highest_m: float = 0.05
-    stop_after_s: float = 1.0
-    drift_share: float = 0.02
+    stop_after_s: float = limited(1.0, 0.05, 60.0)
+    drift_share: float = limited(0.02, 5e-4, 1.0)
 
     def __post_init__(self) -> None:
-        check_ranges(self, "operator", OPERATOR_RANGES)
+        super().__post_init__()
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
             raise ValueError(
                 f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.checks.information.excitation import Shown
+from models.checks.excitation import Shown
 from models.identification.experiment.plan import Plan, Room, random_plan, varied
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
 from models.identification.finding import NEXT_CSV, Proposal, Separation

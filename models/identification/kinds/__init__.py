@@ -3,30 +3,28 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from models.assembly.model import effect_parameters
-from models.checks.instrument.usable import cleaned
-from models.checks.one_clock import on_one_clock
+from models.checks.usable import cleaned, on_one_clock
 from models.effects import REFINEMENTS
 from models.identification.kinds.axis import report as axis_report
-from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import evened
 from models.identification.kinds.dma import report as dma_report
-from models.identification.kinds.dma.kind import DmaKind
+from models.identification.kinds.dma.dma import DmaKind
 from models.identification.kinds.friction import report as friction_report
-from models.identification.kinds.friction.kind import FrictionKind
+from models.identification.kinds.friction.friction import FrictionKind
 from models.identification.kinds.periods import report as periods_report
-from models.identification.kinds.periods.kind import PeriodsKind
+from models.identification.kinds.periods.periods import PeriodsKind
 from models.identification.kinds.series import report as series_report
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.kinds.vibro_table import report as vibro_table_report
-from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.parameter import Name, Parameter, nearest
 from models.records.record import USED, Record, named
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
-from models.theta import Theta
 
 AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
 
@@ -36,23 +34,7 @@ Known = Mapping[Name, tuple[float, float]]
 NOTHING_KNOWN: Final[Known] = MappingProxyType({})
 
 
-class Report(Protocol):
-    """What a kind's `report` module says of a model of that kind, in words."""
-
-    def equations(self, kind: Any, theta: Theta) -> list[str]:
-        """The model's equations with their numbers, a line each."""
-        ...
-
-    def statements(self, kind: Any, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-        """What these data cannot tell, and what the residual depends on."""
-        ...
-
-    def next_experiment(self, kind: Any, theta: Theta, records: Sequence[Record]) -> str | None:
-        """What to measure to tell confounded effects apart; None where there is nothing to tell."""
-        ...
-
-
-_REPORTS: Final[Mapping[type, Report]] = {
+_REPORTS: Final[Mapping[type, Any]] = {
     AxisKind: axis_report,
     DmaKind: dma_report,
     FrictionKind: friction_report,
@@ -67,8 +49,11 @@ _BY_NAME: Final[Mapping[str, type[AnyKind]]] = {
 }
 
 
-def report_of(kind: AnyKind) -> Report:
-    """The words for models of `kind`."""
+def report_of(kind: AnyKind) -> Any:
+    """The module with the words for models of `kind`: `equations(kind, theta)` with their numbers, a line each;
+    `statements(kind, theta_by_stage, records)` on what these data cannot tell and what remains;
+    `next_experiment(kind, theta, records)` that would tell confounded effects apart, None where nothing is to be told.
+    """
     return _REPORTS[type(kind)]
 
 

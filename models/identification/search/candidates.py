@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.effects import BY_ID, REFINEMENTS
+from models.effects import CATALOGUE, REFINEMENTS
 from models.identification.fitting.fit import Fit, Problem, costs_of, descend, narrowing
-from models.identification.kind import Kind, had
+from models.identification.kind import Kind
 from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, GrowingHorizon, base_known, eliminate
 from models.identification.search.own_range import within
@@ -59,7 +59,7 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     else:
         fitted = _survivors(model, _entries(model, screened, moved), moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
-    alike = BY_ID[ranking[0]].confounders
+    alike = model.kind.catalogue[ranking[0]].confounders
     finalists = [
         name
         for k, name in enumerate(ranking)
@@ -91,8 +91,9 @@ def _refinements(kind: Kind, name: str) -> list[str]:
     known = {effect.id for effect in kind.effects}
     return [
         c
-        for c in BY_ID[name].refined_by
-        if c in known or (BY_ID[c].answers("shared") and kind.name in BY_ID[c].kinds and c not in had(kind))
+        for c in kind.catalogue[name].refined_by
+        if c in known
+        or (kind.catalogue[c].answers("shared") and kind.name in kind.catalogue[c].kinds and c not in kind.in_base)
     ]
 
 
@@ -129,12 +130,12 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
         return []
     best = max(helped, key=lambda trial: trial.gain)
     both = next(iter(best.refinements.values()), None)
-    beside = [c for c in _refinements(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
-    alike = [name for name in rows if BY_ID[best.effect].looks_like(BY_ID[name])]
+    beside = [c for c in _refinements(kind, best.effect) if kind.catalogue[c] not in REFINEMENTS] if both else []
+    alike = [name for name in rows if kind.catalogue[best.effect].looks_like(kind.catalogue[name])]
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
         starts = [
-            base.only({*effects, *had(kind)}).with_(name, own.effects[name])
+            base.only({*effects, *kind.in_base}).with_(name, own.effects[name])
             for base, own in zip(both or best.thetas, owns, strict=True)
         ]
         fits = tuple(
@@ -210,13 +211,13 @@ def _survivors(model: FittedModel, entries: Mapping[str, Theta], moved: Moved) -
 
 def shared_by(kind: Kind, name: str) -> list[str]:
     """Of what may have to stand beside a candidate, what no search names by itself."""
-    return [c for c in _refinements(kind, name) if BY_ID[c] in REFINEMENTS]
+    return [c for c in _refinements(kind, name) if kind.catalogue[c] in REFINEMENTS]
 
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
     """`start`, and with each shape on the refinements' grids."""
     grid: dict[Name, tuple[float, ...]]
-    grid = {(c, name): values for c in refinements for name, values in BY_ID[c].grid.items()}
+    grid = {(c, name): values for c in refinements for name, values in CATALOGUE[c].grid.items()}
     rows = itertools.product(*grid.values())
     return [start, *(start | dict(zip(grid, row, strict=True)) for row in rows if row)]
 

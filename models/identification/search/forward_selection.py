@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from models.checks.instrument.usable import counted
+from models.checks.usable import counted
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Kind

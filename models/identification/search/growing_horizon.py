@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import chi2, qmc
 
-from models.checks.instrument.usable import lead_in_s
-from models.effects import BY_ID
+from models.checks.usable import lead_in_s
 from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of, narrowing
-from models.identification.kind import Kind, had
+from models.identification.kind import Kind
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record
@@ -87,13 +86,17 @@ class GrowingHorizon:
         slip events.
         """
         moved = [axis for axis in axes(self.kind, self.effects) if axis.parameter.effect in self.effects]
-        bases = [theta.only(had(self.kind)) for theta in found]
+        bases = [theta.only(self.kind.in_base) for theta in found]
         return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
     def _drawn(self, starts: Sequence[Theta], moved: Sequence[Axis], count: int, seed: int) -> list[Theta]:
         shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
         return [
-            start | {axis.name: _place(axis, start, share, self.fresh) for axis, share in zip(moved, row, strict=True)}
+            start
+            | {
+                axis.name: _place(self.kind, axis, start, share, self.fresh)
+                for axis, share in zip(moved, row, strict=True)
+            }
             for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
         ]
 
@@ -138,7 +141,7 @@ def eliminate(
         ranked = sorted(costs.values())
         within = SET.in_reach if number >= SET.telling else SET.early_reach
         reach, limit = within * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
-        alike = BY_ID[min(costs, key=lambda name: costs[name])].confounders
+        alike = kind.catalogue[min(costs, key=lambda name: costs[name])].confounders
         running = {
             name: climb
             for name, climb in running.items()
@@ -165,14 +168,14 @@ def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
-def _place(axis: Axis, start: Theta, share: float, fresh: str) -> float:
+def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> float:
     """The value of one parameter for a number `share` between 0 and 1."""
     p = axis.parameter
     if not p.effect:
         value = p.value + min(SET.base_off * abs(p.value), SET.near_start * p.spread) * (2 * share - 1)
-    elif p.effect == fresh and p.name == BY_ID[fresh].amplitude().name:
+    elif p.effect == fresh and p.name == kind.catalogue[fresh].amplitude().name:
         sign, size = np.sign(share - 0.5) or 1.0, abs(2 * share - 1)
-        value = sign * BY_ID[fresh].probe * 2 ** (SET.doublings * size)
+        value = sign * kind.catalogue[fresh].probe * 2 ** (SET.doublings * size)
         value = value if p.lower <= value <= p.upper else -value
     else:
         value = start.get(axis.name, p.value)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from models.effects import BY_ID
 from models.identification.fitting.fit import Axis, Problem, narrowing
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import Fits
@@ -22,13 +21,13 @@ def within(
     """The `fits`, one a split, of a model with `effects`, moved to where its `effect` is what it is called; None where
     they are there already.
     """
-    if all(_is_there(effect, theta) for theta in fits):
+    if all(_is_there(kind, effect, theta) for theta in fits):
         return None
     return tuple(_fitted(kind, part, effects, effect, theta) for (part, _), theta in zip(splits, fits, strict=True))
 
 
-def _is_there(effect: str, theta: Theta) -> bool:
-    return all(abs(theta.get((effect, p.name), p.value)) >= p.least for p in BY_ID[effect].parameters())
+def _is_there(kind: Kind, effect: str, theta: Theta) -> bool:
+    return all(abs(theta.get((effect, p.name), p.value)) >= p.least for p in kind.catalogue[effect].parameters())
 
 
 def _fitted(kind: Kind, part: list[Record], effects: Sequence[str], effect: str, theta: Theta) -> Theta:

@@ -4,9 +4,9 @@ from collections.abc import MutableMapping, Sequence
 
 import numpy as np
 
-from models.effects import BY_ID, REFINEMENTS
+from models.effects import REFINEMENTS
 from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
-from models.identification.kind import Kind, had
+from models.identification.kind import Kind
 from models.identification.search.candidates import better_without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
@@ -29,10 +29,11 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
-        fit = mend if BY_ID[curve] in REFINEMENTS else refit
+        fit = mend if model.kind.catalogue[curve] in REFINEMENTS else refit
         if finer not in known:
             known[finer] = [
-                fit(model.kind, part, finer, theta.with_(curve, _begin(curve))) for part, theta in rows[-1].parts
+                fit(model.kind, part, finer, theta.with_(curve, _begin(model.kind, curve)))
+                for part, theta in rows[-1].parts
             ]
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
@@ -58,7 +59,7 @@ def refined_at_last(
         if floors < SET.close:
             break
         model = [*effects, *taken, *added, curve]
-        starts = [fit.theta.with_(curve, _begin(curve)), *known.get(tuple(model), ())]
+        starts = [fit.theta.with_(curve, _begin(kind, curve)), *known.get(tuple(model), ())]
         costs = costs_of(kind, records, starts, kind.final)
         if min(fit.cost, *costs) > SET.behind * fit.count:
             break
@@ -88,12 +89,14 @@ def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
 
 def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:
     """What may mend the shapes of `effects`."""
-    wanted = dict.fromkeys(curve for name in effects for curve in BY_ID[name].refined_by)
-    return [name for name in wanted if kind.name in BY_ID[name].kinds and name not in {*effects, *had(kind)}]
+    wanted = dict.fromkeys(curve for name in effects for curve in kind.catalogue[name].refined_by)
+    return [
+        name for name in wanted if kind.name in kind.catalogue[name].kinds and name not in {*effects, *kind.in_base}
+    ]
 
 
-def _begin(curve: str) -> dict[str, float]:
+def _begin(kind: Kind, curve: str) -> dict[str, float]:
     """Where a refinement's shape begins: first on its grid. An effect that mends another begins as it is declared."""
-    if BY_ID[curve] not in REFINEMENTS:
+    if kind.catalogue[curve] not in REFINEMENTS:
         return {}
-    return {name: values[0] for name, values in BY_ID[curve].grid.items()}
+    return {name: values[0] for name, values in kind.catalogue[curve].grid.items()}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from models.effects import BY_ID, REFINEMENTS
+from models.effects import REFINEMENTS
 from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOROUGH, base_known, grow_horizon
@@ -66,9 +66,9 @@ def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], s
     it is declared.
     """
     starts = begins(kind, start)
-    newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
+    newest = next((name for name in reversed(effects) if kind.catalogue[name] not in REFINEMENTS), "")
     if newest:
-        starts.append(starts[-1].with_(newest, BY_ID[newest].start()))
+        starts.append(starts[-1].with_(newest, kind.catalogue[newest].start()))
     effort = FROM_CLOSE if base_known(kind) else THOROUGH
     return grow_horizon(kind, records, effects, starts, effort, newest, seed).theta
 

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.effects import BY_ID
 from models.effects.effect import Effect
 from models.identification.fitting.fit import Problem, costs_of, descend
-from models.identification.kind import had
 from models.identification.search.candidates import Trial, opening
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
@@ -41,7 +39,7 @@ def rivals_of(
     the records cannot tell from it, from where they imitate it. What explains too little of the residual, or stays far
     behind after a short fit, is not fitted further.
     """
-    own = {effect, *BY_ID[effect].refined_by}
+    own = {effect, *model.kind.catalogue[effect].refined_by}
     rest = [name for name in model.effects if name not in own]
     training, best = _training_blocks(model), dict[str, FittedModel]()
     for name, fitted in (*_screened_rivals(model, effect, own, rest, screened), *_tried_rivals(model, rest, trials)):
@@ -60,7 +58,7 @@ def rivals_of(
     waiting, seen = [effect, *alike], {*own, *rest, *alike}
     while waiting:
         like = waiting.pop(0)
-        for other in (e for e in model.kind.effects if e.id not in seen and e.looks_like(BY_ID[like])):
+        for other in (e for e in model.kind.effects if e.id not in seen and e.looks_like(model.kind.catalogue[like])):
             fitted, differs = _imitation(model, made, other, own, rest)
             fitted = min((fitted, best.get(other.id, fitted)), key=lambda one: one.cost)
             imitated = differs < SET.rival_imitated * (float(training.mean()) - 1)
@@ -131,7 +129,7 @@ def _tried_rivals(
 ) -> Iterator[tuple[str, FittedModel]]:
     """Fits that the search made of candidates beside the same other effects, also with their refinements."""
     for trial in trials:
-        if set(rest) == set(trial.thetas[0].effects) - {trial.effect, *had(model.kind)}:
+        if set(rest) == set(trial.thetas[0].effects) - {trial.effect, *model.kind.in_base}:
             yield trial.effect, model.fitted(trial.thetas, [*rest, trial.effect])
             for effects, fits in trial.refinements.items():
                 yield trial.effect, model.fitted(fits, effects)

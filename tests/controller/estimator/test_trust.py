@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.drives import DRIVES, envelope_of
-from controller.estimator.noise import trusting
+from controller.estimator.base import trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.model.control_model import ControlModel, control_model
 from controller.model.friction import mean_friction, proved_off

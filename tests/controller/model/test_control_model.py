@@ -136,7 +136,7 @@ def test_the_compiled_step_is_the_same_step(magnetic: ControlModel) -> None:
     assert x[0] > 1e-3
     assert x == pytest.approx(y, rel=1e-9, abs=1e-12)
     states = np.array([x, y])
-    kernels.steps(states, 2e-3, np.array([1e-3, 0.0]), 0.0)
+    kernels.run(states, 2e-3, 2e-3, np.array([1e-3, 0.0]), 0.0, TICK_S, kernels.substeps, kernels.parameters)
     assert states[0] == pytest.approx(np.array(magnetic.step(x, 2e-3, 1e-3, 0.0)).ravel())
     assert states[1] == pytest.approx(np.array(magnetic.step(y, 2e-3, 0.0, 0.0)).ravel())
 
@@ -185,7 +185,7 @@ def test_the_loops_are_casadis_functions(magnetic: ControlModel) -> None:
         assert slopes[k] == pytest.approx(np.array(by_state).ravel(), rel=1e-9)
     each = np.array(path[:3])
     own = p[0] * np.array([0.9, 1.0, 1.1])
-    kernels.run_each(each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p, 0, own)
+    kernels.run_each(0, own, each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p)
     for before, after, friction in zip(path, each, own, strict=False):
         numbers = np.array([friction, *p[1:]])
         expected = magnetic.symbols.substep(before, 5e-3, 5.1e-3, 0.0, 0.0, TICK_S, numbers)
@@ -214,7 +214,7 @@ def test_the_wall_holds_what_the_law_says(magnetic: ControlModel) -> None:
     """At 10 mm/s on a wall not yet dragged: F_e = 66.37 mN, the check value of physics.md."""
     x = magnetic.initial()
     x[1] = 10e-3
-    assert float(magnetic.wall_force(x, 0.0)) == pytest.approx(66.37e-3, rel=0.01)
+    assert float(magnetic.symbols.wall_force(x, 0.0, magnetic.values)) == pytest.approx(66.37e-3, rel=0.01)
     assert magnetic.gap_limit_m == pytest.approx(0.02 / np.sqrt(3))
 
 
@@ -226,7 +226,7 @@ def test_above_20_mm_s_the_regime_of_the_rig_file_holds(regime: str, force_N: fl
     )
     x = fast.initial()
     x[1] = 60e-3
-    assert float(fast.wall_force(x, 0.0)) == pytest.approx(force_N, rel=0.01)
+    assert float(fast.symbols.wall_force(x, 0.0, fast.values)) == pytest.approx(force_N, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.drives import DRIVES
-from controller.estimator.noise import trusting
+from controller.estimator.base import trusting
 from controller.monitor.forecast import Forecast
 from controller.monitor.monitor import DOUBTFUL, FIRST, Monitor
 from controller.monitor.sums import MOST, Sum, shifted, wider

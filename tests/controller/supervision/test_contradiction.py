@@ -119,7 +119,7 @@ def test_a_reference_that_jumps_gives_room_until_it_is_reached() -> None:
     for place in np.arange(0.0, 0.05, 1e-3):
         assert not corridor.leaves(float(place), 0.05, TICK_S)
     assert corridor.leaves(0.035, 0.05, TICK_S), "it has been there"
-    corridor.begin()
+    corridor = Corridor(0.01, 0.25, 2e-3)
     assert not corridor.leaves(0.3, 0.0, TICK_S), "where it begins does not count"
     assert corridor.leaves(0.31, 0.0, TICK_S), "but it must come nearer"
 

@@ -11,8 +11,8 @@ import pytest
 from controller.drives import COIL, envelope_of
 from controller.feedforward import Feedforward
 from controller.signals import Estimate
+from controller.supervision.fallback import Swings
 from controller.supervision.supervisor import Supervisor
-from controller.supervision.swings import Swings
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop

@@ -5,18 +5,18 @@ import re
 
 from hil.app.sil.fault_outcomes import limit_of
 from hil.bus.catalogue import load_catalogue
-from hil.bus.markdown_tables import frames_table, load_table
-from hil.nodes.faults.table import KINDS, LIES, LINKS, Fault
+from hil.simulated.faults.table import KINDS, LIES, LINKS, Fault
 from tests.hil.app.sil.sil_runs import RIGS, scenario_of
-from tests.hil.nodes.fault_rows import OWN_KINDS
-from tests.hil.nodes.faults.test_faults import REFUSED
+from tests.hil.bus.markdown_tables import frames_table, load_table
+from tests.hil.simulated.fault_rows import OWN_KINDS
+from tests.hil.simulated.faults.test_faults import REFUSED
 from tests.places import ROOT
 
 PAGE = (ROOT / "docs" / "bus.md").read_text(encoding="utf-8")
 
 
 def test_frames_and_load_are_those_of_the_dbc() -> None:
-    """`python -m hil.bus.markdown_tables` prints them anew."""
+    """`python -m tests.hil.bus.markdown_tables` prints them anew."""
     assert frames_table(load_catalogue()) in PAGE
     assert load_table(load_catalogue()) in PAGE
 

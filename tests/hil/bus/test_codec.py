@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hil.bus.catalogue import COUNTER, CRC, DBC, Frame, load_catalogue
 from hil.bus.codec import Codec, FrameError, Refusal
-from hil.bus.load import bus_load, longest_bits
+from tests.hil.bus.bus_load import bus_load, longest_bits
 from tests.places import ROOT
 
 CATALOGUE = load_catalogue()

@@ -6,13 +6,13 @@ from cantools.database import Database
 
 from hil.bus.authenticated import LENGTH, AuthenticatedBus
 from hil.bus.catalogue import DBC, load_catalogue
-from hil.bus.fd_catalogue import FD_DBC, fd_dbc
 from hil.bus.protection import Sender
 from tests.bench.bench_forgery import KEY, Wire
+from tests.hil.bus.fd_catalogue import FD_DBC, fd_dbc
 
 
 def test_the_file_is_the_one_that_is_generated() -> None:
-    """`python -m hil.bus.fd_catalogue` writes it anew."""
+    """`python -m tests.hil.bus.fd_catalogue` writes it anew."""
     assert FD_DBC.read_text(encoding="utf-8") == fd_dbc(DBC.read_text(encoding="utf-8"))
 
 

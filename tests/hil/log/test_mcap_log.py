@@ -80,8 +80,16 @@ def test_bad_words_end_with_a_sentence(words: list[str], sentence: str, capsys: 
     assert sentence in capsys.readouterr().err
 
 
-def test_every_topic_is_a_frame() -> None:
-    assert {frame.id for frame in story(0.2)} <= set(CATALOGUE.by_id())
+def test_every_topic_is_a_frame(tmp_path: Path) -> None:
+    """Each frame of the catalogue that was on the bus has its topic; one that it does not know has none."""
+    frames = story(0.2)
+    path = tmp_path / "a.mcap"
+    log = McapLog(path)
+    for frame in [*frames, frames[-1]._replace(id=0x7FE)]:
+        log.write(frame)
+    log.close()
+    assert 0x7FE not in CATALOGUE.by_id()
+    assert {name.partition("/")[0] for name in told(path)} == {CATALOGUE.by_id()[frame.id].name for frame in frames}
 
 
 def test_the_layout_for_plotjuggler_has_signals_that_there_are() -> None:

@@ -1,26 +1,24 @@
 """The numbers in the code are those of the DBC."""
 
 from hil.nodes.controller.node import FAULTY, HALTING, IDLE, RUNNING
-from hil.nodes.drive.state_machine import (
-    BUS_OFF,
-    HEARTBEAT_LOST,
-    NO_FAULT,
-    OVER_CURRENT,
-    OVER_TEMPERATURE,
-    TIME_TO_LIVE,
-)
 from hil.nodes.frame_map import (
     BOOT,
+    BUS_OFF,
     DERATED,
     ENABLE,
     ENABLED,
     FAULT,
+    HEARTBEAT_LOST,
+    NO_FAULT,
     OFF,
+    OVER_CURRENT,
+    OVER_TEMPERATURE,
     QUICK_STOP,
     READY,
     SELF_TEST,
     STANDBY,
     STOPPING,
+    TIME_TO_LIVE,
     WAITING,
     frame_map_of,
     frames,

@@ -8,10 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from models.checks.examine import examine, stopping
-from models.checks.information.excitation import cannot_show, inseparable
-from models.checks.instrument.usable import cleaned
-from models.checks.one_clock import on_one_clock
-from models.effects import effects_for
+from models.checks.excitation import cannot_show, inseparable
+from models.checks.usable import cleaned, on_one_clock
+from models.effects import CATALOGUE
 from models.records.record import USED, Record, record_of
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
@@ -328,7 +327,7 @@ def test_an_angle_that_begins_again_is_read_as_it_went_with_the_line_that_is_tol
 
 def test_on_a_plate_no_effect_of_a_living_wall_can_show() -> None:
     names = {"stress_relaxation", "respiration", "peristaltic_wave"}
-    effects = [effect for effect in effects_for("coil") if effect.id in {*names, "stribeck"}]
+    effects = [effect for effect in CATALOGUE.acting_on("coil") if effect.id in {*names, "stribeck"}]
     t = np.arange(0, 12, 5e-3)
     x = 5e-3 * np.sin(t) + 1e-3 * np.sin(3.1 * t)
     coil = Record("one", "coil", {"t_s": t, "coil_current_A": np.cos(t), "position_m": x})
@@ -367,7 +366,7 @@ def test_motion_at_one_speed_and_one_way_cannot_show_what_needs_more() -> None:
     rng = np.random.default_rng(2)
     x = 2e-3 * t
     force = 0.05 * (1 - np.exp(-t / 0.2)) + NOISE * rng.standard_normal(len(t))
-    hidden = cannot_show(rig(), [record({"t_s": t, "position_m": x, "force_N": force})], effects_for("pull"))
+    hidden = cannot_show(rig(), [record({"t_s": t, "position_m": x, "force_N": force})], CATALOGUE.acting_on("pull"))
     assert "one speed" in hidden["stribeck"]
     assert "one way" in hidden["directional_asymmetry"]
     assert "folds" not in hidden
@@ -383,7 +382,7 @@ def passing(speed: float, turning: bool = False) -> Record:
 
 
 def test_on_one_pass_at_one_speed_what_goes_with_the_place_goes_with_time() -> None:
-    effects, once = effects_for("pull"), passing(2e-3)
+    effects, once = CATALOGUE.acting_on("pull"), passing(2e-3)
     for records in ([once], [once, once]):
         classes = inseparable(rig(), records, effects)
         assert "tissue_drying" in classes["lumen_taper"]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from models.checks.estimators import spectral_noise, white_noise
 from models.checks.examine import examine
-from models.checks.view import spectral_noise, white_noise
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
@@ -89,9 +89,9 @@ def test_swings_that_few_samples_follow_are_no_noise(shaken: tuple[Rig, Record],
     assert "noise_stated" not in told(rig, slow)
     if rate < 250:
         assert spectral_noise(slow["position_m"])[0] < 0.5 * white_noise(slow["position_m"])
-    louder = 4e-4 * np.random.default_rng(1).standard_normal(len(slow))
-    said = told(rig, slow.with_column("position_m", slow["position_m"] + louder))
-    assert "noise_stated" in said or rate < 100
+    if rate >= 100:
+        louder = 4e-4 * np.random.default_rng(1).standard_normal(len(slow))
+        assert "noise_stated" in told(rig, slow.with_column("position_m", slow["position_m"] + louder))
 
 
 @pytest.mark.parametrize("count", [500, 5000])

@@ -17,7 +17,7 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
-from models.effects import BY_ID, EFFECTS, REFINEMENTS, effects_for
+from models.effects import CATALOGUE, EFFECTS, REFINEMENTS
 from models.effects.conformance import CHECKS, values_of
 from models.effects.declarations import DECLARATIONS
 from models.effects.effect import HOOKS, Effect
@@ -91,19 +91,21 @@ on_each_rig = pytest.mark.parametrize(
 
 @cache
 def model(kind: str, effect: str = "", smoothing: float = 0.0) -> Assembly:
-    return assemble(Wall.around(Capsule(), Tissue()), COMMANDS[kind][0], [BY_ID[effect]] if effect else [], smoothing)
+    return assemble(
+        Wall.around(Capsule(), Tissue()), COMMANDS[kind][0], [CATALOGUE[effect]] if effect else [], smoothing
+    )
 
 
 @cache
 def output(kind: str, effect: str = "", amplitude: float = 0.0) -> Array:
-    values = Theta.of({(effect, BY_ID[effect].amplitude().name): amplitude}) if effect else {}
+    values = Theta.of({(effect, CATALOGUE[effect].amplitude().name): amplitude}) if effect else {}
     return stepped(model(kind, effect), COMMANDS[kind][1], STEP_S, values)
 
 
 def test_every_file_in_a_folder_of_effects_is_an_effect() -> None:
     files = [path.stem for path in Path(models.effects.__file__).parent.glob("*/*.py") if path.stem != "__init__"]
     assert sorted(e.id for e in (*EFFECTS, *REFINEMENTS)) == sorted(files)
-    assert len(BY_ID) == len(EFFECTS) + len(REFINEMENTS)
+    assert len(CATALOGUE) == len(EFFECTS) + len(REFINEMENTS)
 
 
 def test_no_published_id_is_lost() -> None:
@@ -117,8 +119,8 @@ def test_it_is_declared(effect: type[Effect]) -> None:
     assert effect.id == effect.id.lower()
     assert effect.kinds
     assert effect.kinds <= set(KINDS)
-    assert all(effect in effects_for(kind) for kind in effect.kinds)
-    assert set(effect.confounders) <= set(BY_ID)
+    assert all(effect in CATALOGUE.acting_on(kind) for kind in effect.kinds)
+    assert set(effect.confounders) <= set(CATALOGUE)
     assert effect.id not in effect.confounders
     assert all((effect.summary, effect.source, effect.separated_by, effect.__doc__))
 
@@ -145,7 +147,7 @@ def test_its_parameters_are_declared(effect: type[Effect]) -> None:
 @pytest.mark.parametrize("check", CHECKS)
 def test_it_conforms(effect: type[Effect], check: str) -> None:
     """What `capsule effects check` asks of a user's effect."""
-    assert CHECKS[check](effect, set(BY_ID)) is None
+    assert CHECKS[check](effect, set(CATALOGUE)) is None
 
 
 def test_contributing_names_every_hook_and_declaration() -> None:

@@ -1,29 +1,25 @@
 """Effects from a user's file: what is refused, in a sentence, and what a model file keeps of them."""
 
+import pickle
 import re
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from models.effects import BY_ID, effects_for, use_effects
-from models.identification.kinds.dma.kind import DmaKind
+from models.effects import CATALOGUE, Catalogue
+from models.effects.effect import Effect
+from models.identification.kinds.dma.dma import DmaKind
 from models.identification.model import Model, own_effects_of
 from models.records.record import Record
+from models.rigs.rig import Rig
 from models.theta import Theta
 from tests.places import ROOT
 
 EXAMPLE = ROOT / "examples" / "own_effect" / "soft_bump.py"
 TEXT = EXAMPLE.read_text(encoding="utf-8")
 KINDS = '"pull", "magnetic", "coil", "vibro"'
-
-
-@pytest.fixture(autouse=True)
-def _none_left() -> Iterator[None]:
-    yield
-    use_effects([])
 
 
 def own_file(folder: Path, *changes: tuple[str, str]) -> Path:
@@ -37,15 +33,24 @@ def own_file(folder: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
-def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
-    (bump,) = use_effects([EXAMPLE])
-    assert bump.id == "soft_bump"
-    assert BY_ID["soft_bump"] is bump
-    assert all(bump in effects_for(kind) for kind in ("pull", "magnetic", "coil", "vibro"))
-    assert bump not in effects_for("axis")
-    use_effects([])
-    assert "soft_bump" not in BY_ID
-    assert bump not in effects_for("pull")
+def own(*paths: Path) -> list[type[Effect]]:
+    return [origin.effect for origin in Catalogue.read(paths).own]
+
+
+def test_it_takes_part_where_its_catalogue_is_given() -> None:
+    catalogue = Catalogue.read([EXAMPLE])
+    bump = catalogue["soft_bump"]
+    assert all(bump in catalogue.acting_on(kind) for kind in ("pull", "magnetic", "coil", "vibro"))
+    assert bump not in catalogue.acting_on("axis")
+    assert "soft_bump" not in CATALOGUE
+    assert bump not in CATALOGUE.acting_on("pull")
+
+
+def test_another_process_reads_its_file_again() -> None:
+    rig = Catalogue.read([EXAMPLE]).given_to(Rig("pull"))
+    again = pickle.loads(pickle.dumps(rig))
+    assert Catalogue.of(again)["soft_bump"].parameters() == Catalogue.of(rig)["soft_bump"].parameters()
+    assert [origin.sha256 for origin in again.own_effects] == [origin.sha256 for origin in rig.own_effects]
 
 
 @pytest.mark.parametrize(
@@ -125,17 +130,16 @@ def test_what_cannot_be_used_is_refused_in_a_sentence(
 ) -> None:
     path = own_file(tmp_path, *changes)
     with pytest.raises(ValueError, match=r"mine\.py") as refused:
-        use_effects([path])
+        own(path)
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
-    assert "soft_bump" not in BY_ID
 
 
 def test_its_numbers_may_be_plain_attributes(tmp_path: Path) -> None:
     plain = [("@dataclass(frozen=True)\n", ""), ("Signals, Values", "Signals, Values, number"), (": Parameter", "")]
     named = [(f'Parameter("{name}", ', "number(") for name in ("force_N", "place_m", "width_m")]
-    (field,) = use_effects([EXAMPLE])
-    (bump,) = use_effects([own_file(tmp_path, *plain, *named)])
+    (field,) = own(EXAMPLE)
+    (bump,) = own(own_file(tmp_path, *plain, *named))
     assert bump.parameters() == field.parameters()
 
 
@@ -144,10 +148,10 @@ def test_two_effects_of_a_file_take_part_and_may_name_each_other(tmp_path: Path)
     path = own_file(tmp_path, first)
     second = TEXT[TEXT.index("@dataclass") :].replace("soft_bump", "firm_bump").replace("SoftBump", "FirmBump")
     path.write_text(path.read_text() + "\n\n" + second)
-    assert [effect.id for effect in use_effects([path])] == ["soft_bump", "firm_bump"]
+    assert [effect.id for effect in own(path)] == ["soft_bump", "firm_bump"]
     path.write_text(path.read_text().replace("firm_bump", "soft_bump"))
     with pytest.raises(ValueError, match=r"got 'soft_bump', which mine\.py has"):
-        use_effects([path])
+        own(path)
 
 
 MODULUS = """
@@ -162,18 +166,16 @@ def test_an_own_effect_on_a_dma_is_asked_for_its_modulus(tmp_path: Path) -> None
     text = path.read_text()
     imported = "from models.laws.dynamic_modulus import DynamicModulus\nfrom models.parameter"
     path.write_text(text[: text.index("    def force")].replace("from models.parameter", imported) + MODULUS)
-    use_effects([path])
-    kind = DmaKind.around()
+    kind = DmaKind.from_rig(Catalogue.read([path]).given_to(Rig("dma")))
     record = Record("sweep", "dma", {"frequency_Hz": np.array([1.0, 10.0])})
     base = kind.nominal()
     added = kind.predict(record, base.with_("soft_bump", {"force_N": 1e4, "place_m": 0.0, "width_m": 2e-3}))
     np.testing.assert_allclose(added - kind.predict(record, base), np.outer([1e4, 1e5], [1, 0.1]) / 1.002)
 
 
-def test_one_bad_file_leaves_no_other_in_use(tmp_path: Path) -> None:
+def test_two_files_with_one_id_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="free"):
-        use_effects([EXAMPLE, own_file(tmp_path)])
-    assert "soft_bump" not in BY_ID
+        own(EXAMPLE, own_file(tmp_path))
 
 
 @pytest.mark.parametrize("name", ["none.py", "folder.py", "mine.txt"])
@@ -183,21 +185,19 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(
         ValueError, match=r"must be a regular file|must be a file that can be read|effects must come from a file"
     ):
-        use_effects([tmp_path / name])
+        own(tmp_path / name)
 
 
 def test_a_model_file_asks_for_the_same_file(tmp_path: Path) -> None:
-    use_effects([EXAMPLE])
+    catalogue = Catalogue.read([EXAMPLE])
     values = Theta.of({"friction_coefficient": 0.08, ("soft_bump", "force_N"): 0.01})
     thetas = {"nominal": Theta(), "calibrated": Theta(), "augmented": values}
-    text = Model("pull", thetas, own_effects=own_effects_of(thetas)).to_toml()
-    assert Model.from_toml(text).stages == thetas
-    use_effects([])
+    text = Model("pull", thetas, own_effects=own_effects_of(thetas, catalogue)).to_toml()
+    assert Model.from_toml(text, catalogue).stages == thetas
     with pytest.raises(ValueError, match=r"must stand with --effects soft_bump\.py"):
         Model.from_toml(text)
-    use_effects([own_file(tmp_path, ("2e-3,", "3e-3,"))])
     with pytest.raises(ValueError, match="got another"):
-        Model.from_toml(text)
+        Model.from_toml(text, Catalogue.read([own_file(tmp_path, ("2e-3,", "3e-3,"))]))
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_what_a_package_offers_and_cannot_be_used_is_told(
     points = [EntryPoint("bump", value, "capsule.effects")]
     monkeypatch.setattr("models.files.python_file.entry_points", lambda group: points)
     with pytest.raises(ValueError, match=re.escape(sentence)):
-        use_effects([])
+        own()
 
 
 def test_what_a_package_offers_takes_part(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -223,4 +223,4 @@ def test_what_a_package_offers_takes_part(monkeypatch: pytest.MonkeyPatch, tmp_p
     monkeypatch.syspath_prepend(str(tmp_path))
     points = [EntryPoint("bump", "offered_bump:SoftBump", "capsule.effects")]
     monkeypatch.setattr("models.files.python_file.entry_points", lambda group: points)
-    assert [effect.id for effect in use_effects([])] == ["soft_bump"]
+    assert [effect.id for effect in own()] == ["soft_bump"]

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from models.drives.pull import Pull
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.report import about_the_rig, equations
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import compare_candidates
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import refit
@@ -41,7 +41,7 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
     full = kind_for(rig, records)
     assert isinstance(full, SeriesKind)
-    kind = replace(full, effects=tuple(BY_ID[effect] for effect in RIVALS[name]))
+    kind = replace(full, effects=tuple(CATALOGUE[effect] for effect in RIVALS[name]))
     splits = [(records[:1], records[1:])]
     base = refit(kind, records[:1], [], kind.nominal())
     trials = compare_candidates(FittedModel.of(kind, splits, [], [base]), screen(kind, records[:1], [], base))

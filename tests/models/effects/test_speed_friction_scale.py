@@ -7,7 +7,7 @@ import pytest
 
 from models.assembly.model import assemble
 from models.drives.magnetic import Magnetic
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.effects.effect import Effect, Signals
 from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
 from models.effects.refinements.level_at_creep import LevelAtCreep
@@ -39,9 +39,9 @@ def test_friction_that_rises_steeply_with_speed_is_that_of_the_steps_own_speed()
     assert np.sqrt(np.mean((coarse - fine) ** 2)) < 5e-6
 
 
-@pytest.mark.parametrize("effect", [e for e in BY_ID.values() if e.answers("level")], ids=lambda e: e.id)
+@pytest.mark.parametrize("effect", [e for e in CATALOGUE.values() if e.answers("level")], ids=lambda e: e.id)
 def test_an_effect_says_whether_its_level_goes_by_the_speed(effect: type[Effect]) -> None:
-    refined = BY_ID[effect.of].parameters() if effect.of else ()
+    refined = CATALOGUE[effect.of].parameters() if effect.of else ()
     numbers = {p.name: p.value or 0.01 * k for k, p in enumerate((*refined, *effect.parameters()), start=1)}
     z = dict.fromkeys(effect.states, 0.3)
     levels = [

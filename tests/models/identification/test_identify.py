@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.model import HELD_OUT, sealed
@@ -89,7 +89,7 @@ def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
 
 
 def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: int = 3) -> tuple[Rig, list[Record]]:
-    from models.identification.kinds.series.kind import SeriesKind
+    from models.identification.kinds.series.series import SeriesKind
 
     rig = Rig("pull", Capsule(), Tissue())
     t = np.arange(0, 12, 2e-3)
@@ -168,18 +168,18 @@ def test_a_bad_model_file_is_one_sentence(text: str) -> None:
 
 
 def test_every_look_alike_is_told_apart_by_something() -> None:
-    for effect in BY_ID.values():
+    for effect in CATALOGUE.values():
         assert effect.separated_by, effect.id
 
 
 def test_what_is_missing_beside_an_effect_with_held_parameters_is_screened() -> None:
-    from models.identification.kinds.series.kind import SeriesKind
+    from models.identification.kinds.series.series import SeriesKind
     from models.identification.search.screening import screen
 
     _, records = short_pull()
     kind = SeriesKind.from_rig(parse_rig(PULL), records)
     values = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.075}
-    stribeck = {**BY_ID["stribeck"].start(), "excess": 0.1}
+    stribeck = {**CATALOGUE["stribeck"].start(), "excess": 0.1}
     rows = screen(kind, records[:1], ["stribeck"], Theta(values, {"stribeck": stribeck}))
     assert {row.effect for row in rows} == {effect.id for effect in kind.effects} - {"stribeck"}
     assert all(0 <= row.share <= 1 for row in rows)

@@ -12,8 +12,8 @@ from models.effects.friction.fold_periodic import FoldPeriodic
 from models.effects.friction.stribeck import Stribeck
 from models.identification.finding import Check, Estimate
 from models.identification.fitting.fit import Fit
-from models.identification.kinds.axis.kind import AxisKind
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.forward_selection import Search
 from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
 from models.records.record import Record

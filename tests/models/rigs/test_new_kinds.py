@@ -25,7 +25,7 @@ from hil.app.init.command import init
 from models.checks.examine import examine
 from models.drives.drive import Drive
 from models.identification.fitting.fit import Problem, narrowing
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record, read_record, record_of
 from models.rigs.kinds import KINDS

@@ -6,10 +6,8 @@ import pytest
 from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.compiling import source_digest
-from plant.drives.body import advance_body
 from plant.drives.kinds import TrueCoil, TrueDrive, TrueMagnet, TruePull, TrueVibro
-from plant.drives.pull import advance_pull
-from plant.drives.vibro import advance_vibro
+from plant.drives.steps import advance
 from plant.experiments.excitation import pulse_width, random_runs, random_wander
 from plant.hidden.registry import HIDDEN, Hidden, hidden
 from plant.hidden.table import draw, effect_table
@@ -91,8 +89,7 @@ def test_impossible_numbers_are_refused(name: str, number: str, value: float) ->
 
 
 def test_the_compiled_steps_are_renewed_with_any_file_of_the_plant() -> None:
-    for step in (advance_body, advance_pull, advance_vibro):
-        assert step._cache._cache_file._source_stamp == source_digest()  # type: ignore[attr-defined]
+    assert advance._cache._cache_file._source_stamp == source_digest()  # type: ignore[attr-defined]
 
 
 def test_draws_lie_in_their_ranges(rng: np.random.Generator) -> None:
@@ -100,7 +97,3 @@ def test_draws_lie_in_their_ranges(rng: np.random.Generator) -> None:
         for shape in effect.numbers:
             value = abs(draw(effect.id, rng)[shape.name])
             assert shape.lower <= value <= shape.upper
-
-
-def test_some_effects_are_in_no_published_list() -> None:
-    assert sum(not effect.published for effect in HIDDEN) >= 3

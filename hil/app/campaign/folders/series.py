@@ -15,7 +15,7 @@ from hil.app.write import write_files
 from hil.formats.table import format_of
 from hil.log.reader import is_log
 from hil.report.numbers import report_json
-from models.effects import use_effects
+from models.effects import Catalogue
 from models.files.csv_reader import ENDINGS
 from models.identification import close
 
@@ -53,8 +53,7 @@ class Series:
         if not self.train:
             raise ValueError(f"{self.folder}: folder must hold records to fit to beside {RIG}; got none")
         with contextlib.redirect_stderr(io.StringIO()):
-            use_effects(self.effects)
-            rig = read_deployed_rig(self.folder / RIG)
+            rig = Catalogue.read(self.effects).given_to(read_deployed_rig(self.folder / RIG))
             train, held = read_series(self.train, self.holdout, rig)
             finding, model = close(rig, train, held, lambda *_: None, seed=self.seed)
             files = result_files(finding, model)

@@ -1,6 +1,6 @@
 /* The simulated plant's own compiled loops behind the core of fmi3.c.
 
-   The header before this file has the rig's numbers: DT (s), STRAIGHT, SCALE, KIND (or none), the sizes, where numbers
+   The header before this file has the rig's numbers: DT (s), STRAIGHT, SCALE, KIND, the sizes, where numbers
    stand in state and rows (S_..., O_...), OUTPUTS as pairs of variable and place, STAGES tables of hidden effects with
    the step at which each begins. */
 #include <math.h>
@@ -12,13 +12,7 @@
 #define V(a, n) NULL, NULL, (n), 8, (double *)(a), (n), 8
 #define M(a, n, m) NULL, NULL, (n) * (m), 8, (double *)(a), (n), (m), (m) * 8, 8
 
-#ifdef KIND
 int capsule_advance(int64_t *, void **, int64_t, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, double, int64_t, MATRIX);
-#define LEADING KIND,
-#else
-int capsule_advance(int64_t *, void **, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, double, int64_t, MATRIX);
-#define LEADING
-#endif
 int capsule_lags(void **, void **, VECTOR, double, double, VECTOR);
 int capsule_play(void **, void **, VECTOR, double, VECTOR);
 
@@ -71,7 +65,7 @@ static void advance(Core *c, double *values, double *path, int64_t n) {
     double out[2][O_COUNT];
     void *error = NULL;
     int64_t every = first + n > 1 ? first + n - 1 : 1; /* a row of the last step, and one of step 0 */
-    capsule_advance(&rows, &error, LEADING V(c->state, S_COUNT), V(PARAMETERS, P_COUNT), M(effects, H_ROWS, H_SLOTS),
+    capsule_advance(&rows, &error, KIND, V(c->state, S_COUNT), V(PARAMETERS, P_COUNT), M(effects, H_ROWS, H_SLOTS),
                     M(TABLES, L_COUNT, NODES), V(PROFILE, PROFILE_COUNT), V(path, n + 1), DT, every,
                     M(out, 2, O_COUNT));
     if (rows > 0) values[FORCE] = out[rows - 1][O_FORCE];

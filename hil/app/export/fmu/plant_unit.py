@@ -10,16 +10,18 @@ from numba import njit, types
 
 from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
-from hil.nodes.actuators import ACTUATORS
-from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
+from hil.drives.makers import ACTUATORS
+from hil.simulated.fmu_plant import FORCE, input_of, outputs_of
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at
 from plant.compiling import OPTIONS
 from plant.drives.kinds import TruePull
+from plant.drives.steps import advance
 from plant.experiments.scenario import TABLES as OF_SIMULATE
 from plant.experiments.scenario import RunTable, parse_truth
 from plant.hidden import carriage
+from plant.hidden.registry import ROW
 from plant.rig import Plant, Truth
 from plant.tables import Floats
 
@@ -39,10 +41,9 @@ def plant_unit(name: str, rig: Truth, duration_s: float) -> Unit:
     """The FMU of `rig` at rest at 0. Raises ValueError where its drive changes its kind when a hidden effect begins."""
     plant = Plant(rig)
     stages = plant.stages()
-    loops = {rig.drive.loop(effects) for _, effects in stages}
-    if len(loops) > 1:
+    kinds = {rig.drive.steps(effects) for _, effects in stages}
+    if len(kinds) > 1:
         raise ValueError("effects.string_compliance must begin with the run in an FMU; got an onset at a rigid pull")
-    function, kind = loops.pop()
     command, shown = input_of(rig.drive), outputs_of(rig.drive)
     variables = [
         Variable(command.name, "input", command.unit, command.description),
@@ -50,15 +51,15 @@ def plant_unit(name: str, rig: Truth, duration_s: float) -> Unit:
     ]
     common = (VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, REAL, WHOLE, MATRIX)
     objects = {
-        "advance.o": object_code(function, (*[WHOLE] * len(kind), *common), "capsule_advance"),
+        "advance.o": object_code(advance, (WHOLE, *common), "capsule_advance"),
         "lags.o": object_code(carriage.lags, (VECTOR, REAL, REAL, VECTOR), "capsule_lags"),
         "play.o": object_code(carriage.rounded_play, (VECTOR, REAL, VECTOR), "capsule_play"),
     }
-    header = _header(plant, stages, kind, variables)
+    header = _header(plant, stages, kinds.pop(), variables)
     return Unit(name, f"simulated plant {name}", variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
 
 
-def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...], variables: list[Variable]) -> str:
+def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables: list[Variable]) -> str:
     drive, h = plant.rig.drive, stages[0][1]
     straight = drive.straight or isinstance(drive, TruePull)
     defines = {name: int(getattr(at, name)) for name in _PLACES} | {
@@ -67,18 +68,18 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
         "PARAMETERS_FROM": 1 + len(variables),
         "FORCE": reference(variables, FORCE.name),
         "DT": plant.rig.step_s.hex(),
+        "KIND": kind,
         "STRAIGHT": int(straight),
         "SCALE": float(drive.command_scale).hex(),
         "CARRIAGE": carriage.CARRIAGE_NUMBERS,
-        "LAG": carriage.LAG * h.shape[1],
-        "DRIVER": carriage.DRIVER * h.shape[1],
-        "PLAY": carriage.BACKLASH * h.shape[1],
+        "LAG": ROW.actuator_lag * h.shape[1],
+        "DRIVER": ROW.driver_lag * h.shape[1],
+        "PLAY": ROW.carriage_backlash * h.shape[1],
         "H_ROWS": h.shape[0],
         "H_SLOTS": h.shape[1],
         "STAGES": len(stages),
         "PROFILE_COUNT": plant.profile.size,
     }
-    defines |= {"KIND": kind[0]} if kind else {}
     pairs = ", ".join(f"{{{reference(variables, v.name)}, {v.place}}}" for v in outputs_of(drive))
     tables = ",\n".join("{" + ", ".join(float(v).hex() for v in t.ravel()) + "}" for _, t in stages)
     return "\n".join(

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Values
 from models.effects.force.viscous_drag import ViscousDrag
 from models.effects.friction.stribeck import Stribeck
@@ -70,11 +70,11 @@ class Size:
         return max(self.high - self.low, 1e-9)
 
 
-def candidates(c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
+def candidates(c: Coordinates, size: Size | None, catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
     """The effects that a search tries on an axis with these coordinates, in ranges that follow from its records' `size`
     where that is known.
     """
-    declared = [e for e in effects_for(AXIS.id, VARIANTS) if c.turns or "turning" not in e.needs]
+    declared = [e for e in catalogue.acting_on(AXIS.id, VARIANTS) if c.turns or "turning" not in e.needs]
     if size is None and not c.turns:
         return tuple(declared)
     ranges = _ranges(size) if size else {}

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.checks.instrument.usable import used
-from models.checks.view import runs_of
+from models.checks.estimators import runs_of
+from models.checks.usable import used
 from models.identification.kinds.axis.coordinates import Coordinates
 from models.identification.kinds.axis.noise import through, white_part
 from models.identification.kinds.axis.zero_phase import Array, Motion, motion

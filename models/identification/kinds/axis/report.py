@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import about_axis, lines_of
-from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.ripple import Ripple, find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET

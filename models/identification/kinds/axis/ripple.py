@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET
 from models.records.record import Record

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.stats import f as f_distribution
 
 from models.identification.kind import Array
-from models.identification.kinds.dma.kind import DmaKind
+from models.identification.kinds.dma.dma import DmaKind
 from models.laws.dynamic_modulus import springpot_modulus
 from models.records.record import Record
 from models.theta import Theta

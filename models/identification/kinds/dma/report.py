@@ -12,7 +12,7 @@ from models.identification.kinds.dma.common_residual import (
     common_residual,
     springpot_alone,
 )
-from models.identification.kinds.dma.kind import DmaKind
+from models.identification.kinds.dma.dma import DmaKind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.effects import effects_for
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.identification.kinds.variant import Range, variant
 from models.identification.settings import SET
@@ -45,20 +45,20 @@ def _span(low: float, high: float) -> str:
     return f"{low:.3g} and {high:.3g}"
 
 
-def candidates(extent: Extent | None) -> tuple[type[Effect], ...]:
+def candidates(extent: Extent | None, catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
     """The effects that a search tries on a table of this extent; all of them, as declared, where it is not known."""
-    declared = effects_for(FRICTION.id)
+    declared = catalogue.acting_on(FRICTION.id)
     if extent is None:
         return declared
     ranges, grids = _ranges(extent), _grids(extent)
     return tuple(_ranged(e, ranges, grids) for e in declared if not extent.lacks.keys() & set(e.needs))
 
 
-def cannot_show(extent: Extent) -> dict[str, str]:
+def cannot_show(extent: Extent, catalogue: Catalogue) -> dict[str, str]:
     """Why a table of this extent cannot show an effect, by the effect's id."""
     return {
         e.id: "; ".join(extent.lacks[need] for need in e.needs if need in extent.lacks)
-        for e in effects_for(FRICTION.id)
+        for e in catalogue.acting_on(FRICTION.id)
         if extent.lacks.keys() & set(e.needs)
     }
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.effects.equation import lines_of
 from models.identification.kinds.friction.effects import cannot_show
-from models.identification.kinds.friction.kind import FORCE, SPEED, FrictionKind, conditions
+from models.identification.kinds.friction.friction import FORCE, SPEED, FrictionKind, conditions
 from models.records.record import Record
 from models.rigs.friction import FRICTION
 from models.theta import Theta
@@ -32,7 +32,7 @@ def statements(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records:
     else:
         how = "from its repeats" if repeats >= 3 else "from neighbouring speeds, for want of repeats"
         noise = f"A reading's standard deviation is {100 * kind.relative:.2g} % of it, {how}."
-    lacking = cannot_show(kind.extent) if kind.extent is not None else {}
+    lacking = cannot_show(kind.extent, kind.catalogue) if kind.extent is not None else {}
     told = [f"These records cannot show {effect}: {why}." for effect, why in lacking.items()]
     return [noise, *_least(kind, theta_by_stage, records), *told]
 

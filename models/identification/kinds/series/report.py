@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.drives.drive import Drive
-from models.effects import BY_ID
 from models.effects.equation import lines_of
 from models.effects.refinements.level_at_onset import LevelAtOnset
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.records.record import Record
 from models.theta import Theta
 
@@ -26,7 +25,7 @@ def equations(kind: SeriesKind, theta: Theta) -> list[str]:
     """The model in words and numbers."""
     p = {**kind.nominal().base, **theta.base}
     lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
-    return [*lines, *lines_of([BY_ID[name] for name in sorted(theta.effects)], theta)]
+    return [*lines, *lines_of([kind.catalogue[name] for name in sorted(theta.effects)], theta)]
 
 
 def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
@@ -59,7 +58,7 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
 def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
     """What would separate each effect from those confounded with it, beside the records that there are."""
     told = [
-        f"to tell {name} from {' and '.join(BY_ID[name].confounders)}: {BY_ID[name].separated_by}"
+        f"to tell {name} from {' and '.join(kind.catalogue[name].confounders)}: {kind.catalogue[name].separated_by}"
         for name in sorted(theta.effects)
     ]
     return "; ".join([*told, f"there are so far {_there(records)}"]) if told else None

@@ -6,11 +6,12 @@ from functools import cache
 
 import numpy as np
 
-from models.assembly.model import Assembly, assemble
-from models.checks.instrument.usable import gone
+from models.assembly.model import Assembly, assemble, followed_by
+from models.checks.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
-from models.effects import BY_ID, followed_by
+from models.effects import Catalogue
+from models.effects.effect import Effect
 from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
@@ -28,8 +29,8 @@ from models.theta import Theta
 
 
 @cache
-def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Assembly, Kernel]:
-    assembly = assemble(surface, drive, [BY_ID[name] for name in names])
+def _model(surface: Surface, drive: Drive, effects: tuple[type[Effect], ...]) -> tuple[Assembly, Kernel]:
+    assembly = assemble(surface, drive, effects)
     return assembly, lower(assembly.step, assembly.correct, NEVER_S if drifts(drive) else SLOW_S)
 
 
@@ -37,9 +38,9 @@ def _each_lane(values: Array) -> Array:
     return np.repeat(values[:, None], LANES, axis=1)
 
 
-def _late(theta: Theta) -> float:
-    """Time in s by which the clock and the effects in `theta` make the measurement late."""
-    delays = (float(BY_ID[e]().delay(theta.effects[e])) for e in sorted(theta.effects))
+def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
+    """Time in s by which the clock and the `effects` make the measurement late."""
+    delays = (float(e().delay(theta.effects[e.id])) for e in effects)
     return theta.get(CLOCK_OFFSET, 0.0) + sum(delays)
 
 
@@ -50,6 +51,7 @@ class Runner:
     surface: Surface
     drive: Drive
     quantity: str
+    catalogue: Catalogue
 
     def runs(
         self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
@@ -76,7 +78,7 @@ class Runner:
         measured: Array | None,
         fine: bool,
     ) -> list[Array]:
-        assembly, kernel = _model(self.surface, self.drive, active)
+        assembly, kernel = _model(self.surface, self.drive, tuple(self.catalogue[name] for name in active))
         rigid = self.drive.imposed and "string_compliance" not in active
         even = evenly(record, (self.drive.commanded, self.quantity, USED))
         measured = None if measured is None else even[self.quantity]
@@ -88,7 +90,7 @@ class Runner:
         seen = shown
         if measured is not None and memory:
             spread = fed.spread(np.where(gone(even), np.nan, measured))
-            at, late = np.arange(len(spread)), [_late(theta) / fed.dt for theta in filled]
+            at, late = np.arange(len(spread)), [_late(assembly.effects, theta) / fed.dt for theta in filled]
             seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
         if drifts(self.drive) and measured is not None and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
@@ -99,11 +101,11 @@ class Runner:
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         rows = shown.T.copy()
-        return [self._at_samples(record, even, fed, rows[b], theta) for b, theta in enumerate(thetas)]
+        late = [_late(assembly.effects, theta) for theta in thetas]
+        return [self._at_samples(record, even, fed, row, delay) for row, delay in zip(rows, late, strict=False)]
 
-    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:
+    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, delay: float) -> Array:
         output = fed.samples(shown)
-        delay = _late(theta)
         return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
@@ -115,6 +117,6 @@ class Runner:
         elif measured is not None:
             state[0] = measured[0]
         for k, name in enumerate(assembly.states):
-            if followed_by(name) == "command":
+            if followed_by(assembly.effects, name) == "command":
                 state[k] = first
         return state

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.identification.fitting.fit import Problem, descend
-from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta

@@ -7,8 +7,8 @@ import numpy as np
 from models.effects.equation import lines_of
 from models.identification.kind import Array
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
-from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.kinds.vibro_table.numbers import GRAVITY
+from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.vibro_table import VIBRO_TABLE

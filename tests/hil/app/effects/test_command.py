@@ -1,25 +1,18 @@
 """`capsule effects`, and an effect of one's own from record to controller."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hil.app.main import run
-from models.effects import BY_ID, EFFECTS, use_effects
+from models.effects import CATALOGUE, EFFECTS, Catalogue
 from models.effects.conformance import CHECKS
 from models.identification.model import Model, own_effects_of
 from models.theta import Theta
 from tests.places import ROOT, SCENARIOS
 
 BUMP = str(ROOT / "examples" / "own_effect" / "soft_bump.py")
-
-
-@pytest.fixture(autouse=True)
-def _none_left() -> Iterator[None]:
-    yield
-    use_effects([])
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
@@ -34,7 +27,7 @@ def test_the_catalogue_is_listed_whole(capsys: pytest.CaptureFixture[str]) -> No
     assert [row["id"] for row in listed] == [effect.id for effect in EFFECTS]
     for row in listed:
         assert all(row[key] for key in ("summary", "equation", "kinds", "parameters", "separated_by"))
-        assert set(row["confounders"]) <= set(BY_ID)
+        assert set(row["confounders"]) <= set(CATALOGUE)
     assert run(["effects"]) == 0
     assert "stenosis" in capsys.readouterr().out
     more = said(capsys, "effects", "--effects", BUMP)["effects"]
@@ -56,15 +49,15 @@ def test_an_own_file_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_a_model_with_an_own_effect_leads_and_replays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "model.toml"
-    use_effects([Path(BUMP)])
     base = Theta({"hoop_stress_factor": 1.0, "friction_coefficient": 0.082, "magnet_stiffness_N_per_m": 25.0})
     stages = {
         "nominal": base,
         "calibrated": base,
         "augmented": base.with_("soft_bump", {"force_N": 0.02, "place_m": 3e-3}),
     }
-    model.write_text(Model("magnetic", stages, own_effects=own_effects_of(stages)).to_toml())
-    use_effects([])
+    model.write_text(
+        Model("magnetic", stages, own_effects=own_effects_of(stages, Catalogue.read([Path(BUMP)]))).to_toml()
+    )
     scenario = tmp_path / "short.toml"
     text = (SCENARIOS / "sil_magnetic_hidden_folds.toml").read_text()
     scenario.write_text(text.replace("duration_s = 20.0", "duration_s = 2.0"))

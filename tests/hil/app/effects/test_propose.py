@@ -1,7 +1,6 @@
 """From a residual that no known effect explains to an effect file, and to a better model with it."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +9,8 @@ import pytest
 from hil.app.effects.propose import effect_text
 from hil.app.main import run
 from hil.app.write import write_table
-from models.effects import use_effects
 
 PLACE_M, WIDTH_M, FORCE_N = 0.015, 0.006, 6.0
-
-
-@pytest.fixture(autouse=True)
-def _none_left() -> Iterator[None]:
-    yield
-    use_effects([])
 
 
 def measured(path: Path, seed: int) -> str:

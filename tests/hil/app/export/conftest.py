@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification.model import Model
 from models.theta import Theta
 from tests.rig_texts import GUT, PLATE
@@ -34,7 +34,7 @@ kind = "vibro"
 time_s = 4e-3
 """
 BASE = Theta({"hoop_stress_factor": 1.0, "friction_coefficient": 0.082})
-FOLDS = Theta(effects={"fold_periodic": {**BY_ID["fold_periodic"].start(), "depth": 0.2, "wavelength_m": 7.3e-3}})
+FOLDS = Theta(effects={"fold_periodic": {**CATALOGUE["fold_periodic"].start(), "depth": 0.2, "wavelength_m": 7.3e-3}})
 """Values of a found model on a gut; a magnet's stiffness comes with its rig."""
 
 

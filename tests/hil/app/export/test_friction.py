@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification.model import Model
 from models.records.record import record_of
 from models.rigs.reader import read_rig
@@ -65,7 +65,7 @@ def test_what_a_table_cannot_hold_is_said(folder_with: Callable[..., Path], caps
     effects = ("viscous_drag", "tissue_drying", "carriage_backlash", "sensor_delay")
     values = BASE | {"magnet_stiffness_N_per_m": 24.0}
     for name in effects:
-        values = values.with_(name, BY_ID[name].start())
+        values = values.with_(name, CATALOGUE[name].start())
     missing = exported(folder_with("magnetic", MAGNET, values), "table", "t", capsys)["not_mapped"]
     assert isinstance(missing, dict)
     assert "viscous_drag" not in missing

@@ -2,7 +2,7 @@
 
 import hil.app.run.command
 import hil.app.run.simulated_plant  # noqa: F401
-from hil.nodes.actuators import ACTUATORS  # noqa: F401
+from hil.drives.makers import ACTUATORS  # noqa: F401
 from tests.hil.app.sil.sil_runs import run
 
 run("magnetic", 0.2)

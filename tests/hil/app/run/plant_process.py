@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from hil.nodes.drive.state_machine import HEARTBEAT_LOST, TIME_TO_LIVE
+from hil.nodes.frame_map import HEARTBEAT_LOST, TIME_TO_LIVE
 from tests.hil.app.run.deployments import PLANT, deployment
 from tests.hil.app.run.forked import Forked
 

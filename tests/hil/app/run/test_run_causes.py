@@ -9,10 +9,10 @@ import can
 from hil.app.ends import RUN_ENDS
 from hil.app.run.loop import Signals
 from hil.bus.protection import Sender
-from hil.bus.simulated import SimulatedBus
 from hil.nodes.controller.receive import FrameReceiver, Twins
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.plant_node import SLOT_S, PlantNode
+from hil.simulated.medium import SimulatedBus
+from hil.simulated.plant_node import SLOT_S, PlantNode
 from plant.session import Session
 from tests.hil.app.run.test_run_ends import Rig, led
 from tests.hil.scripted_bus import ScriptedBus

@@ -12,7 +12,7 @@ from hil.app.run.clock import Clock, ClockedBus, Grid, Histogram
 from hil.app.scenario.deployment import parse_deployment
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
-from hil.bus.simulated import Medium, SimulatedBus
+from hil.simulated.medium import Medium, SimulatedBus
 from models.theta import Theta
 from tests.hil.app.run.deployments import deployment
 from tests.hil.scripted_bus import ScriptedBus

@@ -14,11 +14,11 @@ import pytest
 from hil.app.run.loop import Outcome, Signals
 from hil.bus.catalogue import load_catalogue
 from hil.bus.protection import Sender
-from hil.bus.simulated import SimulatedBus
 from hil.nodes.controller.operator import AHEAD_M, Operator, OperatorLimits
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLED, MOVING, STANDBY, frame_map_of
 from hil.nodes.operator_sender import OperatorSender
+from hil.simulated.medium import SimulatedBus
 from plant import layout as at
 from tests.hil.app.run.test_run_ends import Rig, led
 from tests.hil.scripted_bus import ScriptedBus

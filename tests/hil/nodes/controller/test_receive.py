@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from hil.bus.protection import Sender
-from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLED, FAULT, frame_map_of, frames
+from hil.simulated.medium import Medium, SimulatedBus
 from tests.hil.scripted_bus import ScriptedBus
 from tests.hil.ticks import TICK
 

@@ -5,8 +5,8 @@ import tomllib
 import numpy as np
 
 from hil.app.identify.close_loop import next_toml
-from models.checks.information.excitation import cannot_show, shown_with
-from models.effects import BY_ID, effects_for
+from models.checks.excitation import cannot_show, shown_with
+from models.effects import CATALOGUE
 from models.identification.experiment.propose import propose, words_of
 from models.identification.kinds import kind_for
 from models.identification.search.forward_selection import Search
@@ -28,16 +28,16 @@ def one_way(seed: int) -> Record:
 
 def test_the_next_record_shows_what_the_records_cannot_within_their_places() -> None:
     records = [one_way(1), one_way(2)]
-    hidden = cannot_show(RIG, records, effects_for("pull"))
+    hidden = cannot_show(RIG, records, CATALOGUE.acting_on("pull"))
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= hidden.keys()
-    unseen = [BY_ID[name] for name in hidden]
+    unseen = [CATALOGUE[name] for name in hidden]
     kind = kind_for(RIG, records)
     found = Search(*[calibrated(kind, records)] * 2)
     proposal = propose(kind, records, found, shown_with(RIG, records, unseen), np.random.default_rng(0))
     assert proposal is not None
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= set(proposal.shows) <= hidden.keys()
     motion = Record("next", "pull", {**proposal.motion, "force_N": np.sin(proposal.motion["t_s"])})
-    assert not set(proposal.shows) & cannot_show(RIG, [*records, motion], effects_for("pull")).keys()
+    assert not set(proposal.shows) & cannot_show(RIG, [*records, motion], CATALOGUE.acting_on("pull")).keys()
     places = proposal.motion["position_m"]
     assert 0 <= places.min() <= places.max() <= 0.016
     assert np.abs(np.diff(places)).max() / 5e-3 <= 10e-3 * 1.01

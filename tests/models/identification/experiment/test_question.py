@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification.experiment.plan import Move, Plan, Room
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
 from models.identification.fitting.fit import Problem, narrowing
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.rig import Rig
@@ -20,8 +20,8 @@ KIND = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
 
 
 def model(effect: str, amplitude: float) -> Candidate:
-    name = BY_ID[effect].amplitude().name
-    return Candidate(effect, (effect,), KIND.nominal().with_(effect, {**BY_ID[effect].start(), name: amplitude}))
+    name = CATALOGUE[effect].amplitude().name
+    return Candidate(effect, (effect,), KIND.nominal().with_(effect, {**CATALOGUE[effect].start(), name: amplitude}))
 
 
 TAPER, DRYING = model("lumen_taper", 15.0), model("tissue_drying", 0.15)

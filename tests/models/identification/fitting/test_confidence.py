@@ -5,7 +5,7 @@ import pytest
 
 from models.identification.fitting.confidence import drawn, jackknife
 from models.identification.fitting.fit import Fit
-from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.axis import AxisKind
 
 
 @pytest.mark.parametrize("groups", [2, 5, 12])

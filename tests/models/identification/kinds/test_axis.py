@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from models.checks.instrument.usable import used
+from models.checks.usable import used
 from models.effects.effect import Effect
 from models.identification.kinds import ready
 from models.identification.kinds.axis import report
-from models.identification.kinds.axis.kind import NOISES, AxisKind
+from models.identification.kinds.axis.axis import NOISES, AxisKind
 from models.identification.kinds.axis.ripple import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.search.refit import refit

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.checks.information.excitation import cannot_show
-from models.effects import BY_ID
+from models.checks.excitation import cannot_show
+from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
 from models.identification.fitting.fit import Fit
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis import report
-from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
 from models.identification.residual_tests import residual_checks
 from models.identification.search.refit import refit
@@ -142,7 +142,7 @@ def test_effects_about_an_axis_have_its_units_and_pass_the_conformance_tests() -
     ids = {e.id for e in kind.effects}
     assert {"gravity_over_angle", "spring_over_position", "load_dependent_friction", "stribeck"} <= ids
     for effect in kind.effects:
-        assert first_failure(effect, set(BY_ID)) is None
+        assert first_failure(effect, set(CATALOGUE)) is None
         for p in effect.parameters():
             assert not p.name.endswith(("_m", "_m_s", "_per_m")) or "_N_m" in p.name, p.name
     theta = Theta.of(

@@ -11,7 +11,7 @@ from models.effects.effect import Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.effects.wall.wall_viscosity import WallViscosity
 from models.identification.kinds.periods import report
-from models.identification.kinds.periods.kind import COLUMNS, PeriodsKind, relative_errors
+from models.identification.kinds.periods.periods import COLUMNS, PeriodsKind, relative_errors
 from models.identification.settings import SET
 from models.parameter import SETS
 from models.records.record import Record

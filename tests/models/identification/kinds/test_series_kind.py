@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.kinds.series import report
 from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, driven_column, feed, held, logged_whole
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record
 from models.rigs.reader import parse_rig
@@ -102,7 +102,7 @@ def test_a_plate_has_no_effects_of_a_wall() -> None:
     offered = {effect.id for effect in kind.effects}
     assert {"spring_damping", "end_stop_impact", "stribeck", "incline_gravity"} <= offered
     assert not offered & {"wall_viscosity", "small_strain_stiffening", "exponential_recovery"}
-    assert offered < {effect.id for effect in BY_ID.values() if "vibro" in effect.kinds}
+    assert offered < {effect.id for effect in CATALOGUE.values() if "vibro" in effect.kinds}
 
 
 @pytest.mark.parametrize(("name", "share"), [("coil", 2e-3), ("vibro_plate", 1e-3), ("vibro_gut", 5e-3)])

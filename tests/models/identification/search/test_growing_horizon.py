@@ -10,7 +10,7 @@ import pytest
 
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.growing_horizon import QUICK, GrowingHorizon, base_known, eliminate, grow_horizon
 from models.identification.search.refit import whole
 from models.identification.search.validation import free_run

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.refit import refit, whole
 from models.identification.search.validation import judged
 from models.identification.settings import SET
@@ -28,10 +28,12 @@ def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
     rig, records, _ = read_series(folder)
     full = kind_for(rig, records)
     assert isinstance(full, SeriesKind)
-    kind = replace(full, effects=tuple(BY_ID[name] for name in effects))
+    kind = replace(full, effects=tuple(CATALOGUE[name] for name in effects))
     start = kind.nominal()
     for name in effects:
-        start = start.with_(name, BY_ID[name].start()) | {(name, BY_ID[name].amplitude().name): BY_ID[name].probe}
+        start = start.with_(name, CATALOGUE[name].start()) | {
+            (name, CATALOGUE[name].amplitude().name): CATALOGUE[name].probe
+        }
     fit = whole(kind, records[:1], list(effects), start)
     return fit.chi2, fit.theta
 
@@ -82,9 +84,9 @@ def test_a_magnet_swings_a_capsule_in_the_air() -> None:
     )
     columns = {"t_s": rows[:, at.O_T], "carriage_position_m": rows[:, at.O_DRIVE], "position_m": place}
     record = Record("swing", "magnetic", columns)
-    kind = replace(kind_for(rig, [record]), effects=(BY_ID["viscous_drag"],))
+    kind = replace(kind_for(rig, [record]), effects=(CATALOGUE["viscous_drag"],))
     base = refit(kind, [record], [], kind.nominal())
-    start = kind.nominal().with_("viscous_drag", BY_ID["viscous_drag"].start()) | {
+    start = kind.nominal().with_("viscous_drag", CATALOGUE["viscous_drag"].start()) | {
         ("viscous_drag", "coefficient_N"): 0.01
     }
     fit = refit(kind, [record], ["viscous_drag"], start)

@@ -1,13 +1,14 @@
 """What noise alone leaves of a right model, which says when to look no further."""
 
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from models.identification.kinds.axis.kind import AxisKind
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.screening import null_distribution, records_for_null
 from models.identification.search.validation import judged_cost
 from models.records.record import Record, read_record
@@ -37,7 +38,7 @@ def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path:
     assert null_distribution(kind, records, truth, np.random.default_rng(0))[2] < 1.2
 
 
-def test_chance_is_told_from_enough_of_the_records() -> None:
+def test_chance_is_told_from_enough_of_the_records(monkeypatch: pytest.MonkeyPatch) -> None:
     """A piece of a stage's motion goes one way only, in which an asymmetry is an offset; a second of a gut record is as
     little.
     """
@@ -46,6 +47,7 @@ def test_chance_is_told_from_enough_of_the_records() -> None:
     part = AxisKind.around(force_std_N=1.0).splits([still])[0][0]
     assert records_for_null(AxisKind.around(), part) == part
     seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
-    assert len(records_for_null(replace(AxisKind.around(), criteria=2), seconds)) == 3
-    assert len(records_for_null(replace(AxisKind.around(), criteria=2), seconds[::-1])) == 2
-    assert len(records_for_null(replace(AxisKind.around(), criteria=2), seconds[:1])) == 1
+    monkeypatch.setattr(AxisKind, "criteria", 2)
+    assert len(records_for_null(AxisKind.around(), seconds)) == 3
+    assert len(records_for_null(AxisKind.around(), seconds[::-1])) == 2
+    assert len(records_for_null(AxisKind.around(), seconds[:1])) == 1

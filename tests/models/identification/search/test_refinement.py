@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from models.effects import CATALOGUE
 from models.effects.force.peristaltic_wave import PeristalticWave
 from models.identification.fitting.fit import Fit
-from models.identification.kind import Array, OneByOne
+from models.identification.kind import Array, Kind
 from models.identification.search.refinement import refined_at_last
 from models.identification.search.refit import finished
 from models.identification.settings import SET
@@ -28,7 +29,7 @@ def _slow(signal: Array) -> float:
     return float(np.sqrt(np.mean(signal.reshape(-1, SLOW).mean(axis=1) ** 2)))
 
 
-class _Seen(OneByOne):
+class _Seen(Kind):
     """A linear world, of which what is slow is reported: noise, a shape that the last stage alone shows, the base's own
     number, and something that nothing explains.
     """
@@ -36,6 +37,10 @@ class _Seen(OneByOne):
     name, criteria, final, judges = "magnetic", 2, 2, (1,)
     base = (Parameter("level", 1.0, "1", 0.0, 2.0, "test", fit=True),)
     effects = (PeristalticWave,)
+
+    quantity = unit = measure = "position_m"
+    imitate = signals = splits = columns = NotImplemented
+    catalogue = CATALOGUE
 
     def __init__(self, shape: float, strange: float) -> None:
         self.shape, self.strange = shape, strange

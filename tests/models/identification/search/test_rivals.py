@@ -12,8 +12,8 @@ from models.effects.force.respiration import Respiration
 from models.effects.force.spring_over_position import SpringOverPosition
 from models.effects.friction.lumen_taper import LumenTaper
 from models.identification.kinds import kind_for
-from models.identification.kinds.axis.kind import AxisKind
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import Trial
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import refit

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.records.record import read_record
 from models.rigs.reader import read_rig

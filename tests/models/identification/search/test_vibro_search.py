@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.effects import BY_ID
+from models.effects import CATALOGUE
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
 from models.effects.refinements.damping_over_speed import KNOTS_M_S, DampingOverSpeed
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import SeriesKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.search.validation import judged
@@ -68,7 +68,7 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     rig, records, _ = read_series(make_series("vibro", "spring_damping", 3, tmp_path, 2.0))
     full = kind_for(rig, records)
     assert isinstance(full, SeriesKind)
-    kind, part = replace(full, effects=tuple(BY_ID[name] for name in CANDIDATES)), records[:1]
+    kind, part = replace(full, effects=tuple(CATALOGUE[name] for name in CANDIDATES)), records[:1]
     base = refit(kind, part, [], kind.nominal())
     left = float(judged(kind, part, base).mean())
     assert left > SET.near

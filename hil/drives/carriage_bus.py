@@ -1,0 +1,150 @@
+"""A bus on which a drive of another maker speaks as the catalogue's carriage: the controller behind it, its guard and
+its log stay as they are.
+"""
+
+import math
+from abc import abstractmethod
+from collections import deque
+from typing import Any, ClassVar, Final
+
+import can
+
+from hil.bus.absent import NOT_MEASURED_C
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Codec
+from hil.bus.protection import Sender
+from hil.bus.wrapping import WrappingBus
+from hil.drives.table import ActuatorTable
+from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, heartbeat
+
+_SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
+_HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
+_TOO_SHORT: Final = 7  # bytes: a frame that every node refuses
+
+
+class CarriageBus(WrappingBus):
+    """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
+    what of the catalogue the drive's own become.
+
+    The frames made here are protected anew, so CRC and counter guard nothing beyond this process; on the wire such a
+    drive has the bus's own CRC alone. None of them tells a temperature that a limit of ours is for: they look after
+    that themselves. What another master commands the drive comes in as a CarriageCommand, which only a controller
+    sends.
+    """
+
+    maker: ClassVar[str]
+    table: Any
+
+    def __init__(self, inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> None:
+        super().__init__(inner, f"{self.maker} node {table.node_id} on {inner.channel_info}")
+        self.table, self._tick_s, self._command_id = table, tick_s, catalogue["CarriageCommand"].id
+        self._heard = {catalogue[heard].id: (heard, Codec(catalogue[heard])) for heard in _HEARD}
+        self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
+        self._catalogue = catalogue
+        self._ready: deque[can.Message] = deque()
+        self._began_s = math.nan
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the drive in its maker's words, "" where nothing is."""
+        return f"{self.table.where} node {self.table.node_id}: {self.wrong}" if self.wrong else ""
+
+    @property
+    @abstractmethod
+    def wrong(self) -> str:
+        """The same without its name."""
+
+    @abstractmethod
+    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
+        """The controller wants the drive in `mode` and the carriage at `place_m` from the next SYNC on."""
+
+    @abstractmethod
+    def synchronise(self, timeout: float | None) -> None:
+        """A tick begins."""
+
+    @abstractmethod
+    def acknowledge(self, timeout: float | None) -> None:
+        """The operator acknowledges the drive's fault."""
+
+    @abstractmethod
+    def halt(self, timeout: float | None) -> None:
+        """A SafeStop for the carriage."""
+
+    @abstractmethod
+    def take(self, message: can.Message) -> bool:
+        """Take a frame in where it is the drive's; whether it was."""
+
+    def live(self, timeout: float | None) -> None:
+        """The controller's heartbeat is due."""
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame of the catalogue, the carriage's as the drive's own. Raises can.CanError as `inner`."""
+        name, codec = self._heard.get(msg.arbitration_id, ("", None))
+        values = codec.decode(int.from_bytes(msg.data, "little")) if codec is not None else None
+        if not isinstance(values, dict):
+            self.inner.send(msg, timeout)
+        elif name == "CarriageCommand":
+            self.command(int(values["Mode"]), values["Position_m"], timeout)
+        elif name == "ControllerHeartbeat":
+            self.live(timeout)
+        elif name == "DriveReset":
+            if values["Target"] in (0, 1):
+                self.acknowledge(timeout)
+        else:
+            if name == "SafeStop" and values["Target"] in (0, 1):
+                self.halt(timeout)
+            self.inner.send(msg, timeout)
+            if name == "Sync":
+                self.synchronise(timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, the drive's own as the catalogue has it; None where there is none."""
+        while not self._ready:
+            message = self.inner.recv(timeout)
+            if message is None:
+                return None
+            if self.table.orders(message):
+                return self._as_received(message, self._command_id, 8)
+            if not self.take(message):
+                return message
+        return self._ready.popleft()
+
+    def feed(self, state: int, place_m: float, speed_m_s: float, stamp: float) -> None:
+        """Let the controller hear a feedback, `state` in the catalogue's numbers."""
+        speed = min(max(speed_m_s, -FASTEST_M_S), FASTEST_M_S)
+        temperature = {"State": float(state), "Temperature_degC": NOT_MEASURED_C}
+        self._hear("CarriageFeedback", {"Position_m": place_m, "Velocity_m_s": speed, **temperature}, stamp)
+
+    def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
+        """Let it hear a heartbeat; `anew` where the drive has just booted."""
+        self._began_s = stamp if math.isnan(self._began_s) or anew else self._began_s
+        self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s, self._catalogue), stamp)
+
+    def fail(self, code: int, detail: int, stamp: float) -> None:
+        """Let it hear a fault, twice as every drive tells one."""
+        for _ in range(2):
+            self._hear("CarriageFault", {"Code": code, "Detail": detail & 0xFFFF}, stamp)
+
+    def refuse(self, name: str, message: can.Message) -> None:
+        """Let it hear a frame of the drive's that is not as long as it must be: it is refused for its length, and told
+        of, as the catalogue's `name`.
+        """
+        self._ready.append(self._as_received(message, self._speakers[name][0], _TOO_SHORT))
+
+    @staticmethod
+    def _as_received(message: can.Message, identifier: int, most: int) -> can.Message:
+        """A frame of the wire as one of the catalogue with the same first bytes; it fits neither CRC nor counter."""
+        return can.Message(message.timestamp, identifier, False, data=message.data[:most], is_rx=True)
+
+    def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
+        """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
+        identifier, sender = self._speakers[name]
+        try:
+            data = sender.frame(values)
+        except ValueError:
+            return
+        self._ready.append(can.Message(stamp, identifier, False, data=data, is_rx=True))
+
+    def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
+        """Send one of the drive's own frames, classic, with an 11-bit identifier."""
+        self.inner.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), timeout)

@@ -1,0 +1,248 @@
+"""The table `[moteus]` and a moteus' frames: subframes that write, read and tell registers, lines of its diagnostic
+stream, faults. Source: the maker's description of its CAN protocol, registers and modes.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import can
+
+from hil.bus.wrapping import fd_frame
+from hil.drives.table import TurningTable
+from hil.nodes.frame_map import INTERNAL, OVER_CURRENT, OVER_TEMPERATURE, SELF_TEST_FAILED, SENSOR, SUPPLY, TIME_TO_LIVE
+from models.files.tables import limited
+
+MODE, POSITION, VELOCITY, TORQUE, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0C, 0x0F  # of moteus' reference
+VOLTAGE, TEMPERATURE, PATH_POSITION, PATH_VELOCITY = 0x0D, 0x0E, 0x38, 0x39  # the same
+COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x21, 0x25, 0x131  # the same
+WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29  # the same
+HELD: Final = (COMMAND_POSITION, COMMAND_VELOCITY, WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
+"""What of a command a drive tells back."""
+UNLIMITED: Final = -1.0
+"""As a velocity or acceleration limit: none. What is not written has the limit of the drive's configuration."""
+RELATIVE, ROTOR, OUTPUT = 0, 1, 2
+"""Home states: the place is known from where the drive was switched on, within a turn of the rotor, at the output."""
+STOPPED, FAULTED, ENABLING, POSITION_MODE, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
+"""Modes; 2 to 4 are on the way to one that operates."""
+WRITE, READ, REPLY = 0x00, 0x10, 0x20  # first byte of a subframe, without form and count
+WRITE_ERROR, READ_ERROR = 0x30, 0x31  # the whole of it
+STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL, NOP = 0x40, 0x41, 0x42, 0x50  # the same; the last one fills a frame
+INT8, INT16, INT32, FLOAT = range(4)
+"""Forms of a register's value."""
+_FORMS: Final = "bhif"  # as struct has them
+REPLY_WANTED: Final = 0x8000  # bit of the identifier
+HOST: Final = 0x7A
+"""The controller's number as a source: no reply to it has an identifier of the catalogue."""
+BROADCAST: Final = 0x7F  # node id
+SESSION: Final = 202
+"""The can.prefix of a drive that is led. It is set in the drive's memory alone, so one that has booted anew has its own
+again, and what is still under way to the one that was led is not for it.
+"""
+PREFIXES: Final = (0, SESSION)  # of identifiers that are read
+_LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
+FAULTS: Final[Mapping[int, tuple[str, int]]] = {
+    32: ("calibration fault", SENSOR),
+    33: ("motor driver fault", OVER_CURRENT),
+    34: ("over voltage", SUPPLY),
+    35: ("encoder fault", SENSOR),
+    36: ("motor not configured", SELF_TEST_FAILED),
+    37: ("pwm cycle overrun", INTERNAL),
+    38: ("over temperature", OVER_TEMPERATURE),
+    39: ("outside limit", INTERNAL),
+    40: ("under voltage", SUPPLY),
+    41: ("config changed", INTERNAL),
+    42: ("theta invalid", SENSOR),
+    43: ("position invalid", SENSOR),
+    44: ("driver enable fault", INTERNAL),
+    45: ("stop position deprecated", INTERNAL),
+    46: ("timing violation", INTERNAL),
+    47: ("bemf feedforward no accel", INTERNAL),
+    48: ("invalid limits", INTERNAL),
+    49: ("position control error", INTERNAL),
+    50: ("velocity control error", INTERNAL),
+}
+"""Fault codes of mode 1: names, and the catalogue's code of a fault. Codes from 96 on only tell a limit at work."""
+WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
+
+
+@dataclass(frozen=True)
+class MoteusTable(TurningTable, where="moteus"):
+    """`[moteus]`: the carriage is a moteus controller of this `node_id`, whose output does `turns_per_m` (negative: the
+    other way) with at most `most_torque_N_m`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
+    deceleration of the carriage without torque, as after a fault. `home` "here" makes the present place zero.
+    `answers_s`: how long it may take to be found.
+    """
+
+    fd: ClassVar[bool] = True
+    node_id: int = limited(1, 1, 126)
+    turns_per_m: float = limited(100.0, 1.0, 1e5)
+    most_torque_N_m: float = limited(0.5, 0.001, 100.0)
+    watchdog_s: float = limited(0.02, 0.004, 0.1)
+    coast_m_s2: float = limited(5.0, 0.1, 100.0)
+    home: str = "kept"
+    answers_s: float = limited(2.0, 0.1, 60.0)
+
+    def orders(self, message: can.Message) -> bool:
+        """To this node or to all, by CAN FD or classic, and does not begin with a question."""
+        long = (message.is_fd or message.is_extended_id) and not (message.is_error_frame or message.is_remote_frame)
+        mine = message.arbitration_id & 0xFF in (self.node_id, BROADCAST) and message.arbitration_id >> 16 in PREFIXES
+        first = message.data[0] if message.data else NOP
+        return bool(long and mine and not (READ <= first < REPLY or first in (STREAM_POLL, NOP)))
+
+    def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
+        """With its own can.prefix, and with a session's."""
+        told, says = REPLY_WANTED | HOST << 8 | self.node_id, self.node_id << 8 | HOST
+        both = [frozenset(prefix << 16 | identifier for prefix in PREFIXES) for identifier in (told, says)]
+        return both[0], both[1]
+
+
+def frame_to(node: int, data: bytes, prefix: int = 0, least: int = 0) -> can.Message:
+    """A frame to a node, a reply wanted, padded to a length that CAN FD has, of at least `least` bytes."""
+    return fd_frame(prefix << 16 | REPLY_WANTED | HOST << 8 | node, padded(data, least))
+
+
+def padded(data: bytes, least: int = 0) -> bytes:
+    """`data` with as many `NOP` as make a length that CAN FD has, of at least `least` bytes."""
+    return data.ljust(next(n for n in _LENGTHS if n >= max(len(data), least)), bytes([NOP]))
+
+
+def framed(message: can.Message) -> bool:
+    """Whether a frame is CAN FD, and extended where its identifier needs it."""
+    long = message.arbitration_id > 0x7FF
+    return bool(message.is_fd and not message.is_error_frame and message.is_extended_id == long)
+
+
+def replier(message: can.Message) -> int:
+    """The node whose reply to this controller a frame is, -1 where it is none."""
+    mine = framed(message) and message.arbitration_id >> 16 in PREFIXES and message.arbitration_id & 0xFF == HOST
+    return message.arbitration_id >> 8 & 0x7F if mine and not message.arbitration_id & REPLY_WANTED else -1
+
+
+def head(kind: int, form: int, first: int, count: int) -> bytes:
+    """The beginning of a subframe of `count` registers from `first` on."""
+    short = count < 4
+    return bytes((kind | form << 2 | count * short, *(() if short else (count,)))) + varuint(first)
+
+
+def varuint(number: int) -> bytes:
+    """A number in groups of seven bits, the lowest first."""
+    groups = b""
+    while number >= 0x80:
+        groups, number = groups + bytes((number & 0x7F | 0x80,)), number >> 7
+    return groups + bytes((number,))
+
+
+def values_in(form: int, values: Sequence[float]) -> bytes:
+    """Values of registers on the wire."""
+    return struct.pack(f"<{len(values)}{_FORMS[form]}", *values)
+
+
+def mode_write(mode: int) -> bytes:
+    """Write the mode, which must come first."""
+    return head(WRITE, INT8, MODE, 1) + bytes((mode,))
+
+
+def write(first: int, values: Sequence[float]) -> bytes:
+    """Write registers from `first` on as floats."""
+    return head(WRITE, FLOAT, first, len(values)) + values_in(FLOAT, values)
+
+
+def read(first: int, count: int = 1) -> bytes:
+    """Read registers from `first` on as floats."""
+    return head(READ, FLOAT, first, count)
+
+
+QUERY: Final = read(MODE, 3) + read(FAULT_CODE) + read(COMMAND_POSITION, 2) + read(WATCHDOG_TIMEOUT, 3)
+"""What every command asks back: mode, position, velocity, fault code, and the command that the drive holds."""
+
+
+def hold(watchdog_s: float) -> bytes:
+    """Write how long a command is worth something, and that it goes by no limit of the drive's own."""
+    return write(WATCHDOG_TIMEOUT, (watchdog_s, UNLIMITED, UNLIMITED))
+
+
+def command(place_turns: float, rate_turns_s: float, torque_Nm: float, watchdog_s: float) -> bytes:
+    """Position mode from `place_turns` on at `rate_turns_s`, worth something for `watchdog_s`, and `QUERY`."""
+    aim = mode_write(POSITION_MODE) + write(COMMAND_POSITION, (place_turns, rate_turns_s))
+    return aim + write(MAXIMUM_TORQUE, (torque_Nm,)) + hold(watchdog_s) + QUERY
+
+
+def stream(line: str) -> bytes:
+    """A line for the drive's diagnostic stream."""
+    text = f"{line}\n".encode()
+    return bytes((STREAM_TO_SERVO, 1, len(text))) + text
+
+
+def single(value: float) -> float:
+    """`value` as a float of 32 bits, as it comes back."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+@dataclass(frozen=True)
+class Part:
+    """One subframe: registers from `first` on with their raw values, how many are asked for in `form`, an error's
+    number in `count`; a line of the diagnostic stream, or a question for at most `count` bytes of it.
+    """
+
+    kind: int
+    first: int = 0
+    count: int = 0
+    form: int = 0
+    values: tuple[float, ...] = ()
+    text: bytes = b""
+
+
+def parts(data: bytes) -> Iterator[Part]:
+    """The subframes of a frame, in order. Raises IndexError, ValueError or struct.error where it cannot be read."""
+    at = 0
+    while at < len(data):
+        kind, at = data[at], at + 1
+        if kind == NOP:
+            continue
+        if kind in (STREAM_TO_SERVO, STREAM_FROM_SERVO):
+            channel, length = data[at], data[at + 1]
+            yield Part(kind, channel, text=data[at + 2 : at + 2 + length])
+            at += 2 + length
+        elif kind == STREAM_POLL:
+            yield Part(kind, data[at], data[at + 1])
+            at += 2
+        elif kind in (WRITE_ERROR, READ_ERROR):
+            first, at = _varuint(data, at)
+            code, at = _varuint(data, at)
+            yield Part(kind, first, code)
+        elif kind < WRITE_ERROR:
+            count, form = kind & 3, kind >> 2 & 3
+            if not count:
+                count, at = _varuint(data, at)
+            first, at = _varuint(data, at)
+            raw = f"<{count}{_FORMS[form]}" if kind & 0x30 != READ else "<"
+            yield Part(kind & 0x30, first, count, form, struct.unpack_from(raw, data, at))
+            at += struct.calcsize(raw)
+        else:
+            raise ValueError(f"subframe {kind:#x} is none that is known")
+
+
+def _varuint(data: bytes, at: int) -> tuple[int, int]:
+    number = 0
+    for k in range(5):
+        number |= (data[at + k] & 0x7F) << 7 * k
+        if data[at + k] < 0x80:
+            return number, at + k + 1
+    raise ValueError("a number must have at most five bytes")
+
+
+def told(data: bytes) -> dict[int, float]:
+    """The registers that a reply tells, as far as it can be read; integers unscaled. Registers that the drive does not
+    know are not there. Never raises.
+    """
+    found: dict[int, float] = {}
+    with suppress(IndexError, ValueError, struct.error):
+        for part in parts(data):
+            if part.kind == REPLY:
+                found |= {part.first + k: float(value) for k, value in enumerate(part.values)}
+            elif part.kind not in (WRITE_ERROR, READ_ERROR):
+                break
+    return found

@@ -1,0 +1,235 @@
+"""The table `[odrive]` and CANSimple of firmware 0.6: frames, states, results, errors. Source: the maker's CAN protocol
+page, DBC and enumerations.
+"""
+
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import can
+
+from hil.drives.table import TurningTable
+from hil.nodes.frame_map import (
+    INTERNAL,
+    OVER_CURRENT,
+    OVER_SPEED,
+    OVER_TEMPERATURE,
+    SENSOR,
+    SUPPLY,
+    TIME_TO_LIVE,
+    frames,
+    plain,
+)
+from models.files.tables import limited
+from models.parameter import nearest
+
+
+@dataclass(frozen=True)
+class Command:
+    """A frame: the 5 lower bits of its identifier, whose 6 upper ones are the node, its signals as struct has them, and
+    its `length` in bytes, at least theirs.
+    """
+
+    number: int
+    layout: str = "<"
+    length: int = 0
+
+    def to(self, node: int, *values: float, more: bytes = b"") -> can.Message:
+        """The frame with these values, `more` following them; without any it is a question, where it has some."""
+        asks = not values and self.layout != "<"
+        data = b"" if asks else (struct.pack(self.layout, *values) + more).ljust(self.length, b"\0")
+        return can.Message(arbitration_id=node << 5 | self.number, is_extended_id=False, data=data, is_rx=False)
+
+    def read(self, data: bytes) -> tuple[Any, ...] | None:
+        """The values of a frame, None for one that is shorter than they are."""
+        return struct.unpack_from(self.layout, data) if len(data) >= struct.calcsize(self.layout) else None
+
+
+# as the maker's CAN protocol has them
+GET_VERSION = Command(0x00, "<8B")  # the last but one three are the firmware's
+HEARTBEAT = Command(0x01, "<IBBB", 8)  # axis error, axis state, procedure result, trajectory done
+ESTOP, ADDRESS, CLEAR_ERRORS = Command(0x02), Command(0x06), Command(0x18, length=1)
+GET_ERROR = Command(0x03, "<II")  # active errors, reason of a disarming
+RX_SDO, TX_SDO = Command(0x04, "<BHB"), Command(0x05, "<BHB")  # opcode, endpoint, reserved; then its value
+SET_AXIS_STATE = Command(0x07, "<I", 8)
+GET_ENCODER_ESTIMATES = Command(0x09, "<ff")  # turns, turns/s
+SET_CONTROLLER_MODE = Command(0x0B, "<II")  # control and input mode
+SET_INPUT_POS = Command(0x0C, "<fhh")  # turns, rate in thousandths of a turn a second, torque
+SET_LIMITS = Command(0x0F, "<ff")  # turns/s, A
+SET_ABSOLUTE_POSITION = Command(0x19, "<f", 8)
+_SPOKEN: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, ADDRESS, GET_ENCODER_ESTIMATES)
+TOLD: Final = (*(one.number for one in _SPOKEN), 0x14, 0x15, 0x17, 0x1C, 0x1D)
+"""Those by which the drive speaks, asked or unasked."""
+BROADCAST: Final = 63
+"""The node by which every drive is spoken to, and at which one without an address stands."""
+UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
+AXIS_STATES: Final[Mapping[int, str]] = {
+    UNDEFINED: "undefined (it boots)",
+    IDLE: "idle",
+    2: "startup sequence",
+    3: "full calibration sequence",
+    4: "motor calibration",
+    5: "sensorless control",
+    6: "encoder index search",
+    7: "encoder offset calibration",
+    CLOSED_LOOP: "closed loop control, by somebody else",
+    9: "lock-in spin",
+    10: "encoder direction find",
+    11: "homing",
+    12: "encoder hall polarity calibration",
+    13: "encoder hall phase calibration",
+    14: "anticogging calibration",
+}
+"""Axis states in words; in all but the first two the motor has a current."""
+SUCCESS, BUSY, DISARMED, INVALID_STATE, NOT_CALIBRATED = 0, 1, 3, 13, 14  # places in `RESULTS`
+RESULTS: Final[tuple[str, ...]] = (
+    "SUCCESS",
+    "BUSY",
+    "CANCELLED",
+    "DISARMED",
+    "NO_RESPONSE",
+    "POLE_PAIR_CPR_MISMATCH",
+    "PHASE_RESISTANCE_OUT_OF_RANGE",
+    "PHASE_INDUCTANCE_OUT_OF_RANGE",
+    "UNBALANCED_PHASES",
+    "INVALID_MOTOR_TYPE",
+    "ILLEGAL_HALL_STATE",
+    "TIMEOUT",
+    "HOMING_WITHOUT_ENDSTOP",
+    "INVALID_STATE",
+    "NOT_CALIBRATED",
+    "NOT_CONVERGING",
+)
+"""Procedure_Result of the heartbeat: what became of the axis state that was asked for last."""
+POSITION_CONTROL, PASSTHROUGH = 3, 1  # control and input mode
+VEL_FF_SCALE: Final = 1000
+"""Vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped."""
+LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
+HEARTBEAT_S: Final = 0.02  # period that is set
+INITIALIZING: Final = 1  # bit of ODrive.Error
+ERRORS: Final[Mapping[int, tuple[str, int]]] = {
+    0x2: ("SYSTEM_LEVEL", INTERNAL),
+    0x4: ("TIMING_ERROR", INTERNAL),
+    0x8: ("MISSING_ESTIMATE", SENSOR),
+    0x10: ("BAD_CONFIG", INTERNAL),
+    0x20: ("DRV_FAULT", INTERNAL),
+    0x40: ("MISSING_INPUT", INTERNAL),
+    0x100: ("DC_BUS_OVER_VOLTAGE", SUPPLY),
+    0x200: ("DC_BUS_UNDER_VOLTAGE", SUPPLY),
+    0x400: ("DC_BUS_OVER_CURRENT", OVER_CURRENT),
+    0x800: ("DC_BUS_OVER_REGEN_CURRENT", OVER_CURRENT),
+    0x1000: ("CURRENT_LIMIT_VIOLATION", OVER_CURRENT),
+    0x2000: ("MOTOR_OVER_TEMP", OVER_TEMPERATURE),
+    0x4000: ("INVERTER_OVER_TEMP", OVER_TEMPERATURE),
+    0x8000: ("VELOCITY_LIMIT_VIOLATION", OVER_SPEED),
+    0x10000: ("POSITION_LIMIT_VIOLATION", INTERNAL),
+    0x1000000: ("WATCHDOG_TIMER_EXPIRED", TIME_TO_LIVE),
+    0x2000000: ("ESTOP_REQUESTED", INTERNAL),
+    0x4000000: ("SPINOUT_DETECTED", SENSOR),
+    0x8000000: ("BRAKE_RESISTOR_DISARMED", SUPPLY),
+    0x10000000: ("THERMISTOR_DISCONNECTED", SENSOR),
+    0x40000000: ("CALIBRATION_ERROR", SENSOR),
+}
+"""The bits of an axis error: its name, and the catalogue's code of a fault."""
+
+
+def words_of(errors: int) -> str:
+    """The names of the bits of an axis error."""
+    known = [name for bit, (name, _) in ERRORS.items() if errors & bit]
+    rest = errors & ~(INITIALIZING | sum(ERRORS))
+    return ", ".join([*known, *([f"error 0x{rest:X}"] if rest else [])])
+
+
+def code_of(errors: int) -> int:
+    """The catalogue's code of a fault."""
+    return next((code for bit, (_, code) in ERRORS.items() if errors & bit), INTERNAL)
+
+
+def result_of(result: int) -> str:
+    """The name of a procedure's result."""
+    return RESULTS[result] if result < len(RESULTS) else f"result {result}"
+
+
+_TAKEN: Final = {frame.id >> 5 for frame in frames().frames.values()}
+FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in _TAKEN)
+"""Nodes none of whose 32 identifiers is one of the catalogue's, but for that of all."""
+
+
+def endpoints_of(raw: object) -> tuple[tuple[str, int], ...]:
+    """`[odrive.endpoints]`: path and id of each. Raises ValueError."""
+    if not isinstance(raw, Mapping):
+        raise ValueError(f'odrive.endpoints must be a table of "path" = id; got {raw!r}')
+    for path, number in raw.items():
+        if path not in READ_BACK:
+            raise ValueError(
+                f"keys of [odrive.endpoints] must be among {', '.join(READ_BACK)}; got {path!r};"
+                f" {nearest(str(path), list(READ_BACK))}"
+            )
+        if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= 65535:
+            raise ValueError(f"odrive.endpoints {path} must be an integer in [1, 65535]; got {number!r}")
+    return tuple(raw.items())
+
+
+@dataclass(frozen=True)
+class OdriveTable(TurningTable, where="odrive"):
+    """`[odrive]`: the carriage is an ODrive of this `node_id`, whose motor does `turns_per_m` (negative: the other
+    way). `firmware` and the two endpoint ids, of `flat_endpoints.json` of that firmware, are what its watchdog is read
+    back by; that one must expire within `watchdog_s`. `coast_m_s2` is the deceleration of the carriage without torque,
+    which is its safe state. `home` "here" makes the present place zero. `answers_s`: how long it may take to be found.
+    `endpoints` are further ids of that file, by path, of `READ_BACK`.
+    """
+
+    node_id: int = 2
+    turns_per_m: float = limited(100.0, 1.0, 1e5)
+    firmware: str = "0.6.11"
+    enable_watchdog_endpoint: int = limited(0, 0, 65535)
+    watchdog_timeout_endpoint: int = limited(0, 0, 65535)
+    watchdog_s: float = limited(0.02, 0.004, 0.1)
+    motor_current_A: float = limited(10.0, 0.1, 200.0)
+    coast_m_s2: float = limited(5.0, 0.1, 100.0)
+    home: str = "kept"
+    answers_s: float = limited(2.0, 0.1, 60.0)
+    endpoints: tuple[tuple[str, int], ...] = field(default=(), metadata={"read": endpoints_of})
+
+    def __post_init__(self) -> None:
+        if self.node_id not in FREE_NODES:
+            free = ", ".join(map(str, FREE_NODES))
+            raise ValueError(
+                f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers and of {BROADCAST},"
+                f" which every ODrive hears; got {self.node_id}"
+            )
+        super().__post_init__()
+
+    def check_speed(self, speed_m_s: float) -> None:
+        """Raises ValueError where Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""
+        most, turns_s = LARGEST_VEL_FF / VEL_FF_SCALE, abs(self.turns_per_m) * speed_m_s
+        if turns_s > most:
+            raise ValueError(
+                f"odrive.turns_per_m times limits.carriage_speed_m_s must be at most {most:g} turns/s, all that Vel_FF"
+                f" of Set_Input_Pos carries; got {turns_s:g}"
+            )
+
+    def orders(self, message: can.Message) -> bool:
+        """To this drive or to every one; to read an endpoint is a question."""
+        node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
+        if not plain(message) or node not in (self.node_id, BROADCAST) or command in TOLD:
+            return False
+        return command != RX_SDO.number or bytes(message.data[:1]) != b"\0"
+
+    def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
+        """All of its node, either way."""
+        both = frozenset(self.node_id << 5 | command for command in range(32))
+        return both, both
+
+
+READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]] = {
+    "axis0.controller.config.control_mode": ("<B", lambda *_: POSITION_CONTROL),
+    "axis0.controller.config.input_mode": ("<B", lambda *_: PASSTHROUGH),
+    "axis0.controller.config.vel_limit": ("<f", lambda table, speed_m_s: abs(table.turns_per_m) * speed_m_s),
+    "axis0.config.motor.current_soft_max": ("<f", lambda table, _: table.motor_current_A),
+    "axis0.config.can.input_vel_scale": ("<I", lambda *_: VEL_FF_SCALE),
+    "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
+}
+"""What is read back where the drive's endpoint of that path is stated: its type, and what it must hold for a table and
+a speed in m/s."""

@@ -1,1 +1,0 @@
-"""The drive as a node: state machine, power stage, sync clock."""

@@ -1,0 +1,1 @@
+"""What stands in for a rig: the medium, the plant behind its drive, the drives' doubles, and faults."""

@@ -1,0 +1,226 @@
+"""A drive on the bus: what it hears, its state machine, its temperature, and what it reports."""
+
+import math
+import secrets
+from collections.abc import Callable
+from typing import Final
+
+import can
+
+from controller.limits import Limits
+from hil.bus.absent import NOT_MEASURED_C
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver, Reception
+from hil.nodes import frame_map as wire
+from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
+from hil.nodes.listening import waiting
+from hil.nodes.transmit import FrameTransmitter
+from hil.simulated import state_machine as states
+from hil.simulated.makers_drive import AMBIENT_C, MOST
+from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
+from hil.simulated.state_machine import Stage, Told
+from hil.simulated.sync_clock import SyncClock
+
+HEARTBEAT_S: Final = 0.06  # without the controller's, after which a drive stops
+SAFE_STOP_S: Final = 0.06  # for which a safe stop holds
+HOT_S: Final = 0.2  # above its temperature, after which a drive fails
+_WARMING_S: Final = 60.0  # time constant of the simulated drive
+_WARMTH_C: Final = 8.0  # by which it is warmer at full load
+
+
+class DriveNode:
+    """Listens, steps its state machine each time its firmware runs, and moves its power stage only while enabled and
+    its command lives.
+
+    A command counts from its arrival for its time to live, as long as which the next one may count on from it, but from
+    no more than a tick after the begin of its own tick: one that comes late lives shorter, one that comes too late is
+    refused as `stale`. It is taken over with the next SYNC, without one at the drive's own pace. A temperature above
+    `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for
+    60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step
+    only. A controller that has begun anew (its uptime has fallen) is told of it again.
+
+    Whenever it comes to stand by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that
+    has been answered: what was recorded before cannot enable it. Frames of another type than classic data with an
+    11-bit identifier are counted (`strange`) and ignored; a bus that raises is a slot in which nothing is heard
+    (`deaf`).
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        catalogue: Catalogue,
+        wiring: FrameMap,
+        power: Power,
+        limits: Limits,
+        tick_s: float,
+        now: float = 0.0,
+        draw: Callable[[], int] = lambda: secrets.randbits(32),
+    ) -> None:
+        self._draw = draw
+        self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
+        self.catalogue = catalogue
+        self.temperature_C = AMBIENT_C
+        self.heated_to_C = -math.inf
+        self.misread: Callable[[float], float] | None = None
+        self.broken, self.node_id = False, wiring.target
+        self._names = {
+            catalogue[n].id: n
+            for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
+        }
+        self.boot(now)
+
+    def boot(self, now: float) -> None:
+        """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
+        self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
+        for name in (self.wiring.command, "Sync"):
+            receiver = self.reception.receivers[self.catalogue[name].id]
+            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
+        self.transmitter = FrameTransmitter(
+            self.bus,
+            self.catalogue,
+            (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
+        )
+        self.stage = Stage(wire.BOOT, now)
+        self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
+        self._number, self._answered, self._asked_at = 0, False, -math.inf
+        self._metronome = SyncClock()
+        self._began, self._last = now, now
+        self._mode, self._setpoint, self._taken, self._waiting = wire.OFF, 0.0, wire.OFF, False
+        self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
+        self._reset, self._hot_since, self._phase, self._tell = wire.NO_FAULT, math.inf, 0, 0
+        self._stranger, self._uptime_s, self._shown = False, math.inf, 0.0
+
+    @property
+    def rejected(self) -> int:
+        """Frames refused so far."""
+        return self.stale + self.strange + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+
+    @property
+    def safe(self) -> bool:
+        """Whether the drive follows no command and is in its safe state."""
+        return not states.may_move(self.stage) and self.power.at_rest
+
+    def listen(self, now: float, slots: int) -> None:
+        """One run of the firmware at `now`, `slots` of which make a tick: take frames in, step the state machine,
+        report.
+        """
+        synced = self._hear(now)
+        self._phase = 0 if synced else (self._phase + 1) % slots
+        if self._phase == 0 and not synced:
+            self._take_over()
+        cause = self._cause(now)
+        alive, stopped = now <= self._dies_at, now < self._stop_until
+        hot = self.temperature_C > self.limits.derate_C
+        told = Told(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
+        before, self.stage, self._reset = self.stage, states.next_stage(self.stage, told, now), wire.NO_FAULT
+        if self.stage.fault and not before.fault:
+            self._tell = 2
+        if self.stage.state == wire.STANDBY != before.state:
+            self._number, self._answered, self._asked_at = self._draw() & 0xFFFFFFFF, False, -math.inf
+        self._report(now, self._phase == 0)
+
+    def output(self, dt: float, sensed: float) -> float:
+        """The plant's command for the next `dt` s."""
+        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == wire.DERATED else 1.0
+        load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
+        self.temperature_C += dt / _WARMING_S * (AMBIENT_C + _WARMTH_C * load - self.temperature_C)
+        self.temperature_C = max(self.temperature_C, self.heated_to_C)
+        return self.power.step(dt, share, sensed)
+
+    def _deafened(self, _: Exception) -> None:
+        self.deaf += 1
+
+    def _hear(self, now: float) -> bool:
+        """Take in what has come; whether SYNC was among it."""
+        synced = False
+        for message in waiting(self.bus, MOST, self._deafened):
+            if not plain(message):
+                self.strange += 1
+                continue
+            values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
+            if isinstance(values, Refusal):
+                continue
+            name, stamp = self._names[message.arbitration_id], message.timestamp
+            counter = self.reception.receivers[message.arbitration_id].counter
+            if name == "Sync":
+                if not self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
+                    self.stale += 1
+                    continue
+                self._take_over()
+                synced = True
+            elif name == self.wiring.command:
+                self._follow(values, stamp, self._metronome.begin(counter, stamp))
+            else:
+                self._obey(name, values, stamp)
+        return synced
+
+    def _follow(self, values: dict[str, float], stamp: float, begin: float) -> None:
+        """Take a command in that came at `stamp`, of the tick that began at `begin`."""
+        dies_at = min(stamp, begin + self.tick_s) + 1e-3 * values["TimeToLive_ms"]
+        if dies_at <= stamp:
+            self.stale += 1
+            return
+        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.wiring.signal], True
+        self._dies_at, self.good_at = dies_at, stamp
+
+    def _obey(self, name: str, values: dict[str, float], stamp: float) -> None:
+        mine = values.get("Target", 0) in (0, self.wiring.target)
+        if name == "SafeStop" and mine:
+            self._stop_until = stamp + SAFE_STOP_S
+        elif name == "DriveReset" and mine:
+            self._reset, self._metronome = int(values["Code"]), SyncClock()
+        elif name == "EnableAnswer":
+            if values["Target"] == self.wiring.target and self.stage.state == wire.STANDBY:
+                self._answered = values["Answer"] == answer_of(self._number, self.wiring.target)
+        elif name == "ControllerHeartbeat":
+            if values["Uptime_s"] < self._uptime_s and self.stage.fault:
+                self._tell = 2
+            self._uptime_s = values["Uptime_s"]
+            self._heard_at, self._stranger = stamp, values["Catalogue"] != self.catalogue.fingerprint
+
+    def _take_over(self) -> None:
+        if self._waiting:
+            self._waiting = False
+            self.power.aim(self._setpoint, self.tick_s)
+
+    def _cause(self, now: float) -> int:
+        """What is wrong at this moment."""
+        if self.bus.state == can.BusState.ERROR:
+            return wire.BUS_OFF
+        self._hot_since = min(self._hot_since, now) if self.temperature_C > self.limits.temperature_C else math.inf
+        if now - self._hot_since >= HOT_S:
+            return wire.OVER_TEMPERATURE
+        if self.power.overload:
+            return wire.OVER_CURRENT
+        moving = states.may_move(self.stage) or self.stage.state == wire.WAITING
+        if moving and (self._stranger or now - self._heard_at > HEARTBEAT_S):
+            return wire.HEARTBEAT_LOST
+        return wire.NO_FAULT
+
+    def _report(self, now: float, due: bool) -> None:
+        if self._tell:
+            self._tell -= 1
+            self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
+        if self.stage.state == wire.STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
+            self._asked_at = now
+            self.transmitter.say(self.wiring.challenge, {"Number": self._number})
+        if due and self.stage.state != wire.BOOT:
+            self.transmitter.say(self.wiring.feedback, self._feedback())
+        if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
+            self._beat_at = now
+            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
+            self.transmitter.say(self.wiring.heartbeat, beat)
+
+    def _feedback(self) -> dict[str, float]:
+        warm = min(max(self.temperature_C, NOT_MEASURED_C + 1), 150.0)
+        power, common = self.power, {"State": float(self.stage.state), "Temperature_degC": warm}
+        shown = power.output if self.misread is None else self.misread(power.output)
+        if isinstance(power, CarriagePower):
+            rate = power.rate if self.misread is None else (shown - self._shown) / self.tick_s
+            self._shown = shown = min(max(shown, -1.1), 1.1)
+            return {"Position_m": shown, "Velocity_m_s": min(max(rate, -0.4), 0.4), **common}
+        if isinstance(power, CoilPower):
+            return {"Current_A": min(max(shown, -2.6), 2.6), "Voltage_V": power.voltage_V, **common}
+        assert isinstance(power, InnerMassPower)
+        return {"Stretch_m": min(max(power.stretch_m, -0.016), 0.016), "Current_A": shown, **common}

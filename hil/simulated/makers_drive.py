@@ -1,0 +1,110 @@
+"""A carriage of another maker, simulated: what all of them have in common."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, Final
+
+import can
+
+from controller.limits import Limits
+from hil.nodes.listening import waiting
+from hil.simulated.power_stage import CarriagePower
+from hil.simulated.state_machine import Stage
+
+MOST: Final = 256
+"""Frames that a firmware takes in at once."""
+AMBIENT_C: Final = 25.0  # of a laboratory
+
+
+class MakersDrive(ABC):
+    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command. Its state in its
+    maker's numbers is `state`, `LED` that in which it follows commands.
+
+    It is as hot as it is `heated_to_C`, its encoder shows what `misread` makes of the place, or nothing where it is
+    `broken`, and it answers as `node_id`. `rejected` counts frames that were refused or not sent.
+    """
+
+    LED: int
+    misread: Callable[[float], float] | None = None
+    heated_to_C, rejected, broken = -math.inf, 0, False
+    state = 0
+
+    def __init__(self, bus: can.BusABC, table: Any, power: CarriagePower, limits: Limits, tick_s: float) -> None:
+        self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
+        self.node_id = table.node_id
+        self.boot(0.0)
+
+    def boot(self, now: float) -> None:
+        """Begin anew, as after a loss of supply."""
+        self.good_at, self.zero_m = -math.inf, 0.0
+        self._now = self._since = self._began = now
+
+    def configure(self, time_to_live_ms: int) -> None:  # noqa: B027 - most need none
+        """Set it up in its own process, as its `set_up` would over the bus, for commands that live so long."""
+
+    @property
+    def led(self) -> bool:
+        """Whether it follows commands."""
+        return self.state == self.LED
+
+    @property
+    def safe(self) -> bool:
+        """Whether it follows no command and is at rest."""
+        return not self.led and self.power.at_rest
+
+    @property
+    def temperature_C(self) -> float:
+        """Its temperature."""
+        return max(AMBIENT_C, self.heated_to_C)
+
+    @property
+    def too_hot(self) -> bool:
+        """Whether that is a fault."""
+        return self.temperature_C > self.limits.temperature_C
+
+    @property
+    def shown_m(self) -> float:
+        """Where its encoder shows the carriage."""
+        place = self.power.output - self.zero_m
+        return place if self.misread is None else self.misread(place)
+
+    @property
+    def stage(self) -> Stage:
+        """State and fault in the catalogue's numbers."""
+        state, fault = self._stands()
+        return Stage(state, self._since, fault)
+
+    @abstractmethod
+    def _stands(self) -> tuple[int, int]:
+        """The same without its begin."""
+
+    def listen(self, now: float, slots: int) -> None:
+        """One run of the firmware: take frames in, judge, report."""
+        self._now = now
+        for message in waiting(self.bus, MOST):
+            self._hear(message)
+        self._run()
+
+    @abstractmethod
+    def _hear(self, message: can.Message) -> None:
+        """A frame of the wire."""
+
+    @abstractmethod
+    def _run(self) -> None:
+        """Judge, go on, report."""
+
+    @abstractmethod
+    def output(self, dt: float, sensed: float) -> float:
+        """The plant's command for the next `dt` s."""
+
+    def _become(self, state: int) -> None:
+        if state != self.state:
+            self.state, self._since = state, self._now
+
+    def send(self, message: can.Message) -> None:
+        """Send a frame, and count one that the bus does not take."""
+        try:
+            self.bus.send(message, 0)
+        except (can.CanError, OSError):
+            self.rejected += 1

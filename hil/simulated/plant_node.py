@@ -1,0 +1,222 @@
+"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, and, where wanted, the force
+sensor.
+"""
+
+import math
+import secrets
+from collections.abc import Callable
+from importlib import import_module
+from typing import Final
+
+import can
+import numpy as np
+
+from controller.limits import Limits
+from hil.bus.catalogue import Catalogue
+from hil.drives.table import ActuatorTable
+from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames, heartbeat
+from hil.nodes.transmit import FrameTransmitter
+from hil.simulated.drive_node import DriveNode
+from hil.simulated.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
+from hil.simulated.faults.table import DRIVE, Fault
+from hil.simulated.makers_drive import MakersDrive
+from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
+from plant import layout as at
+from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
+from plant.sensing.instruments import Reading
+from plant.session import Session
+
+SLOT_S: Final = 1e-3
+"""The drives' firmware runs this often."""
+_COIL_PARTS: Final = 2  # steps of the plant in a tick: a coil's current is quick
+_FORCE_STD_N: Final = 1e-3  # noise of the simulated force cell
+
+
+def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:
+    """Wiring and power stage of the session's drive. Raises ValueError for one that no frame describes."""
+    drive = session.plant.rig.drive
+    if isinstance(drive, Carriage):
+        return CARRIAGE_MAP, CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
+    if isinstance(drive, TrueCoil):
+        return COIL_MAP, CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
+    if isinstance(drive, TrueVibro) and drive.coil is None:
+        return INNER_MASS_MAP, InnerMassPower()
+    raise ValueError(
+        "rig.kind on the bus must be magnetic, coil or vibro driven by a level; got a vibro drive with a coil"
+    )
+
+
+def simulated_drive(bus: can.BusABC, table: ActuatorTable, power: Power, limits: Limits, tick_s: float) -> MakersDrive:
+    """The double of the drive that `table` names. Raises ValueError for one that is no carriage."""
+    if not isinstance(power, CarriagePower):
+        raise ValueError("rig.kind must be magnetic with a drive of another maker, whose carriage it is")
+    module = import_module(f"hil.simulated.{table.where}_drive")
+    double: type[MakersDrive] = getattr(module, f"{table.where.capitalize()}Drive")
+    return double(bus, table, power, limits, tick_s)
+
+
+class PlantNode:
+    """`tick(now)` once a firmware slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on to the
+    next slot.
+
+    The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
+    where none comes for one and a half cycles the localiser says so (Valid 0).
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        limits: Limits,
+        tick_s: float,
+        drive_bus: can.BusABC,
+        sensor_bus: can.BusABC,
+        *,
+        force_seed: int | None = None,
+        catalogue: Catalogue | None = None,
+        drive: MakersDrive | None = None,
+        draw: Callable[[], int] = lambda: secrets.randbits(32),
+    ) -> None:
+        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
+        numbers of the drive's challenges. Raises ValueError for a drive that is not on the bus, or a tick that is no
+        multiple of a slot.
+        """
+        self.slots = round(tick_s / SLOT_S)
+        if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
+            raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
+        catalogue = catalogue or frames()
+        wiring, power = power_of(session, limits)
+        self.session = session
+        self._localisers: dict[int, LyingLocaliser] = {}
+        self._told: list[tuple[float, float]] = []
+        self._lie: LyingDrive | None = None
+        self._now = 0.0
+        self.drive: DriveNode | MakersDrive = drive or DriveNode(
+            drive_bus, catalogue, wiring, power, limits, tick_s, draw=draw
+        )
+        self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
+        self._localiser = _Localiser(sensor_bus, catalogue)
+        self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)
+        self._readings: list[Reading] = []
+
+    def tick(self, now: float) -> None:
+        """Go on from `now` by a slot."""
+        self._now = now
+        if isinstance(self.drive.power, CoilPower):
+            self.drive.power.output = self._sensed()
+        self.drive.listen(now, self.slots)
+        self._localiser.speak(now, self._seen(now))
+        if self._force is not None:
+            self._force.speak(now, float(self.session.newest[at.O_FORCE]))
+        begin, span = self.session.time, now + SLOT_S - self.session.time
+        for part in range(self._parts):
+            command = self.drive.output(span / self._parts, self._sensed())
+            if self._lie is not None:
+                command = self._lie(begin + span * part / self._parts, span / self._parts, command)
+            found = self.session.advance(command, begin + span * (part + 1) / self._parts)
+            self._readings += [r for r in found if r.channel == "position_m"]
+
+    @property
+    def told(self) -> list[tuple[float, float]]:
+        """Time in s and value of every reading that a localiser with a fault has told."""
+        return [*self._told, *(one for localiser in self._localisers.values() for one in localiser.told)]
+
+    def spoil(self, fault: Fault, seed: int = 0) -> None:
+        """From now on a sensor is broken, or localiser, report or drive lies, as `fault` says."""
+        plant, seen = self.session.plant, self.session.instruments.localisation
+        if fault.kind == "restless":
+            self.drive.power.stray = fault.amount
+        elif fault.target == DRIVE:
+            self._lie = LyingDrive(fault, plant.rig.drive, self.session.command, float(plant.state[at.S_CURRENT]))
+        elif fault.target == "feedback":
+            shown = Lie(fault, about=zero_of(plant.rig.drive))
+            self.drive.misread = lambda value: shown(self._now, value)
+        else:
+            self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._place)
+
+    def mend(self, fault: Fault) -> None:
+        """From now on it is sound again."""
+        if fault.kind == "restless":
+            self.drive.power.stray = 0.0
+        elif fault.target == DRIVE and self._lie is not None:
+            self._lie.end()
+        elif fault.target == "feedback":
+            self.drive.misread = None
+        elif id(fault) in self._localisers:
+            self._told += self._localisers.pop(id(fault)).told
+
+    def _place(self) -> float:
+        """Where the carriage or the inner mass truly is, in m."""
+        return float(self.session.newest[at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X])
+
+    def _seen(self, now: float) -> list[Reading]:
+        readings, self._readings = self._readings, []
+        for localiser in self._localisers.values():
+            readings = localiser(now, readings)
+        return readings
+
+    def _sensed(self) -> float:
+        """What the drive's own sensor shows its power stage."""
+        if isinstance(self.drive.power, CoilPower):
+            return float(self.session.plant.state[at.S_CURRENT]) if self._lie is None else self._lie.current_A
+        if isinstance(self.drive.power, InnerMassPower):
+            return float(self.session.newest[at.O_INNER_X] - self.session.newest[at.O_X])
+        return self.drive.power.output
+
+
+class _Localiser:
+    """Tells where the capsule is, each reading once; says so where there is none."""
+
+    def __init__(self, bus: can.BusABC, catalogue: Catalogue) -> None:
+        self._mouth = FrameTransmitter(bus, catalogue, ("CapsuleLocalisation", "LocaliserHeartbeat"))
+        self._beat = _Beat(self._mouth, "LocaliserHeartbeat", catalogue)
+        self._silence_s = 1.5 * catalogue["CapsuleLocalisation"].cycle_s
+        self._said_at = 0.0
+
+    def speak(self, now: float, readings: list[Reading]) -> None:
+        for reading in readings:
+            self._say(now, reading.value, now - reading.stamp_s)
+        if not readings and now - self._said_at >= self._silence_s:
+            self._say(now, math.nan, 0.0)
+        self._beat.speak(now)
+
+    def _say(self, now: float, value: float, age: float) -> None:
+        good = abs(value) <= 1.1 and 0 <= age <= 0.4
+        self._said_at = now
+        values = {
+            "Position_m": value if good else 0.0,
+            "Quality": float(good),
+            "Age_s": age if good else 0.0,
+            "Valid": float(good),
+        }
+        self._mouth.say("CapsuleLocalisation", values)
+
+
+class _ForceSensor:
+    """The force between rig and capsule, with white noise of 1 mN."""
+
+    def __init__(self, bus: can.BusABC, catalogue: Catalogue, seed: int) -> None:
+        self._mouth = FrameTransmitter(bus, catalogue, ("ForceReading", "ForceSensorHeartbeat"))
+        self._beat = _Beat(self._mouth, "ForceSensorHeartbeat", catalogue)
+        self._cycle_s = catalogue["ForceReading"].cycle_s
+        self._rng = np.random.default_rng(seed)
+        self._said_at = -math.inf
+
+    def speak(self, now: float, force: float) -> None:
+        if now - self._said_at >= self._cycle_s - 0.5 * SLOT_S:
+            self._said_at = now
+            value = force + _FORCE_STD_N * self._rng.standard_normal()
+            good = abs(value) <= 5.0
+            self._mouth.say("ForceReading", {"Force_N": value if good else 0.0, "Age_s": 0.0, "Valid": float(good)})
+        self._beat.speak(now)
+
+
+class _Beat:
+    """A sensor's heartbeat."""
+
+    def __init__(self, mouth: FrameTransmitter, name: str, catalogue: Catalogue) -> None:
+        self._mouth, self._name, self._catalogue, self._at = mouth, name, catalogue, -math.inf
+
+    def speak(self, now: float) -> None:
+        if now - self._at >= 0.02 - 0.5 * SLOT_S:
+            self._at = now
+            self._mouth.say(self._name, heartbeat(2, now, self._catalogue))

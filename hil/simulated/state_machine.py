@@ -1,0 +1,86 @@
+"""A drive's state machine: boot, self-test, standby, ready, enabled, derated, quick stop, fault; one pure step."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from hil.nodes import frame_map as wire
+from hil.nodes.frame_map import NO_FAULT, TIME_TO_LIVE
+
+BOOT_S: Final = 0.02  # of the simulated drive
+SELF_TEST_S: Final = 0.03  # the same
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where a drive stands since `since_s`: `state`, the `fault` it has latched, and whether it is `armed`: has been
+    told "off" in standby, without which it does not become ready.
+    """
+
+    state: int = wire.BOOT
+    since_s: float = 0.0
+    fault: int = NO_FAULT
+    armed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a drive knows in one step: the newest command's `mode`, whether that command is still `alive` (time to
+    live), `safe_stop` while one is in force, the code of a `reset` (0: none), a present `cause` for a fault (0: none),
+    `hot` from its derating temperature on, whether it is `at_rest` in its safe state, and whether its challenge has
+    been `answered`.
+    """
+
+    mode: int = wire.OFF
+    alive: bool = False
+    safe_stop: bool = False
+    reset: int = NO_FAULT
+    cause: int = NO_FAULT
+    hot: bool = False
+    at_rest: bool = True
+    answered: bool = False
+
+
+def next_stage(stage: Stage, told: Told, now: float) -> Stage:
+    """The stage after one step at `now` in s.
+
+    A cause for a fault latches it from everywhere. A fault ends by a reset that names it, once its cause is gone, in
+    standby and never beyond; from there on "off", "ready" and "enable" lead up one by one, each while its command
+    lives, "ready" only once the challenge has been answered.
+    """
+    if told.cause and not stage.fault:
+        return Stage(wire.FAULT, now, told.cause)
+    if stage.state == wire.FAULT:
+        return Stage(wire.STANDBY, now) if told.reset == stage.fault and not told.cause and told.at_rest else stage
+    state = _next_state(stage, told, now)
+    if state == wire.FAULT:
+        return Stage(wire.FAULT, now, TIME_TO_LIVE)
+    if state == wire.STANDBY:
+        off = told.alive and told.mode == wire.OFF
+        return replace(stage, armed=stage.armed or off) if stage.state == wire.STANDBY else Stage(wire.STANDBY, now)
+    return stage if state == stage.state else Stage(state, now)
+
+
+def _next_state(stage: Stage, told: Told, now: float) -> int:
+    if stage.state == wire.BOOT:
+        return wire.SELF_TEST if now - stage.since_s >= BOOT_S else wire.BOOT
+    if stage.state == wire.SELF_TEST:
+        return wire.STANDBY if now - stage.since_s >= SELF_TEST_S else wire.SELF_TEST
+    if stage.state == wire.STANDBY:
+        wanted = stage.armed and told.answered and told.alive and told.mode == wire.READY and not told.safe_stop
+        return wire.WAITING if wanted else wire.STANDBY
+    if stage.state == wire.STOPPING:
+        return wire.STANDBY if told.at_rest else wire.STOPPING
+    if stage.state == wire.WAITING:
+        if not told.alive or told.safe_stop or told.mode not in (wire.READY, wire.ENABLE):
+            return wire.STANDBY
+        return wire.WAITING if told.mode == wire.READY else wire.ENABLED
+    if not told.alive:
+        return wire.FAULT
+    if told.safe_stop or told.mode != wire.ENABLE:
+        return wire.STOPPING
+    return wire.DERATED if told.hot else wire.ENABLED
+
+
+def may_move(stage: Stage) -> bool:
+    """Whether the drive follows its commands."""
+    return stage.state in wire.MOVING

@@ -1,1 +1,0 @@
-"""Time stamps as they were logged."""

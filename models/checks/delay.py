@@ -1,0 +1,143 @@
+"""Two clocks: a measured column that comes later or earlier than the motion, and one that comes later and later."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from models.checks.estimators import Array
+from models.checks.finding import Findings
+from models.checks.places import jumps, without_steps
+from models.checks.settings import SET
+from models.checks.view import View
+from models.rigs.tables import MOST_DRIFT
+
+_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit that a drift takes away, over a constant shift
+_REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
+
+
+@dataclass(frozen=True)
+class Lag:
+    """By how many s a column is late (negative: early) at the record's first stamp, by how much more with every
+    second, and the share of a friction loop's misfit that this takes away.
+    """
+
+    first_s: float
+    drift: float
+    gain: float
+
+
+def check_delay(view: View) -> Findings:
+    """Whether the force of a pull or a stage answers the motion late or early, or ever later; and whether the place of
+    a capsule comes ever later than its magnet's (behind which it comes late anyway).
+    """
+    place, measured = view.kind.layout.own() if view.kind.led else ("", "")
+    lag = _lag_of(view, place, measured) if {place, measured} <= set(view.record.columns) else None
+    if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
+        return
+    known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {SET.lag_drift_std_s if lag.drift else SET.lag_std_s:g}"
+    how = f"a friction loop through both fits {100 * lag.gain:.0f} % better with {measured} moved by so much"
+    where = f"{measured} against {place}"
+    if not lag.drift:
+        said = f"{measured} comes about {late(lag.first_s)} than the motion that makes it"
+        said += ": two clocks, a filter or a slow sensor"
+        yield view.finding("clock_offset", "note", said, how, f"[clock] {known}", where)
+        return
+    begins = f", from {late(lag.first_s)} at the first stamp on" if view.kind.drawn else ""
+    drift = f"drift = {lag.drift + stated_drift(view):.3g}"
+    remedy = f"[clock] {known}, {drift}" if view.kind.drawn else f"[clock] {drift}"
+    yield view.finding("clock_drift", "weakens", drifts(measured, lag.drift, begins), how, remedy, where)
+
+
+def drifts(measured: str, drift: float, begins: str = "") -> str:
+    """A drift in words."""
+    later = f"{1e3 * abs(drift):.3g} ms {_later(drift)} with every second"
+    return f"{measured} comes {later}{begins}: two clocks that do not run alike"
+
+
+def stated_drift(view: View) -> float:
+    """The drift that the rig file's clock has already."""
+    return view.rig.clock.drift if view.rig.clock else 0.0
+
+
+def late(lag_s: float) -> str:
+    """A lag in words."""
+    return f"{1e3 * abs(lag_s):.0f} ms {_later(lag_s)}"
+
+
+def _later(lag_s: float) -> str:
+    return "later" if lag_s > 0 else "earlier"
+
+
+def _lag_of(view: View, place: str, measured: str) -> Lag | None:
+    """How late `measured` is behind the motion of `place`; None where the record tells nothing. What is left of a
+    friction loop is the smallest with `measured` moved by this: the loop is a sum of plays of several widths, friction
+    that follows the sign of the speed more or less gradually, speed and slope; behind a magnet all but the speed may
+    grow over the record.
+    """
+    strokes = np.sign(view.speed[view.moves])
+    length = float(view.t[-1] - view.t[0])
+    if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * SET.lag_longest_s:
+        return None
+    x, moving = without_steps(view, view.record[place]), view
+    if place != view.moving_column:
+        moving = View(view.record.with_column(view.moving_column, view.record[place]), view.rig)
+    y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # impacts would weigh most
+    left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (SET.lag_rows, SET.lag_rows_rough))
+    least = SET.lag_samples * view.dt
+    lags = np.linspace(-SET.lag_longest_s, SET.lag_longest_s, 61)
+    best = int(np.argmin([left(lag, 0.0) for lag in lags]))
+    fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
+    constant = min((left(lag, 0.0), float(lag)) for lag in fine)
+    ends = np.linspace(-SET.lag_most_drifted_s, SET.lag_most_drifted_s, 41)
+    _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
+    found = minimize(lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120})
+    middle, drifted = (float(value) for value in found.x)
+    gain = 1 - float(found.fun) / max(constant[0], 1e-300)
+    most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
+    least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
+    if gain > least_gain and max(SET.lag_drifted_s, least) < abs(drifted) < most:
+        return Lag(middle - drifted / 2, drifted / length, gain)
+    gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
+    inside = 0 < best < len(lags) - 1
+    return Lag(offset, 0.0, gain) if inside and abs(offset) > max(SET.lag_s, least) and gain > SET.lag_gain else None
+
+
+def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float], float]:
+    """What the loop over the place `x` and its `speed` leaves of `y` that comes late by the first number in the middle
+    of the record and from its begin to its end by as much more as the second; over about so many rows.
+    """
+    begin, end = float(view.t[0]), float(view.t[-1])
+    even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
+    margin = SET.lag_longest_s + SET.lag_most_drifted_s / 2
+    inner = (even > begin + margin) & (even < end - margin)
+    at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
+    loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
+    if view.kind.follows:  # a wall that dries lets the capsule come later and later, in both directions alike
+        loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
+    within, _ = np.linalg.qr(loop)
+
+    def left(lag: float, drifted: float) -> float:
+        moved = np.interp(at + lag + share * drifted, view.t, y)
+        return float(moved @ moved - np.sum((within.T @ moved) ** 2))
+
+    return left
+
+
+def _loop(x: Array, speed: Array) -> Array:
+    """Plays of several widths over `x`, what follows the `speed`, and `x` itself, shape (n, 18)."""
+    span, usual = float(np.ptp(x)), float(np.percentile(np.abs(speed), 90))
+    loops = [x - _play(x, reach * span) for reach in _REACHES]
+    signs = [np.tanh(speed / max(share * usual, 1e-300)) for share in SET.lag_soft]
+    rows = np.column_stack([np.ones_like(x), x, speed, *signs, *loops])
+    return np.asarray(rows / np.maximum(np.sqrt(np.mean(rows**2, axis=0)), 1e-300))
+
+
+def _play(x: Array, width: float) -> Array:
+    out = np.empty_like(x)
+    place = float(x[0])
+    for i, value in enumerate(x.tolist()):
+        place = min(max(place, value - width), value + width)
+        out[i] = place
+    return out

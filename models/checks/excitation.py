@@ -1,0 +1,178 @@
+"""Whether records hold the motion that an effect needs in order to show."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from models.checks.estimators import Array, running_mean, runs_of
+from models.checks.finding import Findings, RecordFinding
+from models.checks.settings import SET
+from models.checks.view import View
+from models.effects.effect import Effect
+from models.records.record import Record, where_measured
+from models.rigs.rig import Rig
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What the motion in a series of records offers."""
+
+    views: tuple[View, ...]
+
+    @cached_property
+    def _strokes(self) -> list[list[tuple[int, int, float]]]:
+        return [view.strokes(SET.stroke_s, 2) for view in self.views]
+
+    @cached_property
+    def reversals(self) -> int:
+        """How often a stroke is followed by one the other way."""
+        return sum(a[2] != b[2] for strokes in self._strokes for a, b in pairwise(strokes))
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Tenth and ninetieth percentile of the speeds in m/s while in motion, shape (2,)."""
+        v = np.concatenate([np.abs(view.speed[view.moves]) for view in self.views])
+        return np.percentile(v, [10, 90]) if len(v) else np.zeros(2)
+
+    @cached_property
+    def rests(self) -> int:
+        """How often a motion starts again after a rest."""
+        stops = ((view, a, b) for view in self.views for a, b in runs_of(~view.moves))
+        return sum((b - a) * view.dt > SET.rest_s and b < len(view.t) for view, a, b in stops)
+
+    @cached_property
+    def one_course(self) -> bool:
+        """Whether the place is a straight line of the time since the record's start, the same one in all records."""
+        t = np.concatenate([(view.t - view.t[0])[view.moves] for view in self.views])
+        x = np.concatenate([view.record[view.moving_column][view.moves] for view in self.views])
+        return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > SET.straight)
+
+    @cached_property
+    def lacking(self) -> dict[str, str]:
+        """What effects may name in `needs` and the series does not offer, and how that is said."""
+        low, high = self.speeds
+        places, told = [view.record[view.moving_column] for view in self.views], self.views[0].told
+        travel = max(float(x.max()) for x in places) - min(float(x.min()) for x in places)
+        longest, rate = max(float(v.t[-1] - v.t[0]) for v in self.views), min(1 / view.dt for view in self.views)
+        surface, load = self.views[0].rig.surface, self._lacking_load()
+        ways = {way for strokes in self._strokes for _, _, way in strokes}
+        offered = {
+            "both_ways": (len(ways) == 2, "the motion goes one way only"),
+            "reversals": (self.reversals, "the motion never turns round"),
+            "speeds": (high > SET.speeds_range * low, f"the motion has one speed only ({told(high)}/s)"),
+            "places": (travel > SET.travel_m, f"the motion covers {told(travel)} only"),
+            "rests": (self.rests, f"the motion never starts again after a rest of {SET.rest_s:g} s"),
+            "time": (longest > SET.long_s, f"the longest record lasts {longest:.3g} s only"),
+            "load": (not load, load),
+            "turning": (all(view.turns for view in self.views), "the axis does not turn"),
+            "samples": (
+                rate > 2 * SET.mains_top,
+                f"it is measured {rate:.3g} times a second, too seldom for a mains tone",
+            ),
+            "wall": (surface is None or surface.is_gut, f"there is no wall ({surface.kind if surface else ''})"),
+        }
+        return {need: said for need, (met, said) in offered.items() if not met}
+
+    def _lacking_load(self) -> str:
+        names = dict.fromkeys(n for view in self.views for n in view.record.layout.optional if n.startswith("load_"))
+        loads = [np.abs(v.record[n]) for v in self.views for n in names if n in v.record.columns]
+        if not loads:
+            return f"no load is logged (column {' or '.join(names)})" if names else "no load is logged"
+        low, high = np.percentile(np.concatenate(loads), [5, 95])
+        return "" if high > SET.speeds_range * low else f"the logged load is {high:.3g} throughout"
+
+
+def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
+    return tuple(view for view in (View(where_measured(record), rig) for record in records) if view.timed)
+
+
+def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:
+    """By an effect's id, its declared confounders, and theirs, that no form tells from it in these records: where the
+    motion is one course at one speed, whatever goes with the place goes with time as well.
+    """
+    views = _timed(rig, records)
+    if not views or not Excitation(views).one_course:
+        return {}
+    near = {
+        one.id: [e.id for e in effects if one.looks_like(e) and {*one.needs, *e.needs} >= {"places", "time"}]
+        for one in effects
+    }
+    return {name: tuple(sorted(_reached(name, near) - {name})) for name, others in near.items() if others}
+
+
+def _reached(name: str, near: Mapping[str, Sequence[str]]) -> set[str]:
+    """All that leads to `name` over its neighbours, itself too."""
+    reached, waiting = {name}, [name]
+    while waiting:
+        new = set(near[waiting.pop()]) - reached
+        reached |= new
+        waiting += new
+    return reached
+
+
+def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, str]:
+    """Why these records cannot show an effect, by the id of each one whose `needs` they do not meet."""
+    views = _timed(rig, records)
+    if not views:
+        return {}
+    if all(silent_response(view) for view in views):
+        return {effect.id: f"{views[0].measured} is a constant and noise" for effect in effects}
+    lacking = Excitation(views).lacking
+    why = {effect.id: "; ".join(lacking[name] for name in effect.needs if name in lacking) for effect in effects}
+    return {effect: said for effect, said in why.items() if said}
+
+
+Shown = Callable[[Record], tuple[frozenset[str], float]]
+
+
+def shown_with(rig: Rig, records: Sequence[Record], hidden: Sequence[type[Effect]]) -> Shown:
+    """Of the driven motion of one more record: which of the `hidden` effects, that `records` cannot show, they could
+    together with it, by id; and how rich it is by itself: its turns and starts, and the logarithm of its range of
+    speeds.
+    """
+    views = _timed(rig, records)
+
+    def shown(motion: Record) -> tuple[frozenset[str], float]:
+        alone = View(motion, rig)
+        lacking, own = Excitation((*views, alone)).lacking, Excitation((alone,))
+        low, high = (max(float(speed), 1e-9) for speed in own.speeds)
+        rich = min(own.reversals, SET.rich_turns) + min(own.rests, SET.rich_starts) + float(np.log(high / low))
+        return frozenset(effect.id for effect in hidden if not lacking.keys() & set(effect.needs)), rich
+
+    return shown
+
+
+def silent_response(view: View) -> bool:
+    """Whether the measured column is a constant, or a constant and noise."""
+    return any(True for _ in check_information(view))
+
+
+def check_information(view: View) -> Findings:
+    """A measured column, or a place that moves a capsule or an axis by itself, that holds a constant, or a measured one
+    that holds a constant and noise and nothing else.
+    """
+    for name in ((view.moving_column,) if view.kind.imposed else ()) + (view.measured,):
+        if not np.ptp(view.record[name]):
+            yield unchanged(view, name, "all values are equal")
+            return
+    n = max(2, min(len(view.y) // 40, 50))
+    alive = SET.alive * 2.0 * view.noise / np.sqrt(2 * n + 1)
+    if view.noise and len(view.y) >= 100 and float(np.std(running_mean(view.y, n))) <= alive:
+        yield view.finding(
+            "no_response",
+            "weakens",
+            f"{view.measured} is a constant and noise: nothing in it follows the motion, so these records tell no"
+            " parameter and no effect",
+            "its running mean scatters as noise alone would",
+            "record strokes to and fro over at least 10 mm, at speeds a factor of five apart, with rests of 1 s",
+        )
+
+
+def unchanged(view: View, name: str, how: str) -> RecordFinding:
+    """The finding that all values of a column are one."""
+    said = f"{name} must change to tell anything; got {view.record[name][0]:.6g} throughout: was it measured?"
+    remedy = "log the sensor, or give the column that holds it: [columns]"
+    return view.finding("no_response", "stops", said, how, remedy, name)

@@ -1,1 +1,0 @@
-"""What the motion can show at all."""

@@ -1,0 +1,192 @@
+"""Sign, size and clock of a capsule that an inner mass shakes, against what the two masses would do in the air:
+friction holds the body back and leaves the shape of its swings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
+
+from models.checks.delay import drifts, late, stated_drift
+from models.checks.estimators import Array
+from models.checks.finding import Findings
+from models.checks.settings import SET
+from models.checks.view import View
+from models.rigs.tables import MOST_DRIFT
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How the measured place goes with the body's in the air: correlations at `lags_s`, and standard deviations'
+    ratio.
+    """
+
+    lags_s: Array
+    correlation: Array
+    size: float
+
+    @property
+    def near(self) -> float:
+        """The strongest correlation about no lag at all, with its sign."""
+        low, high = SET.swing_beside_s
+        low = min(low, -1.01 * (self.lags_s[1] - self.lags_s[0]))
+        beside = self.correlation[(self.lags_s >= low) & (self.lags_s <= high)]
+        return float(beside[np.argmax(np.abs(beside))])
+
+    @property
+    def late_s(self) -> float:
+        """Where the correlation is largest."""
+        return float(self.lags_s[np.argmax(self.correlation)])
+
+    @property
+    def best(self) -> float:
+        """The largest correlation."""
+        return float(np.max(self.correlation))
+
+    @property
+    def turned(self) -> bool:
+        """Whether the place goes against the body's."""
+        return self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned
+
+
+def check_inner_mass(view: View) -> Findings:
+    """Whether a shaken capsule goes where its drive takes it, as far, and when."""
+    driven, measured = view.driven, view.measured
+    if not view.kind.vibrates or view.rig.drive is None or driven is None:
+        return
+    if not np.ptp(view.record[driven]) and np.ptp(view.y) > 100 * view.noise:
+        said = (
+            f"{driven} is {view.record[driven][0]:g} throughout, while {measured} moves by"
+            f" {1e3 * float(np.ptp(view.y)):.3g} mm: a switch that enables the drive is not what drives it"
+        )
+        remedy = "log what the coil gets, pulse by pulse"
+        yield view.finding("drive_constant", "stops", said, "all values are equal", remedy, driven)
+        return
+    both, where = swings(view), f"{measured} against {driven}"
+    if both is None:
+        return
+    answer = _answer(*both, _grid_s(view))
+    if answer.turned:
+        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > SET.swing_sure else ""
+        yield view.finding(
+            "drive_sign",
+            "stops",
+            f"{measured} goes forward where {driven} drives the body back: one of the two has its sign turned"
+            f" round{shifted}",
+            f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
+            view.turned_line(measured),
+            where,
+        )
+    elif answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
+        yield view.finding(
+            "units",
+            "stops",
+            f"{measured} swings {answer.size:.2g} times as far as the two masses would in the air: another unit, of it,"
+            " of the drive's force or of a mass?",
+            f"correlation {answer.best:.2f} with those swings",
+            f"{view.unit_line(measured)}, or [drive] and [capsule]",
+            where,
+        )
+    elif drift := _drift(view, both, answer.best):
+        how = "the shift at which the swings in the air fit best, over the record"
+        remedy = f"[clock] drift = {stated_drift(view) + drift:.2g}"
+        yield view.finding("clock_drift", "weakens", drifts(measured, drift), how, remedy, where)
+    elif answer.best >= max(SET.alike, max(answer.near, 0.0) + SET.ahead) and abs(answer.late_s) > SET.late_s:
+        yield view.finding(
+            "clock_offset",
+            "note",
+            f"{measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or a slow"
+            " sensor",
+            f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
+            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {SET.swing_std_s:g}",
+            where,
+        )
+
+
+def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
+    """By how many s the place comes later with every second: where that lets it follow the swings in the air clearly
+    better than the `best` correlation without; else 0.
+    """
+    step = _grid_s(view)
+    (x, y), at = both, np.arange(len(both[0])) * step
+    length = float(at[-1])
+    share = at / length
+
+    def apart(drifted: float) -> float:
+        return 1 - _answer(x, np.interp(at + drifted * share, at, y), step).best
+
+    most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
+    grid = np.arange(-most, most + SET.swing_step_s / 2, SET.swing_step_s)
+    near = float(grid[np.argmin([apart(float(drifted)) for drifted in grid])])
+    found = minimize_scalar(apart, bounds=(near - SET.swing_step_s, near + SET.swing_step_s), method="bounded")
+    follows = 1 - float(found.fun)
+    told = follows >= SET.swing_follows and follows > best + SET.ahead and abs(found.x) > SET.swing_drifted_s
+    return float(found.x) / length if told else 0.0
+
+
+def _grid_s(view: View) -> float:
+    """The even grid's step in s: no finer than the band needs."""
+    return max(view.dt, SET.swing_finest_s)
+
+
+def swings(view: View) -> tuple[Array, Array] | None:
+    """The body's place under the drive in the air and the measured one, both on an even grid and in the band of the
+    vibration, shape (n,); None where the record is too short or too slow for it, or its drive cannot be told.
+    """
+    force, step = _force(view), _grid_s(view)
+    nyquist = 0.5 / step
+    if force is None or view.t[-1] - view.t[0] < SET.swing_s or nyquist < 2 * SET.band_hz[0] or not np.ptp(force):
+        return None
+    grid = np.arange(view.t[0], view.t[-1], step)
+    order = np.argsort(view.t, kind="stable")
+    driven, y = (np.interp(grid, view.t[order], values[order]) for values in (force, view.y))
+    x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
+    band = butter(2, (SET.band_hz[0], min(SET.band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
+    a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
+    return (a, b) if np.ptp(a) and np.ptp(b) else None
+
+
+def _force(view: View) -> Array | None:
+    """The force in N on the inner mass that the driven column stands for; None where the rig file does not say."""
+    drive, per_unit = view.rig.drive, None
+    if drive is None or view.driven is None:
+        return None
+    if view.driven == "drive_on":
+        per_unit = drive.force_N
+    elif drive.rated_voltage_V is not None:
+        per_unit = drive.force_N / drive.rated_voltage_V
+    elif drive.force_constant_N_per_A is not None and drive.coil_resistance_Ohm is not None:
+        per_unit = drive.force_constant_N_per_A / drive.coil_resistance_Ohm
+    return None if per_unit is None else np.asarray(per_unit * view.record[view.driven])
+
+
+def _in_the_air(view: View, force: Array, t: Array) -> Array:
+    """The body's place in m under `force` in N on the inner mass: `m w' = F - S`, `M v' = S - a F`,
+    `S = k r + c r'` (a = 1 where the coil sits on the body), from rest.
+    """
+    drive, body = view.rig.drive, view.rig.capsule.mass_kg
+    assert drive is not None
+    m, k = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
+    c = max(drive.spring_damping_N_s_per_m, SET.swing_damped * 2 * float(np.sqrt(k * m)))
+    a = float(drive.reaction_on_body)
+    system = StateSpace(
+        [[0, 1, 0, 0], [-k / m - k / body, -c / m - c / body, 0, 0], [k / body, c / body, 0, 0], [0, 0, 1, 0]],
+        [[0], [1 / m + a / body], [-a / body], [0]],
+        [[0, 0, 0, 1]],
+        [[0]],
+    )
+    _, place, _ = lsim(system, force, t)
+    return np.asarray(place)
+
+
+def _answer(x: Array, y: Array, dt: float) -> Answer:
+    """Correlations of `y` with `x` moved by up to 0.15 s."""
+    most = max(1, round(SET.lag_longest_s / dt))
+    inner, among = x[most:-most] - x[most:-most].mean(), len(x) - 2 * most
+    sums, squares = (np.cumsum(np.concatenate([[0.0], one])) for one in (y, y**2))
+    mean, power = ((one[among:] - one[:-among]) / among for one in (sums, squares))
+    deviation = np.sqrt(np.maximum(power - mean**2, 1e-300))
+    rows = correlate(y, inner, "valid", "fft") / (deviation * max(float(np.std(inner)), 1e-300) * among)
+    lags = dt * np.arange(-most, most + 1, dtype=np.float64)
+    return Answer(lags, np.asarray(rows), float(np.std(y) / np.std(x)))

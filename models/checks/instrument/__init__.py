@@ -1,1 +1,0 @@
-"""What the sensor and its amplifier did to the signal."""

@@ -1,0 +1,159 @@
+"""Places that jump, begin again, go in steps or stand still while the motion goes on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.checks.estimators import Array, grid_step, running_mean, runs_of, white_noise
+from models.checks.finding import Findings
+from models.checks.sensor import fresh, silent
+from models.checks.settings import SET
+from models.checks.view import View, times
+
+PLACES = ("position_m", "carriage_position_m", "angle_rad")
+"""Driven columns that say where something is."""
+_USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # angles and counters that begin again
+
+
+def jumps(view: View) -> NDArray[np.int64]:
+    """Rows of the measured place before which it jumps and stays, (k,): by more than its noise and than 1 N could move
+    the capsule in a sampling interval.
+    """
+    none, n, y = np.zeros(0, dtype=np.int64), SET.beside, view.y
+    if view.measured != "position_m" or len(y) < 4 * n:
+        return none
+    interval = view.dt / float(np.mean(fresh(view)))
+    least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
+    size = np.abs(np.diff(y))
+    beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
+    rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
+    rows = rows[(rows >= n) & (rows <= len(y) - n)]
+    rows = rows[~silent(view)[rows - 2]]  # where a sensor comes back, its place is another
+    left = [abs(np.median(y[k : k + n]) - np.median(y[k - n : k])) for k in rows]
+    rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
+    return rows if len(rows) <= SET.jump_most else none
+
+
+def check_jumps(view: View) -> Findings:
+    """A measured place that goes elsewhere from one sample to the next, faster than anything could move the capsule."""
+    rows = jumps(view)
+    if len(rows):
+        largest = view.told(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
+        yield view.finding(
+            "place_jumps",
+            "weakens",
+            f"{view.measured} jumps {times(rows)}, by up to {largest}, from one sample to the next and stays there: the"
+            " localisation lost its place or its zero was set anew",
+            f"further than {SET.jump_force_N:g} N could move the capsule in a sampling interval",
+            "cut the file there into two records",
+            rows=rows,
+        )
+
+
+def check_wraps(view: View) -> Findings:
+    """Places, measured or driven, that begin again: an angle that goes on at -180 after 180 degrees, a counter that
+    overflows.
+    """
+    for name in (place for place in PLACES if place in (view.moving_column, view.driven, view.measured)):
+        values = view.record[name]
+        rows = wraps(values)
+        if len(rows):
+            jump = np.diff(values)[rows - 1]
+            per_sample = (values[rows - 1] - values[rows - SET.side]) / (SET.side - 1)
+            after = float(np.mean(np.abs(jump - per_sample))) / abs(view.rig.columns.entry(name).factor())
+            usual = min(_USUAL, key=lambda size: abs(np.log(size / after)))
+            after = usual if abs(usual / after - 1) < SET.wrap_snapped else after
+            yield view.finding(
+                "place_wraps",
+                "stops",
+                f"{name} jumps back {times(rows)} by {view.told(float(np.max(np.abs(jump))))} and goes on as before: an"
+                " angle or a counter that begins again",
+                f"jumps through more than {SET.wrap_jump:.0%} of the span, against the motion on both sides",
+                view.columns_line(name, wrap=float(f"{after:.12g}")),
+                name,
+                rows,
+            )
+
+
+def wraps(values: Array) -> NDArray[np.int64]:
+    """Rows before which `values` (n,) jump back through most of their span while they go on as before, (k,); none where
+    a jump is of another kind, as that of a command that steps. What flickers to and fro at one passage counts once.
+    """
+    none, side, few = np.zeros(0, dtype=np.int64), SET.side, SET.few
+    rows = np.flatnonzero(np.abs(np.diff(values)) > SET.wrap_jump * np.ptp(values)) + 1
+    if not len(rows) or len(rows) > SET.wrap_most * len(values):
+        return none
+    passages = np.split(rows, np.flatnonzero(np.diff(rows) > side) + 1)
+    sure, told = 3 * white_noise(values), []
+    for first, last in ((p[0], p[-1]) for p in passages if len(p) % 2 and p[0] > side and p[-1] < len(values) - side):
+        ends = ((first - side, first - few), (last, last + side - few))
+        before, after = (np.median(values[b : b + few]) - np.median(values[a : a + few]) for a, b in ends)
+        back = -np.sign(values[last] - values[first - 1])
+        if min(back * before, back * after) < -sure:
+            return none
+        told += [first] if min(back * before, back * after) > sure else []
+    return np.array(told, dtype=np.int64)
+
+
+def _half_step(view: View, x: Array) -> int:
+    """Half the samples that a step of the place `x` lasts at the usual speed; 0 where it has no such steps."""
+    step = grid_step(x)
+    speed = float(np.median(np.abs(view.speed[view.moves]))) if view.moves.any() else 0.0
+    if step == 0 or speed == 0 or step <= SET.step_wide * speed * view.dt:
+        return 0
+    return max(1, round(0.5 * min(step / speed, SET.step_longest_s) / view.dt))
+
+
+def without_steps(view: View, x: Array) -> Array:
+    """The place `x` (n,) over time without the steps of a coarse scale: a running mean as long as one lasts; `x` itself
+    where it has none.
+    """
+    half = _half_step(view, x)
+    return running_mean(x, half) if half else x
+
+
+def check_driven_resolution(view: View) -> Findings:
+    """A driven place that goes in steps."""
+    name = view.driven
+    if name in PLACES and (half := _half_step(view, view.record[name])):
+        yield view.finding(
+            "driven_resolution",
+            "weakens" if view.kind.drawn else "note",
+            f"{name} goes in steps of {view.told(grid_step(view.record[name]))}, each"
+            f" {1e3 * 2 * half * view.dt:.3g} ms long at the usual speed; fits take a running mean of that length"
+            + ("; the wall's force changes within less than such a step" if view.kind.drawn else ""),
+            "all values lie on one grid",
+            "log the command or a finer encoder",
+            name,
+        )
+
+
+def check_stuck(view: View) -> Findings:
+    """Whether the measured column ranges as far at rest of a driven place as in motion, through zero: an encoder that
+    is stuck or slips. Dry friction holds an axis at rest while its force goes from one break-away to the other, once a
+    turning point: there it must come back, too.
+    """
+    name = view.driven
+    if name not in PLACES or name != view.moving_column or not view.moves.any():
+        return
+    y, least_swings = view.averaged(view.y, 0.5 * SET.mean_s), 2 if view.kind.stage else 1
+    whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
+    settled, least = round(SET.stuck_settled_s / view.dt), round((SET.stuck_settled_s + SET.stuck_s) / view.dt)
+    rests = [(a + settled, b) for a, b in runs_of(~view.moves, least)]
+    stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
+    if stuck and whole >= 20 * view.noise:
+        longest = max(b - a for a, b in stuck) * view.dt
+        yield view.finding(
+            "driven_stuck",
+            "weakens",
+            f"{name} rests for up to {longest:.3g} s while {view.measured} goes to and fro as in motion: its encoder is"
+            " stuck, slips or was not logged",
+            f"{least_swings} or more swings at rest through more than {SET.stuck_much:.0%} of the range in motion",
+            "look at the encoder and its coupling; leave these stretches out of the record",
+            name,
+            [a for a, _ in stuck],
+        )
+
+
+def _swings(y: Array, level: float) -> int:
+    """How often `y` goes from beyond `level` on one side of 0 to beyond it on the other."""
+    return int(np.count_nonzero(np.diff(np.sign(y[np.abs(y) > level]))))

@@ -1,0 +1,208 @@
+"""What the sensor and its amplifier did to single values: clipped, held, lost, replaced, off.
+
+Masks say which samples of the measured column a fit may not use; the checks tell of them.
+"""
+
+import numpy as np
+
+from models.checks.estimators import Array, Mask, grid_step, runs_of, white_noise
+from models.checks.finding import Findings
+from models.checks.settings import SET
+from models.checks.view import View, times
+from models.records.record import Record
+from models.rigs.columns import TIME
+
+SWITCHED = ("drive_on", "coil_voltage_V")
+"""Driven columns with edges of their own."""
+
+
+def clipped(view: View) -> Mask:
+    """Where the measured column stands at an end of its range as clipping leaves it, shape of the column. Needs noise:
+    without it rest at the end of a stroke looks the same.
+    """
+    y, mask, step, span = view.y, np.zeros(len(view.y), dtype=bool), grid_step(view.y), float(np.ptp(view.y))
+    if span == 0 or view.noise <= max(SET.clip_dither * step, 1e-7 * span):
+        return mask
+    for end in (float(y.max()), float(y.min())):
+        at = np.abs(y - end) <= max(0.5 * step, 1e-9 * span)
+        runs, rest = np.array([b - a for a, b in runs_of(at)]), y[~at]
+        usual = len(rest) / max(1, int(np.sum(np.diff(rest) != 0)) + 1)
+        long = np.sum(runs >= SET.clip_run) >= SET.clips and runs.mean() > SET.clip_long * usual / 2
+        mask |= at & bool(long and at.mean() > SET.clip_share)
+    return mask
+
+
+def check_clipping(view: View) -> Findings:
+    """Clipping or saturation of the measured column."""
+    where = clipped(view)
+    if where.any():
+        unit, values = view.measured.rsplit("_", 1)[1], view.y[where]
+        limits = " and ".join(f"{end:.4g} {unit}" for end in np.unique([values.min(), values.max()]))
+        yield view.finding(
+            "clipping",
+            "weakens",
+            f"{100 * where.mean():.1f} % of {view.measured} stand exactly at {limits}: the sensor or its amplifier"
+            " clips there; these samples are left out of every fit",
+            "several runs of equal values at the end of the range, many more than next to it",
+            "record again with a smaller gain (a larger range of the amplifier)",
+            rows=np.flatnonzero(where),
+        )
+
+
+def fresh(view: View) -> Mask:
+    """Where a value of the measured column is a new one, shape of the column; everywhere where none are held."""
+    y, mask = view.y, np.ones(len(view.y), dtype=bool)
+    changes = np.flatnonzero(np.concatenate([[True], np.diff(y) != 0]))
+    if len(y) < 20 or len(changes) > (1 - SET.held_share) * len(y) or len(changes) < 10:
+        return mask
+    # the next step of a coarse scale is no new value
+    coarse = np.median(np.abs(np.diff(y[changes]))) < 1.5 * grid_step(y)
+    lengths = np.diff(changes)
+    usual = float(np.median(lengths))
+    regular = np.mean(np.abs(lengths - usual) <= max(1.0, 0.1 * usual)) >= SET.held_regular
+    if coarse or usual < 2 or not regular:
+        return mask
+    mask[:] = False
+    mask[changes] = True
+    long = lengths > SET.held_again * usual  # the same value measured again
+    for first, length in zip(changes[:-1][long], lengths[long], strict=True):
+        mask[np.round(np.arange(first, first + length - 0.5 * usual, usual)).astype(int)] = True
+    return mask
+
+
+def check_held_values(view: View) -> Findings:
+    """A measured column of a slow sensor that is logged at a faster rate."""
+    new = fresh(view)
+    if not new.all() and clipped(view).mean() <= SET.held_clipped:
+        yield view.finding(
+            "held_values",
+            "note",
+            f"{view.measured} is logged {1 / view.dt:.4g} times a second but changes {float(new.mean()) / view.dt:.3g}"
+            " times a second: values are held in between; only the new ones are used",
+            f"runs of {1 / new.mean():.3g} equal values on average, of one length",
+            "log the sensor at its own rate with its own time stamps",
+        )
+
+
+def silent(view: View) -> Mask:
+    """Where the measured column lies on one value or one straight line for longer than its noise lets it; nowhere in a
+    column without noise. Shape of the column.
+    """
+    mask, second = np.zeros(len(view.y), dtype=bool), np.diff(view.y, 2)
+    usual = float(np.median(np.abs(second)))
+    still = np.abs(second) <= SET.silent * usual
+    runs = runs_of(still, max(SET.silence_samples, round(SET.silence_s / view.dt)))
+    if len(mask) < 10 * SET.silence_samples or usual == 0 or not runs:
+        return mask
+    for a, b in runs:
+        mask[a : b + 2] = True
+    rest = ~mask[1:-1]
+    pairs = rest[1:] & rest[:-1] & (np.maximum(np.abs(second[1:]), np.abs(second[:-1])) < 5 * usual)
+    power = float(np.sum(second[:-1][pairs] ** 2))
+    share = float(np.mean(still[rest])) if rest.any() else 1.0
+    noisy = power > 0 and float(second[1:][pairs] @ second[:-1][pairs]) < SET.silence_noisy * power
+    chance = len(mask) * share**SET.silence_samples > SET.silence_chance
+    return mask & ~clipped(view) & (noisy and not chance)
+
+
+def check_silence(view: View) -> Findings:
+    """Stretches in which a noisy sensor has no noise: it was lost, and its values are held or filled in."""
+    mask = silent(view)
+    if mask.any():
+        lost = runs_of(mask)
+        longest = max((b - a) * view.dt for a, b in lost)
+        yield view.finding(
+            "sensor_silent",
+            "weakens" if mask.mean() > SET.silence_much else "note",
+            f"{view.measured} keeps one value or follows a straight line {times(lost)}, for up to {longest:.3g} s,"
+            " without the noise that it has elsewhere: the sensor was lost and its values are held or filled in; they"
+            " are left out of every fit",
+            f"second differences below 0.1 % of the usual ones for {SET.silence_samples} samples and more",
+            "leave out what was not measured; look at cable, connector and line of sight",
+            rows=[a for a, _ in lost],
+        )
+
+
+def spikes(view: View, name: str) -> Mask:
+    """Where one or two samples of the column `name` stand off both sides by far more than noise and motion do, and by
+    more than the two sides differ: after an outlier the signal is where it was, after a step or a pulse it is not;
+    shape (n,).
+    """
+    values = view.record[name]
+    mask = np.zeros(len(values), dtype=bool)
+    if len(values) < 50 or name in SWITCHED:
+        return mask
+    span = float(np.diff(np.percentile(values, [1, 99]))[0])
+    for width in (1, 2):
+        left, right = values[width:-width] - values[: -2 * width], values[width:-width] - values[2 * width :]
+        off = np.minimum(np.abs(left), np.abs(right)) - np.abs(left - right)
+        score = np.where(left * right > 0, np.maximum(off, 0.0), 0.0)
+        beside = SET.outlying * float(np.percentile(score, 95))
+        found = np.flatnonzero(score > max(SET.far * white_noise(values), beside, SET.visible * span)) + width
+        if len(found) <= SET.outlier_most * len(values):
+            mask[found] = True
+    return mask
+
+
+def beyond(values: Array) -> Mask:
+    """Where `values` lie ten times as far from their median as all the others do, shape (n,): at most a twentieth of
+    them.
+    """
+    far = np.abs(values - np.median(values))
+    last = np.sort(far)[-1 - round(SET.stray_most * len(far)) :]
+    gaps = np.flatnonzero((last[1:] > SET.stray_apart * last[:-1]) & (last[:-1] > 0))
+    return np.asarray(far > (last[gaps[0]] if len(gaps) else np.inf))
+
+
+def off(view: View) -> Mask:
+    """Where the measured column holds an outlier of either kind."""
+    return spikes(view, view.measured) | beyond(view.y)
+
+
+def without_outliers(view: View) -> Record:
+    """The record with outliers of its measured and its driven column straight between their neighbours."""
+    record = straight_over(view.record, view.measured, off(view))
+    return straight_over(record, view.driven, spikes(view, view.driven)) if view.driven else record
+
+
+def straight_over(record: Record, name: str, gaps: Mask) -> Record:
+    """The record with its column `name` straight between the neighbours of `gaps`, shape (n,)."""
+    if not gaps.any():
+        return record
+    t = record[TIME]
+    return record.with_column(name, np.interp(t, t[~gaps], record[name][~gaps]))
+
+
+def check_no_values(view: View) -> Findings:
+    """Values of the measured column that no sensor gave: -999 of a logger that got no answer."""
+    where = beyond(view.y)
+    if where.any():
+        shown = ", ".join(f"{value:.6g}" for value in np.unique(view.y[where])[:3])
+        yield view.finding(
+            "no_values",
+            "note",
+            f"{int(where.sum())} samples of {view.measured} are {shown}, far from all others: a logger's sign for no"
+            " value; they are left out of every fit",
+            f"{SET.stray_apart:g} times as far from the median as every other sample",
+            "leave such rows out of the file",
+            rows=np.flatnonzero(where),
+        )
+
+
+def check_outliers(view: View) -> Findings:
+    """Outliers of the measured and of the driven columns."""
+    for name in dict.fromkeys((view.measured, view.driven or view.measured)):
+        where = spikes(view, name) & ~clipped(view)
+        if name == view.measured:
+            where &= ~beyond(view.y)
+        if where.any():
+            yield view.finding(
+                "outliers",
+                "note",
+                f"{int(where.sum())} samples of {name} stand far off their neighbours on both sides; they are left"
+                " out of every fit",
+                f"more than {SET.far:g} standard deviations of the noise off both neighbours",
+                "look at cable, connector and interference; delete the samples if they are none of the rig's",
+                name,
+                np.flatnonzero(where),
+            )

@@ -1,0 +1,236 @@
+"""Signs and zeros, and columns in each other's place: what friction tells of a force or a capsule that is led. Over
+strokes to and fro it acts equally far to both sides of the middle, against the motion.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.checks.estimators import Array, running_mean, step_noise, white_noise
+from models.checks.excitation import silent_response
+from models.checks.finding import Findings, RecordFinding
+from models.checks.settings import SET
+from models.checks.view import View
+from models.files.units import unit_of
+
+_OF_MEDIAN = 1.253 / 0.6745  # standard error of a median by the median deviation and the root of the number
+
+
+def check_force_sign(view: View) -> Findings:
+    """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
+    if view.kind.stage:
+        column, told = view.measured, _stage(view)
+    elif view.pushing is not None:
+        column, told = view.pushing[0], _stroke(view, view.pushing[1])
+    else:
+        return
+    if told:
+        driving = column.removesuffix(unit_of(column)).strip("_").replace("_", " ")
+        yield view.finding(
+            "force_sign",
+            "stops",
+            f"{column} opposes the motion that it should drive: friction would give energy; the sign of the {driving}"
+            f" (or of the {view.moving_column.partition('_')[0]}) is turned round",
+            told,
+            f"{view.turned_line(column)}, or change the wire over",
+            f"{column} against {view.moving_column}",
+        )
+    elif view.kind.drawn:
+        yield from _unsigned(view, column)
+
+
+def _stroke(view: View, force: Array) -> str:
+    """A stroke's `force` in N towards its end, where friction has built up, times its direction."""
+    strokes = view.strokes()
+    if len(strokes) == 1:
+        ((a, b, way),) = strokes
+        ends = np.array([way * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
+    else:
+        ends = np.concatenate([way * view.ends(force, way) for way in (1.0, -1.0)])
+    if not len(ends):
+        return ""
+    error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * white_noise(force) / np.sqrt(len(force)), 1e-15)
+    mean = float(np.mean(ends))
+    if mean < -SET.sure * error and mean < -SET.sign_mean * float(np.percentile(np.abs(force), 90)):
+        return f"force times direction is {mean:.3g} N on average over {len(ends)} strokes; friction makes it positive"
+    return ""
+
+
+def _unsigned(view: View, column: str) -> Findings:
+    """Whether a pull's force turns round with the motion, as friction does: what it is in one direction less what it is
+    in the other, against how much it varies.
+    """
+    forward, backward = ways = [view.ends(view.y, way) for way in (1.0, -1.0)]
+    if min(map(len, ways)) < SET.sign_strokes or silent_response(view):
+        return
+    turns = float(np.mean(forward) - np.mean(backward)) / 2
+    error = float(np.hypot(*(np.std(way) / np.sqrt(len(way)) for way in ways))) / 2
+    size = float(np.percentile(np.abs(view.y), 90))
+    if size >= 20 * view.noise and abs(turns) + SET.sure / 2 * error <= SET.sign_turns * size:
+        yield view.finding(
+            "force_unsigned",
+            "stops",
+            f"{column} does not turn round with the motion, as friction does: its sign (or that of"
+            f" {view.moving_column}) was not logged, or the two do not belong together",
+            f"{np.mean(forward):.3g} N forward and {np.mean(backward):.3g} N backward, in {len(forward)} and"
+            f" {len(backward)} strokes",
+            "log both with their signs",
+            f"{column} against {view.moving_column}",
+        )
+
+
+def _stage(view: View) -> str:
+    """Signs of mass and of friction in a line through the force."""
+    x, force, n = view.record[view.moving_column], view.y, max(1, round(0.02 / view.dt))
+    v = np.gradient(running_mean(x, n)) / view.dt
+    a = np.gradient(running_mean(v, n)) / view.dt
+    place = [np.sin(x), np.cos(x)] if view.turns else []
+    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x, *place])
+    scale = np.maximum(np.std(rows, axis=0), 1e-300)
+    scale[3] = 1.0
+    (mass, friction, *_), *_ = np.linalg.lstsq(rows / scale, force, rcond=None)
+    work, lost = float(np.sum(force * v)) * view.dt, float(np.sum(np.abs(force * v))) * view.dt
+    light = mass < 0 or abs(mass) < SET.sign_weight * abs(friction)
+    if work < -SET.sign_work * lost and friction < 0 and light:
+        return "mass and friction both come out negative, and the work of the force over the record is negative"
+    return ""
+
+
+def check_drive_sign(view: View) -> Findings:
+    """Whether the capsule goes where a magnet takes it."""
+    if not view.kind.follows or view.driven is None:
+        return
+    x, c = view.averaged(view.y, SET.mean_s), view.averaged(view.record[view.driven], SET.mean_s)
+    if not np.ptp(x) or not np.ptp(c) or np.ptp(x) < max(20 * view.noise, SET.sign_follows * np.ptp(c)):
+        return
+    correlation = float(np.corrcoef(c, x)[0, 1])
+    if correlation <= SET.sign_against:
+        yield view.finding(
+            "drive_sign",
+            "stops",
+            f"{view.measured} goes back where {view.driven} goes forward: one of the two has its sign turned round",
+            f"correlation {correlation:.2f} between the two places",
+            f"{view.turned_line(view.measured)}, or change the wire over",
+            f"{view.measured} against {view.driven}",
+        )
+
+
+def check_same(view: View) -> Findings:
+    """A measured column that is the driven one once more, in another unit at most."""
+    if view.driven is None:
+        return
+    driven, span = view.record[view.driven], float(np.ptp(view.y))
+    if not span or not np.ptp(driven):
+        return
+    slope, offset = np.polyfit(driven, view.y, 1)
+    if float(np.max(np.abs(view.y - slope * driven - offset))) <= SET.same_column * span:
+        yield view.finding(
+            "columns_same",
+            "stops",
+            f"{view.measured} is {view.driven} times {slope:.6g}, without any noise: the same column was logged twice",
+            f"a straight line leaves less than {SET.same_column:g} of the span",
+            f"log what is measured, or give its column: {view.columns_line(view.measured, column='...')}",
+            f"{view.measured} against {view.driven}",
+        )
+
+
+def check_pull_exchanged(view: View) -> Findings:
+    """A stage follows its path more finely than a load cell weighs, and friction turns round with the motion: where
+    neither holds, the columns are exchanged.
+    """
+    way = float(np.mean(np.abs(view.speed)))
+    if not view.kind.drawn or view.driven is None or not way:
+        return
+    place, noise = _coarse(view.record[view.driven]), _coarse(view.y)
+    along = abs(float(np.mean(np.sign(view.y) * view.speed))) / way
+    if place > SET.exchanged_coarser * noise and along < SET.exchanged_along:
+        why = f"{view.driven} is noisier for its span than {view.measured}, which does not go with the direction of"
+        how = f"noise {place:.2g} of the span against {noise:.2g}; force along {100 * along:.0f} % of the way"
+        yield _exchanged(view, view.driven, f"{why} motion", how)
+
+
+def _coarse(x: Array) -> float:
+    """Noise or step of a column as a share of what nearly all of it spans."""
+    span = float(np.ptp(np.percentile(x, (1, 99))))
+    return max(white_noise(x), step_noise(x)) / span if span else 0.0
+
+
+def _exchanged(view: View, driven: str, why: str, how: str) -> RecordFinding:
+    """The finding that the measured column and the `driven` one are in each other's place."""
+    measured, sources = view.measured, view.rig.columns
+    lines = [
+        view.columns_line(one, column=sources.entry(other).column)
+        for one, other in ((measured, driven), (driven, measured))
+    ]
+    remedy = f"{lines[0]} and {lines[1].removeprefix('[columns] ')}"
+    said = f"{why}: the two columns are exchanged"
+    return view.finding("columns_exchanged", "stops", said, how, remedy, f"{measured} against {driven}")
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Median of a signal over the later halves of the longer strokes: half the difference between both ways
+    (`friction`), the `middle` between them, and how far these may be off by chance.
+    """
+
+    friction: float
+    middle: float
+    unsure: float
+
+    @property
+    def apart(self) -> bool:
+        """Whether the middle is further off than friction can explain."""
+        return abs(self.middle) > SET.zero_clear * abs(self.friction) + self.unsure
+
+
+def _sides(view: View, signal: Array, noise: float) -> _Sides | None:
+    """None where a way has fewer than two strokes."""
+    place = view.record[view.moving_column]
+    strokes = [
+        (way, np.mean(signal[(a + b) // 2 : b]), abs(float(place[b - 1] - place[a]))) for a, b, way in view.strokes()
+    ]
+    least = float(np.median([length for *_, length in strokes])) if strokes else 0.0
+    ways = [np.array([mean for way, mean, d in strokes if way == side and d >= least]) for side in (1.0, -1.0)]
+    if min(map(len, ways)) < 2:
+        return None
+    ahead, back = (float(np.median(way)) for way in ways)
+    error = _OF_MEDIAN * float(np.hypot(*(np.median(np.abs(way - np.median(way))) / np.sqrt(len(way)) for way in ways)))
+    return _Sides(0.5 * (ahead - back), 0.5 * (ahead + back), max(SET.sure * error, 3 * noise))
+
+
+def check_place_zero(view: View) -> Findings:
+    """Whether a magnet's capsule is behind its carriage both ways, and in the middle on average."""
+    if not view.kind.follows or view.driven is None:
+        return
+    sides = _sides(view, view.record[view.driven] - view.y, view.noise)
+    late = SET.zero_late_s * float(np.percentile(np.abs(view.speed), 75))
+    if sides is not None and -sides.friction > max(sides.unsure, late):
+        why = f"{view.measured} runs ahead of {view.driven} both ways, so friction would give energy"
+        lead = view.told(-sides.friction)
+        how = f"the capsule is {lead} ahead of its magnet over the later halves of the strokes"
+        yield _exchanged(view, view.driven, why, how)
+    elif sides is not None and sides.apart and not (view.rig.surface and view.rig.surface.is_air):
+        side = "behind" if sides.middle > 0 else "ahead of"
+        said = f"{view.measured} is {view.told(abs(sides.middle))} {side} {view.driven}"
+        why = "the two count from different places, or a force larger than friction pulls the capsule one way"
+        yield _apart(view, said, why, -sides.middle)
+
+
+def check_force_zero(view: View) -> Findings:
+    """Whether the force of a pull lies on both sides of zero as friction does."""
+    sides = _sides(view, view.y, view.noise) if view.kind.drawn else None
+    if sides is not None and sides.apart:
+        why = "the load cell was not set to zero, or a weight hangs on it"
+        yield _apart(view, f"{view.measured} is {sides.middle:.3g} N", why, sides.middle)
+
+
+def _apart(view: View, sentence: str, why: str, offset: float) -> RecordFinding:
+    entry = view.rig.columns.entry(view.measured)
+    zero = float(f"{entry.offset + offset / (entry.sign * entry.factor()):.3g}")
+    return view.finding(
+        "zeros_apart",
+        "note",
+        f"{sentence} on average over strokes both ways, further off than friction explains: {why}",
+        "mean over the later halves of the strokes, each way",
+        f"{view.columns_line(view.measured, offset=zero)}, where it is the zero",
+    )

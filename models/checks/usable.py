@@ -1,0 +1,98 @@
+"""Which samples of a measured column a fit may use, and the record on one clock with the others filled in."""
+
+import numpy as np
+
+from models.checks.estimators import Mask, runs_of
+from models.checks.places import PLACES, without_steps
+from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
+from models.checks.settings import SET
+from models.checks.start import run_in
+from models.checks.view import View
+from models.records.record import USED, Record, where_measured
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
+
+RUN_IN = "_run_in"
+"""Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
+
+
+def on_one_clock(record: Record, rig: Rig) -> Record:
+    """`record` with the drift of `[clock]` taken out: measured values stay as they are and get the driven columns'
+    stamps, `t - drift (t - t_0)`, at which a driven place is read between its samples; rows after its last one are left
+    out. Unchanged where no drift is stated, and where stamps do not rise, which the checks refuse.
+    """
+    if rig.clock is None or not rig.clock.drift or TIME not in record.columns or np.any(np.diff(record[TIME]) <= 0):
+        return record
+    logged = record[TIME]
+    true = logged - rig.clock.drift * (logged - logged[0])
+    for name in {name for names in record.layout.driven for name in names if name in record.columns}:
+        record = record.with_column(name, np.interp(true, logged, record[name]))
+    return record.with_column(TIME, true).rows(slice(int(np.searchsorted(true, logged[-1], side="right"))))
+
+
+def usable(view: View) -> Mask:
+    """Where the measured column holds a value of its own: new, not clipped, no outlier, not filled in."""
+    return np.asarray(fresh(view) & ~clipped(view) & ~off(view) & ~silent(view))
+
+
+def cleaned(record: Record, rig: Rig) -> Record:
+    """`record` with what cannot be used of its measured and driven columns straight between neighbours, and columns
+    that say which measured values count and which are run through only; itself where all can be used.
+    """
+    view = View(record, rig)
+    if not view.timed or view.measured not in record.columns:
+        return record
+    good = used(record)
+    good[good] = usable(View(where_measured(record), rig))
+    if not good.all() and good.sum() > 2:
+        record = filled(record.with_column(USED, good), view.measured)
+    rows = run_in(view)
+    if rows:
+        record = from_row(record, rows)
+    if view.driven:
+        record = straight_over(record, view.driven, spikes(view, view.driven))
+    if view.driven in PLACES:
+        record = record.with_column(view.driven, without_steps(view, record[view.driven]))
+    return record
+
+
+def used(record: Record) -> Mask:
+    """The rows of a record whose measured value counts; all of one that was not cleaned."""
+    return record[USED] > SET.usable_whole if USED in record.columns else np.ones(len(record), dtype=bool)
+
+
+def gone(record: Record) -> Mask:
+    """The rows of a record over which the sensor says nothing for longer than it usually takes to say something: where
+    an observer has to run free.
+    """
+    good = used(record)
+    if good.all() or not good.any():
+        return ~good
+    usual = float(np.median(np.diff(np.flatnonzero(good)))) if good.sum() > 1 else 1.0
+    least = max(SET.gone_s / max(float(np.median(np.diff(record[TIME]))), 1e-12), SET.gone_intervals * usual)
+    mask = np.zeros(len(record), dtype=bool)
+    for a, b in runs_of(~good, least):
+        mask[a:b] = True
+    return mask
+
+
+def counted(record: Record) -> Mask:
+    """The rows of a record whose residuals count: used, and no run-in."""
+    return used(record) & (record[RUN_IN] < SET.usable_whole) if RUN_IN in record.columns else used(record)
+
+
+def lead_in_s(record: Record) -> float:
+    """How long in s a record is run through before its residuals count."""
+    rows = counted(record)
+    return float(record[TIME][np.argmax(rows)] - record[TIME][0]) if rows.any() and not rows[0] else 0.0
+
+
+def from_row(record: Record, row: int) -> Record:
+    """`record`, of which only the rows from `row` on count: what a model needs in order to know its state there."""
+    before = record.columns.get(RUN_IN, np.zeros(len(record)))
+    return record.with_column(RUN_IN, np.maximum(before, np.arange(len(record)) < row))
+
+
+def filled(record: Record, column: str) -> Record:
+    """`record` with `column` straight between the rows that count."""
+    return straight_over(record, column, ~used(record)) if USED in record.columns else record

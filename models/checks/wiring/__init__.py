@@ -1,1 +1,0 @@
-"""Signs, units and delays between the columns."""

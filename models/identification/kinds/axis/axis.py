@@ -1,0 +1,329 @@
+"""A linear stage or an axis that turns: the force its motion needs, `F = M a + (F_v v + F_c sgn v) level + offset -
+effects`, against the measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from itertools import pairwise
+from operator import mul
+from typing import Any, ClassVar
+
+import numpy as np
+
+from models.checks.usable import used
+from models.effects import CATALOGUE, Catalogue
+from models.effects.effect import Effect, Signals
+from models.identification.kind import Array, Kind, present
+from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
+from models.identification.kinds.axis.effects import Size, candidates
+from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
+from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
+from models.identification.kinds.conditions import may_be_left_out
+from models.identification.kinds.variant import Range
+from models.identification.settings import SET
+from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.axis import AXIS
+from models.rigs.rig import Rig
+from models.theta import Theta
+
+NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
+"""Columns that a part of a record carries on from the whole: its noise."""
+_BELIEF = "rig file; without it only a start for the calibration"
+
+
+@dataclass(frozen=True)
+class AxisKind(Kind):
+    """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do, in a narrower `band`
+    (Hz) where the position is too noisy for theirs; of an axis that turns alike, with angles, torques and inertia for
+    positions, forces and mass.
+
+    An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
+    `delay` is the time by which the position is read late. `force_std` is the force's noise before the filter, without
+    it the repeats of the motion tell it, else its own white part; `position_std` the position's. What an axis at rest
+    holds within its friction tells nothing and counts for nothing.
+    """
+
+    base: tuple[Parameter, ...]
+    force_std: float | None = None
+    position_std: float | None = None
+    coordinates: Coordinates = LINE
+    band: float = SET.band_hz
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
+    name: str = AXIS.id
+    catalogue: Catalogue = CATALOGUE
+    lanes: ClassVar[int] = 2
+    next_share: ClassVar[float] = 0.04
+    _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
+    _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
+        """The axis that a rig file describes; what it leaves out starts where the size of the `records` puts it,
+        without them at 10 kg, 100 N s/m, 10 N and 0 N (kg m2, N m s/rad and N m).
+
+        Raises ValueError where the rig file states an axis of the other sort than the records are of.
+        """
+        c = coordinates_of(records)
+        stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
+        strange = next((name for name in stated if name not in c.base), None)
+        if strange is not None and records:
+            raise ValueError(
+                f"[axis] {strange} must not be there for records with {c.position}, whose keys are {', '.join(c.base)}"
+            )
+        turns = c.turns or (not records and any(name in TURN.base for name in stated))
+        c = TURN if turns else c
+        noise = rig.noise
+        stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
+        known = [record for record in records if c.force in record.columns]
+        band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
+        size = size_of(c, known, band) if known else None
+        catalogue = Catalogue.of(rig)
+        made = cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
+        return replace(made, effects=candidates(c, size, catalogue), catalogue=catalogue)
+
+    @classmethod
+    def around(
+        cls,
+        mass_kg: float | None = None,
+        viscous_N_s_per_m: float | None = None,
+        coulomb_N: float | None = None,
+        offset_N: float | None = None,
+        force_std_N: float | None = None,
+    ) -> AxisKind:
+        """A stage with these nominal numbers, all of which a calibration may change."""
+        return cls._of(LINE, (mass_kg, viscous_N_s_per_m, coulomb_N, offset_N), None, force_std_N, None)
+
+    @classmethod
+    def _of(
+        cls,
+        c: Coordinates,
+        given: Sequence[float | None],
+        size: Size | None,
+        force_std: float | None,
+        position_std: float | None,
+        band: float = SET.band_hz,
+    ) -> AxisKind:
+        spans: Sequence[Range] = _SPANS
+        if size is not None:
+            mass, drag = size.force / size.acceleration, size.force / size.speed
+            told = (
+                (0.3 * mass, 1e-4 * mass, 30 * mass),
+                (0.2 * drag, 0.0, 10 * drag),
+                (0.2 * size.force, 0.0, 3 * size.force),
+                (0.0, -3 * size.force, 3 * size.force),
+            )
+            spans = told if c.turns else _both(told)
+        rows = []
+        for name, unit, value, (start, lower, upper) in zip(c.base, c.units, given, spans, strict=True):
+            at = start if value is None else value
+            rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
+        return cls(tuple(rows), force_std, position_std, c, band, candidates(c, size))
+
+    @property
+    def quantity(self) -> str:
+        return self.coordinates.force
+
+    @property
+    def unit(self) -> str:
+        return self.coordinates.force_unit
+
+    @property
+    def measure(self) -> str:
+        word = self.coordinates.names[3]
+        cut = f"{2 * self.band:g} Hz"
+        return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """Force in N (torque in N m) that the measured motion needs, one value a row."""
+        of, c = self._moved(record), self.coordinates
+        m = of.motion
+        if not m.even:
+            even = evened(record, (c.position, c.velocity, *c.loads))
+            return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
+        load = c.load_in(record.columns)
+        s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, load=record[load] if load else 0.0)
+        acting = present(self.effects, theta)
+        friction = theta[c.viscous] * m.v + theta[c.coulomb] * s.direction
+        level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
+        extra: Any = sum(e.force(s, p, {}) for e, p in acting)
+        force = theta[c.inertia] * m.a + friction * level + theta[c.offset] - extra
+        late = sum(float(e.delay(p)) for e, p in acting)
+        if late:
+            force = np.interp(m.t + late, m.t, force)
+        for e, p in acting:
+            force = e.measured(s, p, {}, force)
+        return np.asarray(force, dtype=float)
+
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
+        """Filtered force error in units of its noise, 100 a second."""
+        return self.residuals(record, [theta], criterion)[0]
+
+    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
+        """`residual` at several points; the filter takes them together."""
+        errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
+        of = self._moved(record)
+        errors[:, ~used(record) | of.still] = 0.0
+        return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """The authors' relative force error in %, pooled; where an axis rests or a gap is near, none is counted."""
+        wrong = right = 0.0
+        for record, prediction in zip(records, predictions, strict=True):
+            rate = sampling_rate(record["t_s"])
+            error = np.where(self._moved(record).still, 0.0, record[self.quantity] - prediction)
+            wrong += float(np.sum(decimate(error, rate, self.band) ** 2))
+            right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
+        return 100 * float(np.sqrt(wrong / right))
+
+    def noise(self, record: Record) -> Noise:
+        """What is told of the noise of a record, or of the whole that it is a part of."""
+        force = record[self.quantity]
+        key = (id(force), self.force_std)
+        known = self._noise.get(key)
+        if known is None or known[0] is not force:
+            if len(self._noise) > 64:
+                self._noise.clear()
+            known = self._noise[key] = (force, self._told(record))
+        return known[1]
+
+    def _told(self, record: Record) -> Noise:
+        if NOISES[0] in record.columns:
+            whole, *rest = (float(record[name][0]) for name in NOISES)
+            return Noise(None if np.isnan(whole) else whole, *rest)
+        of, force = self._moved(record), record[self.quantity]
+        m = of.motion
+        told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
+        speed = 0.0 if of.logged is None else white_part(of.logged)
+        _, jolt = through(round(m.rate, 3), self.band, of.logged is not None)
+        inertia = inertia_of(force, m, self.band)
+        shaken = inertia * jolt * (of.place if of.logged is None else speed)
+        own = self._believed(record) if told is None else told
+        return Noise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
+
+    def _believed(self, record: Record) -> float:
+        """What counts as the noise of a force whose own is not told."""
+        filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
+        return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the
+        force's.
+        """
+        forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
+        noises = [self.noise(r) for r in records]
+        if any(noise.force is None for noise in noises):
+            return math.nan
+        return 100 * min(noise.weight for noise in noises) / math.sqrt(float(np.mean(forces**2)))
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """The same motion with the force of the model and noise of the same size after the filter: the force's own, and
+        what the position's (or the logged speed's) makes of it.
+        """
+        whole = self._carrying(record)
+        noise, of = self.noise(whole), self._moved(whole)
+        rate = of.motion.rate
+        own = self._believed(record) if noise.force is None else noise.force
+        made = self.predict(whole, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
+        if noise.inertia:
+            place = of.place * rng.standard_normal(len(record))
+            speed = None if of.logged is None else noise.speed * rng.standard_normal(len(record))
+            made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
+        return whole.with_column(self.quantity, made)
+
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
+        blocks of each record's cycle of motion, every repeat of a block left out together.
+        """
+        apart = [([r for r in records if r is not out], [out]) for out in records]
+        if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
+            return apart
+        each = [blocks_of_cycle(self._carrying(record), self.coordinates.position) for record in records]
+        return [
+            ([r for part, _ in row for r in part], [r for _, held in row for r in held])
+            for row in zip(*each, strict=True)
+        ]
+
+    def _carrying(self, record: Record) -> Record:
+        """`record` with its noise and its motion as columns, for parts of it."""
+        if NOISES[0] in record.columns:
+            return record
+        noise, rows = self.noise(record), len(record)
+        force = math.nan if noise.force is None else noise.force
+        told = dict(zip(NOISES, (force, noise.speed, noise.inertia, noise.weight), strict=True))
+        whole = carried(record, self.coordinates, self._moved(record))
+        return replace(whole, columns={**whole.columns, **{name: np.full(rows, v) for name, v in told.items()}})
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        """What the residual is drawn against: time, position, speed, acceleration, force, a logged load."""
+        m, c = self._moved(record).motion, self.coordinates
+        load = c.load_in(record.columns)
+        drawn = dict(zip(("t_s", *c.names[:3], c.force), (m.t, m.x, m.v, m.a, record[c.force]), strict=True))
+        return drawn | ({load: record[load]} if load else {})
+
+    def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
+        """What was predicted beyond the measured force, and that force."""
+        return self.predict(record, theta) - record[self.quantity], record[self.quantity]
+
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        return {"t_s": record["t_s"], self.quantity: predicted}
+
+    def _moved(self, record: Record) -> Moved:
+        names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
+        key = tuple(id(record.columns.get(name)) for name in names)
+        known = self._seen.get(key)
+        if known is not None:
+            return known[1]
+        if len(self._seen) > 64:
+            self._seen.clear()
+        found = moved(record, self.coordinates, self.position_std, self.band)
+        self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
+        return found
+
+
+_SPANS = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
+"""Start, lower and upper bound of the base parameters where no record tells the size of the axis."""
+
+
+def _both(told: Sequence[Range]) -> tuple[Range, ...]:
+    """A stage's ranges where records told theirs: its own starts, and bounds as wide as the wider of the two."""
+    return tuple(
+        (start, min(lower, low), max(upper, high))
+        for (start, lower, upper), (_, low, high) in zip(_SPANS, told, strict=True)
+    )
+
+
+def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
+    """How large the records are: nearly the greatest of each of their signals."""
+    motions = [motion(record["t_s"], record[c.position], band=band) for record in records]
+
+    def most(parts: Sequence[Array]) -> float:
+        return max(float(np.percentile(np.abs(np.concatenate(parts)), 98)), 1e-9)
+
+    loads = [record[load] for record in records if (load := c.load_in(record.columns))]
+    x = np.concatenate([m.x for m in motions])
+    return Size(
+        most([m.v for m in motions]),
+        most([m.a for m in motions]),
+        most([record[c.force] for record in records]),
+        float(x.min()),
+        float(x.max()),
+        most(loads) if loads else 1.0,
+    )
+
+
+def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[tuple[list[Record], list[Record]]]:
+    """Split a record into `count` blocks of its repeating motion (of its length where it does not repeat), each left
+    out once.
+    """
+    rate = sampling_rate(record["t_s"])
+    lag = repeat_lag(record[position], rate) or len(record)
+    block = (np.arange(len(record)) % lag) * count // lag
+    edges = [0, *(np.flatnonzero(np.diff(block)) + 1), len(record)]
+    pieces = [(int(block[a]), record.rows(slice(a, b))) for a, b in pairwise(edges) if b - a > SET.piece_s * rate]
+    return [([p for k, p in pieces if k != out], [p for k, p in pieces if k == out]) for out in range(count)]

@@ -1,0 +1,234 @@
+"""A table of steady friction, one row a reading at a speed and a load: `F = mu (N + normal loads) sgn(v) level -
+forces` against the measured force or coefficient.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import mul
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects import CATALOGUE, Catalogue
+from models.effects.effect import Effect, Signals
+from models.identification.kind import Array, Kind, present
+from models.identification.kinds.friction.effects import Extent, candidates
+from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
+from models.identification.settings import SET
+from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.friction import FRICTION
+from models.rigs.rig import Rig
+from models.theta import Theta
+
+FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
+_BELIEF = "rig file; without it only a start for the calibration"
+
+
+@dataclass(frozen=True)
+class FrictionKind(Kind):
+    """Steady sliding, one residual a condition (speed, load): the mean of its repeats against the model in standard
+    deviations.
+
+    The base is one number: the coefficient of friction where the load is known (a column `load_N`, or `[contact]
+    load_N`) or a coefficient was measured, else the friction force. Forces count along the sliding that they drive:
+    positive for a positive speed. A coefficient without a load counts as the force under 1 N. `std` is a reading's
+    standard deviation in the measured unit, `relative` its share of the reading.
+    """
+
+    base: tuple[Parameter, ...]
+    quantity: str = FORCE
+    load: float | None = None
+    std: float | None = None
+    relative: float = SET.friction_untold
+    extent: Extent | None = None
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(None))
+    name: str = FRICTION.id
+    catalogue: Catalogue = CATALOGUE
+    measure: str = "rms error of the friction over the conditions, each the mean of its repeats"
+
+    @classmethod
+    def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> FrictionKind:
+        """The contact of a rig file's `[contact]`; what that leaves out, and all ranges, follow from the records.
+
+        Raises ValueError where records state both a coefficient and a force as measured, or some have a load and some
+        not.
+        """
+        known = [r for r in records if FORCE in r.columns or COEFFICIENT in r.columns]
+        coefficient = any(COEFFICIENT in r.columns for r in known)
+        if len({(COEFFICIENT in r.columns, LOAD in r.columns) for r in records if r in known}) > 1:
+            raise ValueError(
+                f"{', '.join(r.name for r in known)}: records of one series must have the same columns; got some with"
+                f" {COEFFICIENT!r} or {LOAD!r} and some without"
+            )
+        quantity, load = COEFFICIENT if coefficient else FORCE, rig.contact.load_N
+        loaded = coefficient or load is not None or any(LOAD in r.columns for r in records)
+        size = _size(known, quantity, load) if known else 1.0
+        stated = rig.contact.friction_coefficient if loaded else rig.contact.friction_N
+        value = stated if stated is not None else (size if known else 0.1 if loaded else 1.0)
+        name, unit = ("friction_coefficient", "1") if loaded else ("friction_N", "N")
+        base = Parameter(name, value, unit, 0.0, 10 * max(value, size), _BELIEF, fit=True)
+        extent = _extent(known, quantity, load) if known else None
+        return cls(
+            (base,),
+            quantity,
+            load,
+            None if coefficient else rig.noise.force_std_N,
+            _scatter(known, quantity) if known else SET.friction_untold,
+            extent,
+            candidates(extent, Catalogue.of(rig)),
+            catalogue=Catalogue.of(rig),
+        )
+
+    @property
+    def unit(self) -> str:
+        """N, or 1 for a coefficient."""
+        return "N" if self.quantity == FORCE else "1"
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """Force in N that keeps the sliding up, along it, or its ratio to the load; one value a row."""
+        values = self.nominal() | theta
+        v, load = record[SPEED], _loads(record, self.load)
+        way = np.sign(v)
+        s = Signals(v=v, direction=way, load=load)
+        acting = [(effect, p) for effect, p in present(self.effects, values)]
+        level = reduce(mul, (effect.level(s, p, {}) for effect, p in acting), 1.0)
+        extra = sum(effect.force(s, p, {}) for effect, p in acting)
+        pressed = load + sum(effect.normal_load(s, p, {}) for effect, p in acting)
+        grip = values["friction_N"] if "friction_N" in values else values["friction_coefficient"] * pressed
+        force = grip * level * way - extra
+        return np.asarray((force if self.quantity == FORCE else force * way / load) + 0.0 * v, dtype=float)
+
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
+        """Difference of each condition's mean from the model in standard deviations; there is one criterion."""
+        _, index = conditions(record, self.load)
+        difference = means(index, record[self.quantity] - self.predict(record, theta))
+        return difference / np.sqrt(means(index, self.scatter(record) ** 2) / np.bincount(index))
+
+    def scatter(self, record: Record) -> Array:
+        """Standard deviation of a single reading, one a row, in the measured unit."""
+        if self.std is not None:
+            return np.full(len(record), self.std)
+        _, index = conditions(record, self.load)
+        return np.maximum(self.relative * np.abs(means(index, record[self.quantity]))[index], 1e-12)
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """Rms over conditions, pooled over the records."""
+        return pooled_rms(
+            [
+                means(conditions(r, self.load)[1], r[self.quantity] - p)
+                for r, p in zip(records, predictions, strict=True)
+            ]
+        )
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """What a reading's scatter leaves of the error."""
+        parts = []
+        for r in records:
+            _, index = conditions(r, self.load)
+            parts.append(means(index, self.scatter(r) ** 2) / np.bincount(index))
+        return float(np.sqrt(np.mean(np.concatenate(parts))))
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """The same readings on the model, each with the scatter believed."""
+        noise = self.scatter(record) * rng.standard_normal(len(record))
+        return record.with_column(self.quantity, self.predict(record, theta) + noise)
+
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """Up to eight parts by whole conditions, drawn once and for all, never by repeats; the only condition at the
+        slowest or fastest speed, or under the lightest or heaviest load, is always fitted to.
+        """
+        keys = np.concatenate([_keys(r, self.load) for r in records])
+        runs, index = distinct(keys)
+        alone = np.any(
+            [_only_end(size) for size in np.abs(runs).T if np.ptp(size) > 0] or [np.zeros(len(runs), bool)], 0
+        )
+        inner = np.flatnonzero(~alone) if np.sum(~alone) >= 2 else np.arange(len(runs))
+        part = np.full(len(runs), -1)
+        part[inner] = np.random.default_rng(0).permutation(len(inner)) % min(SET.folds, len(inner))
+        return left_out_in_turn(records, index, part)
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        return {name: record[name] for name in (SPEED, LOAD) if name in record.columns}
+
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file, one a row."""
+        return {**self.signals(record), self.quantity: predicted}
+
+
+def conditions(record: Record, load: float | None) -> tuple[Array, Index]:
+    """The different (speed, load) of a record, (k, 2) in m/s and N, and for each row which one it is, (n,)."""
+    return distinct(_keys(record, load))
+
+
+def _keys(record: Record, load: float | None) -> Array:
+    return np.column_stack((record[SPEED], _loads(record, load)))
+
+
+def _only_end(values: Array) -> NDArray[np.bool_]:
+    """Where `values` has a least or greatest one that is there once."""
+    ends = [values == end for end in (values.min(), values.max())]
+    return np.asarray(np.any([at for at in ends if at.sum() == 1] or [np.zeros(len(values), bool)], axis=0))
+
+
+def _loads(record: Record, load: float | None) -> Array:
+    return record[LOAD] if LOAD in record.columns else np.full(len(record), 1.0 if load is None else load)
+
+
+def _size(records: Sequence[Record], quantity: str, load: float | None) -> float:
+    """Median friction, or coefficient where the load of a force is known."""
+    return float(
+        np.median(
+            np.concatenate([np.abs(r[quantity]) / (1 if quantity == COEFFICIENT else _loads(r, load)) for r in records])
+        )
+    )
+
+
+def _extent(records: Sequence[Record], quantity: str, load: float | None) -> Extent:
+    v, n = (np.concatenate(rows) for rows in ([r[SPEED] for r in records], [_loads(r, load) for r in records]))
+    force = np.concatenate([np.abs(r[quantity]) for r in records]) * (n if quantity == COEFFICIENT else 1.0)
+    fast = np.abs(v)
+    return Extent(
+        float(fast.min()),
+        float(fast.max()),
+        float(n.min()),
+        float(n.max()),
+        float(force.max()),
+        bool((v > 0).any() and (v < 0).any()),
+    )
+
+
+def _scatter(records: Sequence[Record], quantity: str) -> float:
+    """Relative standard deviation of a reading: from repeats where there are some, else from how far a reading lies off
+    the line through its neighbours in speed (which a curved law makes larger, never smaller).
+    """
+    squares, freedom, off = 0.0, 0, list[Array]()
+    for r in records:
+        runs, index = conditions(r, None)
+        mean = means(index, r[quantity])
+        usable = mean[index] != 0
+        squares += float(np.sum((r[quantity][usable] / mean[index][usable] - 1) ** 2))
+        freedom += len(r) - len(runs)
+        for key in np.unique(np.column_stack((np.sign(runs[:, 0]), runs[:, 1])), axis=0):
+            own = (np.sign(runs[:, 0]) == key[0]) & (runs[:, 1] == key[1])
+            if np.sum(own) > 3:
+                off.append(_off_line(np.log(np.abs(runs[own, 0])), mean[own]))
+    if freedom >= 3:
+        return max(float(np.sqrt(squares / freedom)), SET.friction_finest)
+    if off:
+        return max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), SET.friction_finest)
+    return SET.friction_untold
+
+
+def _off_line(x: Array, y: Array) -> Array:
+    """How far each inner value lies off the line through its two neighbours, as a share of it, in units that have the
+    standard deviation of one reading.
+    """
+    order = np.argsort(x)
+    x, y = x[order], y[order]
+    right = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+    size = np.sqrt(1 + right**2 + (1 - right) ** 2)
+    return np.asarray((y[1:-1] - (1 - right) * y[:-2] - right * y[2:]) / (size * np.abs(y[1:-1])), dtype=float)

@@ -1,0 +1,281 @@
+"""Time series of a capsule in the gut or on a plate, under any drive, predicted by the assembled model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from models.checks.estimators import grid_step, told_noise
+from models.checks.noise import noise_used
+from models.checks.usable import counted, filled, from_row, used
+from models.compiled.kernel import LANES
+from models.compiled.residuals import differences, less_in_the_tail
+from models.drives.drive import Drive
+from models.effects import CATALOGUE, Catalogue
+from models.effects.effect import Effect
+from models.identification.kind import Array, Kind
+from models.identification.kinds.conditions import may_be_left_out
+from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
+from models.identification.kinds.series.simulation import Runner
+from models.identification.settings import SET
+from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.kinds import KINDS
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.rig import Rig
+from models.surfaces.surface import Surface
+from models.theta import Theta
+
+_WALL_HOOKS = ("stiffening", "wall_force", "recovery")
+
+
+def low_passed(signal: Array, dt: float) -> Array:
+    """`signal` without what is faster than 2 Hz: Butterworth, second order, forward and back, so without phase."""
+    if len(signal) < 16 or SET.low_pass_hz * 2 * dt >= 1:
+        return signal
+    return np.asarray(sosfiltfilt(butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
+
+
+@dataclass(frozen=True)
+class SeriesKind(Kind):
+    """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memory` in s is the observer's
+    time constant; residuals of `averaged` neighbours count as one, their mean in units of its own noise, so that a
+    structure below the noise of a single sample is seen. `resolution` is the step of the sensor's scale where that is
+    coarse, 0 elsewhere.
+    """
+
+    name: str
+    surface: Surface
+    drive: Drive
+    noise_std: float
+    memory: float
+    base: tuple[Parameter, ...] = ()
+    effects: tuple[type[Effect], ...] = ()
+    averaged: int = 1
+    resolution: float = 0.0
+    criteria: ClassVar[int] = 2  # the observer, and the free run
+    final: ClassVar[int] = 3  # the free run at fine steps
+    judges: ClassVar[tuple[int, ...]] = (0, 1)  # the observer forgives slip events out of step, but little else
+    slow_view: ClassVar[bool] = True
+    next_share: ClassVar[float] = 0.6
+    least_gain: ClassVar[float] = 0.4
+    lanes: ClassVar[int] = LANES
+    beginnings_s: tuple[float, ...] = SET.beginnings_s
+    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
+    unit: str = "N"
+    quantity: str = field(default="force_N")
+    catalogue: Catalogue = CATALOGUE
+
+    @classmethod
+    def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
+        """The kind that a rig file describes under the drive of `records`; the noise is estimated where not given.
+
+        Raises ValueError for another kind of rig, and for records that are driven in different ways.
+        """
+        drive = drive_of(rig, driven_column(rig.kind, records))
+        stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
+        noise = series_noise(records, drive.measured, stated)
+        step = resolution(records, drive.measured)
+        made = cls.build(surface_of(rig), drive, noise, records, Catalogue.of(rig))
+        return replace(made, base=made.base + clock_offset(rig.clock), resolution=step)
+
+    @classmethod
+    def build(
+        cls,
+        surface: Surface,
+        drive: Drive,
+        noise_std: float,
+        records: Sequence[Record] = (),
+        catalogue: Catalogue = CATALOGUE,
+    ) -> SeriesKind:
+        """The kind for a surface and a drive; `records` tell how a switch was logged."""
+        memory = SET.held_s if drive.held else SET.drifts_s if drifts(drive) else SET.memory_s
+        own = surface.parameters()
+        base = own + drive.parameters() + switch_delay(drive, records)
+        effects = tuple(e for e in catalogue.acting_on(drive.name) if surface.dragged or not _acts_on_the_wall(e))
+        unit = "N" if drive.imposed else "m"
+        return cls(
+            drive.name,
+            surface,
+            drive,
+            noise_std,
+            memory,
+            base,
+            effects,
+            averaged_samples(drive.measured, noise_std, records),
+            unit=unit,
+            quantity=drive.measured,
+            catalogue=catalogue,
+            beginnings_s=SET.shaken_beginnings_s if drive.held else SET.beginnings_s,
+        )
+
+    def _run(
+        self, record: Record, theta: Theta, memory: float | None, measured: Array | None, fine: bool = True
+    ) -> Array:
+        return self._runs(record, [theta], memory, measured, fine)[0]
+
+    def _runs(
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
+    ) -> list[Array]:
+        return Runner(self.surface, self.drive, self.quantity, self.catalogue).runs(
+            record, thetas, memory, measured, fine
+        )
+
+    def _from_the_start(self, record: Record, output: Array) -> Array:
+        """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
+        if not drifts(self.drive) or self.quantity not in record.columns:
+            return output
+        first = slice(0, max(1, round(SET.start_s / interval(record))))
+        return output + float(np.mean(record[self.quantity][first] - output[first]))
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """The free run from the driven column alone; a magnetic capsule starts at rest below its magnet, one under a
+        coil or an inner mass at rest where the record starts (at 0 where it does not say).
+        """
+        seen = record.columns.get(self.quantity) if drifts(self.drive) else None
+        return self._from_the_start(record, self._run(record, theta, None, seen))
+
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
+        """Differences in units of the noise, those in the jump of a slip event counting less; see `Kind.residual`."""
+        return self.residuals(record, [theta], criterion)[0]
+
+    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
+        memory = None if criterion else self.memory
+        outputs = self._runs(record, thetas, memory, record[self.quantity], criterion == self.final)
+        if not memory:
+            outputs = [self._from_the_start(record, output) for output in outputs]
+        return [self._weighed(record, output, criterion) for output in outputs]
+
+    def _weighed(self, record: Record, output: Array, criterion: int) -> Array:
+        r = differences(record[self.quantity], output, self.noise_std, SET.diverged)
+        if criterion == self.criteria:
+            dt = interval(record)
+            return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (SET.low_pass_samples * SET.low_pass_hz * dt)))])
+        return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), SET.tail))
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples of the records that count; straight
+        between them.
+        """
+        parts = []
+        for record, predicted in zip(records, predictions, strict=True):
+            good, t = counted(record), record["t_s"]
+            off = np.interp(t, t[good], (record[self.quantity] - predicted)[good])
+            parts.append(low_passed(off, interval(record))[good])
+        return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """White noise of `noise_std` through the same low-pass."""
+        rng = np.random.default_rng(0)
+        made = [(r, r[self.quantity] + self.noise_std * rng.standard_normal(len(r))) for r in records]
+        return self.error([r for r, _ in made], [p for _, p in made])
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """The same drive with the model's output and white noise of the stated size, in the sensor's steps."""
+        steps = self.resolution / np.sqrt(12)
+        white = np.sqrt(max(self.noise_std**2 - steps**2, 0.0)) * rng.standard_normal(len(record))
+        output = self.predict(record, theta) + white
+        if self.resolution:
+            output = self.resolution * np.round(output / self.resolution)
+        return filled(record.with_column(self.quantity, output), self.quantity)
+
+    def searched(self, records: Sequence[Record]) -> list[Record]:
+        """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
+        return [record.beginning(SET.shaken_s) if self.drive.held else record for record in records]
+
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
+        is the only one, the second halves of all records validate the first ones. The state of a wall that is pulled,
+        of a shaken mass and of a body that drifts follows from what came before: such a second half is run from the
+        record's start.
+        """
+        if len(records) > 1 and may_be_left_out(records[-1], records[:-1]):
+            return [(list(records[:-1]), [records[-1]])]
+        halves = [len(r) // 2 for r in records]
+        first = [r.rows(slice(0, half)) for r, half in zip(records, halves, strict=True)]
+        if self.drive.anchored and not self.drive.imposed:
+            return [(first, [r.rows(slice(half, None)) for r, half in zip(records, halves, strict=True)])]
+        return [(first, [from_row(r, half) for r, half in zip(records, halves, strict=True)])]
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.quantity]
+        step = interval(record)
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(low_passed(x, step))))])
+        out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step), "travelled_m": path}
+        if self.drive.imposed:
+            return out | {"force_N": record[self.quantity]}
+        if drifts(self.drive):
+            return out | {self.drive.commanded: record[self.drive.commanded]}
+        return out | {"gap_m": record[self.drive.commanded] - x}
+
+    def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
+        """See `Kind.extra_force`: of a measured force what was predicted beyond it; of a place that a magnet holds, by
+        how much its force is less there than where the capsule was predicted.
+        """
+        predicted, measured = self.predict(record, theta), record[self.quantity]
+        if self.drive.imposed:
+            return predicted - measured, measured
+        if not self.drive.anchored:
+            return None
+        command = record[self.drive.commanded] / self.drive.command_unit
+        there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta.base)) for x in (measured, predicted))
+        return foreseen - there, there
+
+    def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
+        """Rms error of `records` under an observer with the time constant `memory` in s; None: free-running."""
+        errors = [record[self.quantity] - self._run(record, theta, memory, record[self.quantity]) for record in records]
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        return {"t_s": record["t_s"], self.quantity: predicted}
+
+
+def _acts_on_the_wall(effect: type[Effect]) -> bool:
+    return any(effect.answers(hook) for hook in _WALL_HOOKS)
+
+
+def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:
+    """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as
+    lie within the time in which the motion changes.
+    """
+    fine, longest_s = (SET.fine_force_N, SET.tooth_s) if column == "force_N" else (SET.fine_place_m, SET.swing_s)
+    if not records or noise_std <= SET.noisy * fine:
+        return 1
+    rate = float(np.median([used(record).mean() / interval(record) for record in records]))
+    return max(1, round(min((noise_std / fine) ** 2, longest_s * rate)))
+
+
+def averages(r: Array, count: int) -> Array:
+    """Means of `count` neighbours of `r` (n,) times the root of `count`, shape (n // count,): white noise keeps its
+    variance.
+    """
+    if count == 1 or len(r) < 2 * count:
+        return r
+    rows = r[: len(r) // count * count].reshape(-1, count)
+    return np.asarray(rows.mean(axis=1) * np.sqrt(count))
+
+
+def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
+    """Standard deviation of the noise of `column`: as stated, unless the records are noisier; the least number that
+    counts as noise where neither says.
+    """
+    measured = [record for record in records if column in record.columns]
+    values = [record[column][used(record)] for record in measured]
+    if not values:
+        return stated or SET.no_noise
+    vibrates = KINDS[measured[0].kind].vibrates
+    told = float(np.median([told_noise(y, vibrates, stated) for y in values]))
+    step = resolution(records, column)
+    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), SET.no_noise)
+
+
+def resolution(records: Sequence[Record], column: str) -> float:
+    """The step of the scale on which the used values of `column` lie; 0 where none can be told."""
+    steps = [grid_step(record[column][used(record)]) for record in records if column in record.columns]
+    return float(np.median(steps)) if steps else 0.0

@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from controller.actuators import Actuator
 from controller.baselines.pid import PID
 from controller.drives import DRIVES as CONTROLLED
 from controller.drives import Driven, envelope_of
@@ -21,7 +20,7 @@ from controller.tuned import PidGains
 from hil.api import identify
 from hil.app.docs import keys
 from hil.app.identify.close_loop import result_files
-from hil.app.init.command import init
+from hil.app.init import init
 from models.checks.examine import examine
 from models.drives.drive import Drive
 from models.identification.fitting.fit import Problem
@@ -60,7 +59,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     """A rig of the new kind, which its declaration, the surfaces' table, the controller's and the plant's know of."""
     monkeypatch.setitem(KINDS, THRUSTER.id, THRUSTER)
     monkeypatch.setitem(SURFACES, "plate", lambda rig: Slab(rig.capsule.mass_kg))
-    monkeypatch.setitem(CONTROLLED, THRUSTER.id, Driven(name=THRUSTER.id, bounds=_bounds, actuator=Actuator))
+    monkeypatch.setitem(CONTROLLED, THRUSTER.id, Driven(name=THRUSTER.id, bounds=_bounds))
     monkeypatch.setitem(SIMULATED, THRUSTER.id, Jet)
     return parse_rig(TABLES)
 

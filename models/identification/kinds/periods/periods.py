@@ -19,10 +19,9 @@ from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.identification.kind import Array, Kind, present
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
-from models.laws.hyperelastic import WallConstants
+from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import pressure_integrals
 from models.laws.stick_slip import Tooth, stick_slip_tooth
-from models.laws.tension import wall_tension
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.periods import PERIODS

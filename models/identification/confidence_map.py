@@ -15,9 +15,7 @@ MAP: Final = Path(__file__).with_name("confidence.toml")
 
 @dataclass(frozen=True)
 class ConfidenceMap:
-    """The share `right` (n,) of what was said with the score `score` (n,), both ascending and straight between; fitted
-    on so many `statements` about so many `series`, on the day `date`.
-    """
+    """The share `right` of what was said with a `score`, ascending; of `statements` about `series` on a `date`."""
 
     series: int
     statements: int

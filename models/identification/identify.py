@@ -1,6 +1,4 @@
-"""From a finished search to the answer that is reported: verdict, intervals, checks, errors before and after on
-held-out data.
-"""
+"""From a finished search to the answer: verdict, intervals, checks, errors before and after on held-out data."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -141,9 +139,7 @@ def _errors(kind: AnyKind, records: Sequence[Record], thetas: Mapping[str, Theta
 
 
 def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKind, dict[str, str]]:
-    """`kind` with the effects that `records` can show and what no form tells apart in them; and why they cannot show
-    the others, by id.
-    """
+    """`kind` with what `records` can show and what no form tells apart; why they cannot show the others, by id."""
     hidden = cannot_show(rig, records, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))

@@ -55,9 +55,7 @@ class Kind(ABC):
 
     @property
     def beginnings_s(self) -> tuple[float, ...]:
-        """Lengths in s of ever longer beginnings of a record: the first holds a few slip events or impacts. None where
-        records are no time series.
-        """
+        """Lengths in s of ever longer beginnings of a record, the first with a few slip events; none for tables."""
         return ()
 
     @property
@@ -106,15 +104,11 @@ class Kind(ABC):
 
     @abstractmethod
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What a perfect model would leave of `error`: the sensors' noise (repeats' scatter) through the same
-        measure.
-        """
+        """What a perfect model would leave of `error`: the noise (repeats' scatter) through the same measure."""
 
     @abstractmethod
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """A record like `record` but measured on the model at `theta` with the noise believed: what chance alone looks
-        like.
-        """
+        """A record like `record` measured on the model at `theta` with the noise believed: what chance looks like."""
 
     def measured(self, record: Record) -> Array:
         """The measured column, or columns, (n,) or (n, m)."""
@@ -135,16 +129,12 @@ class Kind(ABC):
         return None
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
-        """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one
-        tells as much.
-        """
+        """What of `records` a search looks at: all, or their beginnings where a short run tells as much."""
         return list(records)
 
     @abstractmethod
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never
-        within one.
-        """
+        """Splits into (training, validation) parts: by record, condition or sample; never within one."""
 
     def declared(self, effect: str) -> type[Effect]:
         """The `effect` with this kind's own ranges and names of parameters; else the catalogue's."""

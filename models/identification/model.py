@@ -188,9 +188,7 @@ class Model:
 
 
 def sealed(text: str) -> str:
-    """The text of a model file with the checksum of its content, which neither comments nor the order of keys change.
-    Raises ValueError for no TOML.
-    """
+    """A model file's text with the checksum of its content, comments and order apart. Raises ValueError for no TOML."""
     line = f'{CHECKSUM} = "{_checksum(parse_toml(text, "model"))}"'
     bare = re.sub(rf"^{CHECKSUM}\s*=.*\n", "", text, count=1, flags=re.MULTILINE)
     return f"{line}\n{bare}"

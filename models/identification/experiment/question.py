@@ -68,9 +68,7 @@ class Question:
         return float(np.sqrt(left @ left / variance + step @ step))
 
     def refitted(self, records: Sequence[Record], motion: Record) -> float:
-        """`separation` with the rival truly fitted to `records` and to what the truth would show on `motion`, or to
-        first order where that is less.
-        """
+        """`separation`, or less where the rival truly fitted to `records` and to the truth on `motion` gives it."""
         kind, (seen, variance) = self.kind, self._expected(motion)
         theta = self.rival.fitted(kind, [*records, seen]).theta
         before, after = (evaluate(kind, records, values, kind.free_run) for values in (self.rival.theta, theta))

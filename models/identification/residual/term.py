@@ -1,6 +1,4 @@
-"""The term that is proposed for a curve: the shortest form of a small library that follows it, else straight lines
-between knots.
-"""
+"""The term that is proposed for a curve: the shortest form of a small library, else straight lines between knots."""
 
 from __future__ import annotations
 
@@ -68,9 +66,7 @@ FORMS: Final = (
 
 
 def term_of(curve: Curve, unit: str, level: float) -> Term | None:
-    """The term that follows `curve`, whose values are in `unit`; `level` is the mean resistance. None where the signal
-    is none that an effect can look at.
-    """
+    """The term that follows `curve` in `unit`, `level` the mean resistance; None where no effect can see its signal."""
     if curve.variable not in SYMBOLS:
         return None
     fits = [_Fitted.best(form, curve) for form in FORMS]

@@ -1,6 +1,4 @@
-"""Closing the loop: calibrate, screen what may be missing, fit the best jointly, add one at a time while it pays, and
-say how sure.
-"""
+"""Closing the loop: calibrate, screen, fit the best jointly, add one at a time while it pays, say how sure."""
 
 from __future__ import annotations
 
@@ -30,9 +28,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass
 class Search:
-    """Everything the search learned, for the report. `doubts` holds each effect with the model and a rival that the
-    records cannot tell from it.
-    """
+    """Everything the search learned. `doubts`: each effect with the model and a rival that the records cannot tell."""
 
     calibrated: Fit
     augmented: Fit
@@ -78,9 +74,7 @@ class Search:
 def search(
     kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = SET.most_effects
 ) -> Search:
-    """Calibrate on `train`, then add at `most` so many effects, one at a time, while validation records gain beyond
-    what chance gives.
-    """
+    """Calibrate on `train`, then add at `most` so many effects, one at a time, while they gain beyond chance."""
     began = time.monotonic()
     progress("calibrating", 0.02)
     told = kind.searched(train)

@@ -57,9 +57,7 @@ def stepped(kind: Kind, records: Sequence[Record], effects: Sequence[str], start
 
 
 def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta, seed: int = 0) -> Theta:
-    """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as
-    it is declared.
-    """
+    """A fit on ever longer beginnings from `start`, at the nominal base, there with the newest effect as declared."""
     starts = begins(kind, start)
     newest = next((name for name in reversed(effects) if kind.catalogue[name] not in REFINEMENTS), "")
     if newest:

@@ -1,6 +1,4 @@
-"""Screening candidates without refitting: what each would explain of the residual, the base's own directions projected
-out.
-"""
+"""Screening without refitting: what each candidate would explain of the residual that the base cannot."""
 
 from __future__ import annotations
 
@@ -69,9 +67,7 @@ class _View:
         return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
 
     def _told(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
-        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against the residual
-        itself.
-        """
+        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against itself."""
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         beliefs = np.zeros(
             len(self.residual) - len(seen[0])
@@ -118,9 +114,7 @@ def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
 
 
 def _likeliest(rows: Sequence[Screened]) -> Screened:
-    """The best of one candidate's shapes, with where the best few would start: their shares differ by less than their
-    fits.
-    """
+    """The best of one candidate's shapes, with where the best few start: shares differ by less than their fits."""
     best = sorted(rows, key=_by_share)[: SET.screened_starts]
     return replace(best[0], starts=tuple(start for row in best for start in row.starts))
 
@@ -132,9 +126,7 @@ def _by_share(row: Screened) -> float:
 def screen(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
 ) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the
-    residual show.
-    """
+    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the views show."""
     rows: dict[str, Screened] = {}
     for criterion in (kind.free_run, *((kind.criteria,) if kind.slow_view else ())):
         fit = Problem.of(kind, records, effects, criterion).descend(theta, SET.screened_secant, 8)

@@ -1,6 +1,4 @@
-"""A linear stage or an axis that turns: the force its motion needs, `F = M a + (F_v v + F_c sgn v) level + offset -
-effects`, against the measured.
-"""
+"""A linear stage or an axis that turns: `F = M a + (F_v v + F_c sgn v) level + offset - effects` of its motion."""
 
 from __future__ import annotations
 
@@ -177,9 +175,7 @@ class AxisKind(Kind):
         return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the
-        force's.
-        """
+        """What the noise alone, the quietest record's, makes of the error, in %; NaN where nothing tells it."""
         forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
         noises = [self.noise(r) for r in records]
         if any(noise.force is None for noise in noises):
@@ -252,9 +248,7 @@ class AxisKind(Kind):
 
 
 def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
-    """Start, lower and upper bound of the base parameters; a stage whose records tell their size keeps its own starts,
-    and bounds as wide as the wider of the two.
-    """
+    """Start, lower and upper bound of the base parameters; a stage keeps its own starts and the wider bounds."""
     usual = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
     if size is None:
         return usual
@@ -292,9 +286,7 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
 
 
 def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:
-    """Split a record into `count` blocks of its repeating motion (of its length where it does not repeat), each left
-    out once.
-    """
+    """Split a record into `count` blocks of its cycle of motion (else of its length), each left out once."""
     rate = sampling_rate(record["t_s"])
     lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * count // lag

@@ -32,9 +32,7 @@ class Moved:
 
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
-    """The motion of `record`, a whole one or a part that carries the whole's; `position_std` where it is stated,
-    `band` that of the filters in Hz.
-    """
+    """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
     if WHOLE[0] in record.columns:
         m = Motion(record["t_s"], *(record[column] for column in WHOLE))
         place, still = float(record[PLACE_NOISE][0]), record[STILL] > 0.5

@@ -14,9 +14,7 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Ripple:
-    """Amplitude in N (N m), wavelength in m (rad), phase in rad at x = 0, share of the residual's mean square, and its
-    chance.
-    """
+    """Amplitude in N (N m), wavelength in m (rad), phase in rad at x = 0, share of the residual's power, its chance."""
 
     amplitude: float
     wavelength: float

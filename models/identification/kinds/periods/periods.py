@@ -1,6 +1,4 @@
-"""Stick-slip of a capsule pulled at one or more constant speeds: period, valley and peak from the wall's tension (paper
-A).
-"""
+"""Stick-slip of a capsule pulled at constant speeds: period, valley and peak from the wall's tension (paper A)."""
 
 from __future__ import annotations
 
@@ -146,24 +144,18 @@ class PeriodsKind(Kind):
         return np.unique(np.concatenate([self._speeds(r) for r in records])) if records else np.zeros(0)
 
     def tension(self, drag: float, speed: float, theta: Theta) -> float:
-        """Elastic wall tension in N at a drag in m and a pull in m/s, with the effects in `theta`; the wall slips by
-        it.
-        """
+        """Elastic wall tension in N at a drag in m and a pull in m/s, with the effects in `theta`."""
         out = float(wall_tension(drag, _WALL, wall_section(self.capsule, self.tissue), self.length_m))
         s = Signals(drag=drag, drag_rate=speed, v=speed, direction=1.0)
         return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
 
     def viscous(self, drag: float, rate: float, speed: float, theta: Theta) -> float:
-        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s under a pull at `speed`,
-        beyond its tension.
-        """
+        """Force in N, beyond its tension, of a wall whose drag in m grows at `rate` in m/s under a pull at `speed`."""
         s = Signals(drag=drag, drag_rate=rate, v=speed, direction=1.0)
         return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
 
     def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
-        """Rise and fall between slip at the tension `limit` in N and the relaxed wall. Raises ValueError where no drag
-        gives it.
-        """
+        """Rise and fall between slip at the tension `limit` in N and rest. Raises ValueError where no drag gives it."""
         recoil = self.return_speed_m_s
         try:
             tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta), limit, speed, recoil or 1.0)

@@ -153,9 +153,7 @@ class SeriesKind(Kind):
         return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), SET.tail))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples of the records that count; straight
-        between them.
-        """
+        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples that count; straight between."""
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
             good, t = counted(record), record["t_s"]
@@ -208,9 +206,7 @@ class SeriesKind(Kind):
         return out | {"gap_m": record[self.drive.commanded] - x}
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
-        """See `Kind.extra_force`: of a measured force what was predicted beyond it; of a place that a magnet holds, by
-        how much its force is less there than where the capsule was predicted.
-        """
+        """Of a measured force what was predicted beyond it; of a place how much less a magnet pulls there."""
         predicted, measured = self.predict(record, theta), record[self.quantity]
         if self.drive.imposed:
             return predicted - measured, measured
@@ -236,9 +232,7 @@ def _acts_on_the_wall(effect: type[Effect]) -> bool:
 
 
 def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:
-    """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as
-    lie within the time in which the motion changes.
-    """
+    """Neighbouring samples that make a noisy `column` as good as a fine one, within the time of a change of motion."""
     fine, longest_s = (SET.fine_force_N, SET.tooth_s) if column == "force_N" else (SET.fine_place_m, SET.swing_s)
     if not records or noise_std <= SET.noisy * fine:
         return 1
@@ -247,9 +241,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 
 
 def averages(r: Array, count: int) -> Array:
-    """Means of `count` neighbours of `r` (n,) times the root of `count`, shape (n // count,): white noise keeps its
-    variance.
-    """
+    """Means of `count` neighbours of `r` (n,) times its root, shape (n // count,): white noise keeps its variance."""
     if count == 1 or len(r) < 2 * count:
         return r
     rows = r[: len(r) // count * count].reshape(-1, count)
@@ -257,9 +249,7 @@ def averages(r: Array, count: int) -> Array:
 
 
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
-    """Standard deviation of the noise of `column`: as stated, unless the records are noisier; the least number that
-    counts as noise where neither says.
-    """
+    """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
     values = [record[column][used(record)] for record in measured]
     if not values:

@@ -51,9 +51,7 @@ class VibroCycle(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Path of the body x in m, its speed v, the inner mass's displacement and speed against it; `mode` 0 rests, +1, -1
-    slides.
-    """
+    """Path x in m and speed v of the body, place and speed of the inner mass on it; `mode` 0 rests, +1, -1 slides."""
 
     x: float
     v: float
@@ -169,9 +167,7 @@ def _break_away(force: float, q: VibroCycle) -> int:
 def _stop(
     s: Motion, new: Motion, a0: float, on: Push, begin: float, until: float, h: float, q: VibroCycle
 ) -> tuple[Motion, float]:
-    """Where in the rest of the step a sliding body comes to rest, and when: a parabola of the speed, then one step of
-    Newton.
-    """
+    """Where in the rest of the step a sliding body comes to rest, and when: a parabola, then one step of Newton."""
     k = (until - begin) * h
     bend = new.v - s.v - a0 * k
     root = math.sqrt(max(a0 * a0 * k * k - 4.0 * bend * s.v, 0.0))
@@ -194,9 +190,7 @@ def _stop(
 def _start(
     s: Motion, mode: int, before: float, after: float, on: Push, begin: float, until: float, h: float, q: VibroCycle
 ) -> tuple[Motion, float]:
-    """Where in the rest of the step a resting body starts to slide in direction `mode`, and when: two steps of regula
-    falsi.
-    """
+    """Where in the rest of the step a resting body starts to slide as `mode`, and when: two steps of regula falsi."""
     limit = mode * friction(0.0, mode, q)
     low, high, below, above = begin, until, before - limit, after - limit
     new = s

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import mul
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from models.rigs.axis import AXIS
 from models.rigs.rig import Rig
 from models.theta import Theta
 
+T = TypeVar("T")
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
 _BELIEF = "rig file; without it only a start for the calibration"
@@ -57,8 +58,7 @@ class AxisKind(Kind):
     catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = 2
     next_share: ClassVar[float] = 0.04
-    _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
-    _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
+    _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -147,13 +147,17 @@ class AxisKind(Kind):
     def noise(self, record: Record) -> Noise:
         """What is told of the noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
-        key = (id(force), self.force_std)
-        known = self._noise.get(key)
-        if known is None or known[0] is not force:
-            if len(self._noise) > 64:
-                self._noise.clear()
-            known = self._noise[key] = (force, self._told(record))
-        return known[1]
+        return self._kept((id(force), self.force_std), force, lambda: self._told(record))
+
+    def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
+        """What was `found` under the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
+        known = self._known.get(key)
+        if known is None:
+            if len(self._known) > 128:
+                self._known.clear()
+            known = self._known[key] = (of, found())
+        made: T = known[1]
+        return made
 
     def _told(self, record: Record) -> Noise:
         if NOISES[0] in record.columns:
@@ -237,14 +241,7 @@ class AxisKind(Kind):
     def _moved(self, record: Record) -> Moved:
         names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
         key = tuple(id(record.columns.get(name)) for name in names)
-        known = self._seen.get(key)
-        if known is not None:
-            return known[1]
-        if len(self._seen) > 64:
-            self._seen.clear()
-        found = moved(record, self.coordinates, self.position_std, self.band)
-        self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
-        return found
+        return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
 
 
 def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:

@@ -106,7 +106,7 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ResidualCurve:
     """The residual over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
     `low` to `high`. `along`: as the residual stands, "+x", or against the motion, "-v". `share` of the residual that
     the curve foretells on stretches it was not made on.
@@ -127,8 +127,8 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Surface:
-    """As `Curve` over two `variables`: `values` (n, m) at `centres`, `half` their 95 % interval; NaN: never there."""
+class ResidualSurface:
+    """A curve over two `variables`: `values` (n, m) at `centres`, `half` their 95 % interval; NaN: never there."""
 
     variables: tuple[str, str]
     along: str
@@ -176,8 +176,8 @@ class Dependence:
     quantity: str
     unit: str
     records: tuple[str, ...]
-    curves: tuple[Curve, ...]
-    surface: Surface | None = None
+    curves: tuple[ResidualCurve, ...]
+    surface: ResidualSurface | None = None
     tone: Tone | None = None
     term: Term | None = None
 

@@ -72,7 +72,7 @@ HELD_OUT = "held_out_error"
 _Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
 
 
-class _File(Table):
+class _ModelFile(Table):
     """A model file."""
 
     model_config = ConfigDict(extra="ignore")
@@ -138,7 +138,7 @@ class Model:
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
         try:
-            file = _File.model_validate(raw)
+            file = _ModelFile.model_validate(raw)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             table, *keys = (str(part) for part in first["loc"])

@@ -28,7 +28,7 @@ _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 
 
 @dataclass(frozen=True)
-class Axis:
+class FreeParameter:
     """One fitted parameter, and the scale on which the criterion is looked at."""
 
     parameter: Parameter
@@ -56,14 +56,14 @@ class Fit:
         return self.cost / self.count
 
 
-def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
+def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
     """What a fit of `kind` with `effects` may move: on the scale of a tenth of its value, an amplitude of its probe."""
-    result = [Axis(p, _scale(p)) for p in kind.base if p.fit]
+    result = [FreeParameter(p, _scale(p)) for p in kind.base if p.fit]
     known = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
     for effect in (known[name] for name in effects):
         size = effect.amplitude().name
         own = (p for p in effect_parameters([effect]) if p.fit)
-        result += [Axis(p, effect.probe if p.name == size else _scale(p)) for p in own]
+        result += [FreeParameter(p, effect.probe if p.name == size else _scale(p)) for p in own]
     return result
 
 
@@ -103,7 +103,7 @@ class Problem:
 
     kind: Kind
     records: Sequence[Record]
-    axes: list[Axis]
+    axes: list[FreeParameter]
     criterion: int
 
     @classmethod

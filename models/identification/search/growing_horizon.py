@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2, qmc
 
 from models.checks.usable import lead_in_s
-from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of
+from models.identification.fitting.fit import Fit, FreeParameter, Problem, axes, costs_of
 from models.identification.kind import Kind, Split
 from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
@@ -85,7 +85,7 @@ class GrowingHorizon:
         bases = [theta.only(self.kind.in_base) for theta in found]
         return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
-    def _drawn(self, starts: Sequence[Theta], moved: Sequence[Axis], count: int, seed: int) -> list[Theta]:
+    def _drawn(self, starts: Sequence[Theta], moved: Sequence[FreeParameter], count: int, seed: int) -> list[Theta]:
         shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
         return [
             start
@@ -148,7 +148,7 @@ def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
-def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> float:
+def _place(kind: Kind, axis: FreeParameter, start: Theta, share: float, fresh: str) -> float:
     """The value of one parameter for a number `share` between 0 and 1."""
     p = axis.parameter
     if not p.effect:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from models.effects import REFINEMENTS
-from models.identification.fitting.fit import Axis, Fit, Problem, costs_of
+from models.identification.fitting.fit import Fit, FreeParameter, Problem, costs_of
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import FittedModel, judged_cost
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOROUGH, GrowingHorizon, base_known
@@ -150,7 +150,7 @@ def as_called(model: FittedModel, name: str) -> FittedModel:
     return model.refitted(on_a_side, model.thetas)
 
 
-def _side(axis: Axis, effect: str, sign: float) -> Axis:
+def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:
     """The axis within its parameter's own range on one side of zero."""
     p = axis.parameter
     if not p.least or p.effect != effect:

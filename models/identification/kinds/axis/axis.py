@@ -19,7 +19,7 @@ from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
-from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.noise import AxisNoise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.ranges import Range
@@ -144,7 +144,7 @@ class AxisKind(Kind):
             right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
         return 100 * float(np.sqrt(wrong / right))
 
-    def noise(self, record: Record) -> Noise:
+    def noise(self, record: Record) -> AxisNoise:
         """What is told of the noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
         return self._kept((id(force), self.force_std), force, lambda: self._told(record))
@@ -159,10 +159,10 @@ class AxisKind(Kind):
         made: T = known[1]
         return made
 
-    def _told(self, record: Record) -> Noise:
+    def _told(self, record: Record) -> AxisNoise:
         if NOISES[0] in record.columns:
             whole, *rest = (float(record[name][0]) for name in NOISES)
-            return Noise(None if np.isnan(whole) else whole, *rest)
+            return AxisNoise(None if np.isnan(whole) else whole, *rest)
         of, force = self._moved(record), record[self.quantity]
         m = of.motion
         told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
@@ -171,7 +171,7 @@ class AxisKind(Kind):
         inertia = inertia_of(force, m, self.band)
         shaken = inertia * jolt * (of.place if of.logged is None else speed)
         own = self._believed(record) if told is None else told
-        return Noise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
+        return AxisNoise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
 
     def _believed(self, record: Record) -> float:
         """What counts as the noise of a force whose own is not told."""

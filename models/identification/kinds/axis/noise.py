@@ -8,7 +8,7 @@ import numpy as np
 
 from models.identification.kinds.axis.zero_phase import (
     Array,
-    Motion,
+    AxisMotion,
     decimate,
     motion,
     passed,
@@ -20,7 +20,7 @@ from models.identification.settings import SET
 
 
 @dataclass(frozen=True)
-class Noise:
+class AxisNoise:
     """Standard deviations: `force` of the filtered force (None: nothing tells it), `speed` of a logged speed before the
     filter, `weight` of the filtered force error of a right model; `inertia` is what a noisy acceleration shakes.
     """
@@ -90,7 +90,7 @@ def band_of(t: Array, position: Array, stated: float | None) -> float:
     return next(clear, bands[-1])
 
 
-def inertia_of(force: Array, m: Motion, band: float) -> float:
+def inertia_of(force: Array, m: AxisMotion, band: float) -> float:
     """Mass (inertia) that a line through the force gives: enough to tell what a noisy acceleration makes of it."""
     rows = np.column_stack([m.a, m.v, np.sign(m.v), m.x, np.ones_like(m.a)])
     filtered = np.column_stack([decimate(column, m.rate, band) for column in rows.T])

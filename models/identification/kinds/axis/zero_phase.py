@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Motion:
+class AxisMotion:
     """Time in s, position in m (rad), speed and acceleration of one record, all of its length."""
 
     t: Array
@@ -83,7 +83,7 @@ def _unevenness(t: Array) -> float:
     return float(np.max(np.abs(steps - usual))) / usual
 
 
-def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> Motion:
+def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> AxisMotion:
     """Differentiate a measured position: Butterworth of order 4 forward and backward at five times the `band` in Hz,
     then central differences; the speed is the `velocity` that was logged where there is one, filtered alike.
     """
@@ -94,7 +94,7 @@ def motion(t: Array, position: Array, velocity: Array | None = None, band: float
         v = np.gradient(x, 1 / rate)
     else:
         v = np.asarray(filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
-    return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
+    return AxisMotion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
 def reduction(rate: float, band: float = SET.band_hz) -> int:

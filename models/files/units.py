@@ -25,16 +25,7 @@ class Unit:
 GRAVITY: Final = 9.80665  # m/s2, standard
 # of SI
 _PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
-_PREFIX_WORDS: Final = {
-    "": "",
-    "nano": "n",
-    "micro": "u",
-    "milli": "m",
-    "m": "m",
-    "centi": "c",
-    "kilo": "k",
-    "mega": "M",
-}
+_BY_WORD: Final = {"": "", "nano": "n", "micro": "u", "milli": "m", "m": "m", "centi": "c", "kilo": "k", "mega": "M"}
 _PREFIXED: Final = {
     **{symbol: Unit(symbol, 1.0) for symbol in ("m", "s", "N")},
     **{symbol: Unit("N", 1e-3 * GRAVITY) for symbol in ("g", "gf")},

@@ -109,9 +109,7 @@ class ColumnMap:
         return found
 
 
-def check_stated(where: str, sources: Mapping[str, MappedColumn], units: Mapping[str, str]) -> None:
-    """Refuse a column of ours whose file states another unit for it than its name does."""
-    for target, source in sources.items():
-        stated, ours = units.get(source.column, ""), unit_of(target)
-        if source.plain and unit(stated) and factor(stated, ours) != 1.0:
-            raise ValueError(f"{where}: column {target} must be in {ours or 'plain numbers'}; the file states {stated}")
+def contradiction(target: str, source: MappedColumn, units: Mapping[str, str]) -> str:
+    """The unit that a file states for a column of ours which it has under our name, where it is another than ours."""
+    stated = units.get(source.column, "")
+    return stated if source.plain and unit(stated) and factor(stated, unit_of(target)) != 1.0 else ""

@@ -15,9 +15,7 @@ from models.files.units import split_unit
 
 
 def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """All channels of numbers of a CSV file, a CAN log, or a file of one of the formats in `hil.formats.table`. `tell`
-    gets a sentence about a log that is cut off. Raises ValueError of one sentence.
-    """
+    """All channels of numbers of a file; `tell` as `read_frames`. Raises ValueError of one sentence."""
     if is_log(path):
         return log_channels(path, tell)
     channels = (

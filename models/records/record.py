@@ -192,17 +192,18 @@ def find_columns(
     the table `[columns]` to paste into the rig file.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    optional = KINDS[rig.kind].columns(targets).measured if driven_only else ()
-    sources = rig.columns.sources(where, header, KINDS[rig.kind].known, optional)
+    kind = KINDS[rig.kind]
+    optional = kind.columns(targets).measured if driven_only else ()
+    sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
     try:
-        check_header(where, KINDS[rig.kind], ours, with_measured=not driven_only)
-        check_unit_names(where, KINDS[rig.kind], ours)
+        check_header(where, kind, ours, with_measured=not driven_only)
+        check_unit_names(where, kind, ours)
         for target, source in sources.items():
             if stated := contradiction(target, source, units):
-                ours = unit_of(target) or "plain numbers"
-                raise ValueError(f"{where}: column {target} must be in {ours}; the file states {stated}")
+                wanted = unit_of(target) or "plain numbers"
+                raise ValueError(f"{where}: column {target} must be in {wanted}; the file states {stated}")
     except ValueError as error:
         raise _with_proposal(error, rig, header, units, sources) from None
     return sources

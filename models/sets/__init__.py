@@ -37,6 +37,12 @@ class PaperMeasurement:
             raise KeyError(f"measurement {self.name} has no column {column!r}; {nearest(column, dict(self.columns))}")
         return self.columns[column]
 
+    def select(self, **where: object) -> PaperMeasurement:
+        """The rows whose columns equal the given values, as `select(sample=1)`."""
+        keep = np.all([self[column] == value for column, value in where.items()], axis=0)
+        columns = MappingProxyType({name: column[keep] for name, column in self.columns.items()})
+        return PaperMeasurement(self.name, self.title, self.source, self.caution, self.units, columns)
+
 
 def available_measurements() -> list[str]:
     """Names of the measured tables that ship with the models."""

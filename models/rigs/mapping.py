@@ -36,16 +36,10 @@ class MappedColumn:
             _factor(self.unit, self.target)
 
     def values(self, raw: Any, stated: str = "") -> NDArray[np.float64]:
-        """Values of the file (n,), whose own unit is `stated`, as ours."""
+        """Values of the file (n,), whose own unit is `stated`, as ours, NaN where there are none."""
         values = self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.factor(stated)
-        return self.unwrapped(values, stated)
-
-    def unwrapped(self, values: NDArray[np.float64], stated: str = "") -> NDArray[np.float64]:
-        """Values in our unit (n,), NaN where there are none, without the jumps of `wrap`."""
-        if self.wrap is None:
-            return values
         known = np.isfinite(values)
-        if known.any():
+        if self.wrap is not None and known.any():
             values[known] = np.unwrap(values[known], period=self.wrap * abs(self.factor(stated)))
         return values
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from models.files.csv_reader import Table, read_table
 from models.files.units import unit_of
-from models.records.header import check_header, check_unit_names, missing_in_layouts
+from models.records.header import check_header, missing_in_layouts
 from models.records.proposal import proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
@@ -199,7 +199,6 @@ def find_columns(
     ours = [*sources, *(name for name in header if name not in read)]
     try:
         check_header(where, kind, ours, with_measured=not driven_only)
-        check_unit_names(where, kind, ours)
         for target, source in sources.items():
             if stated := contradiction(target, source, units):
                 wanted = unit_of(target) or "plain numbers"

@@ -244,7 +244,7 @@ def _record(
         for target, source in sources.items()
     }
     read = {source.column for source in sources.values()}
-    further = {key: raw[key] for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
+    further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
     _refuse_wrong(where, kind, columns, table.lines, lenient)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum

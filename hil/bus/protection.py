@@ -84,12 +84,11 @@ class Receiver:
     """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when
     they came.
 
-    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is
-    refused. After the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew;
-    while they are fresh no other sequence is let in, so a replay beside the true sender is not, unless it is 15 frames
-    old to the frame. A replay of a whole recording after the sender fell silent cannot be told from its restart:
-    heartbeats and the time to live bound what it can do. Frames that are not cyclic come after silences of any length:
-    every counter but the last one is let in at once, none of them can start anything.
+    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`. After the data
+    have become stale, `RESYNC` good frames that count on from each other begin anew; while they are fresh no other
+    sequence is let in, so no replay beside the true sender, unless it is 15 frames old to the frame. A replay after the
+    sender fell silent is not told from its restart: heartbeats and the time to live bound it. Of frames that are not
+    cyclic every counter but the last one is let in: none of them can start anything.
     """
 
     def __init__(self, frame: Frame) -> None:

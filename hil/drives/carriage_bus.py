@@ -21,11 +21,8 @@ _TOO_SHORT: Final = 7  # bytes: a frame that every node refuses
 
 class CarriageBus(WrappingBus):
     """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
-    what of the catalogue the drive's own become.
-
-    The frames made here are protected anew, so CRC and counter guard nothing beyond this process. None tells a
-    temperature that a limit of ours is for: such drives look after that. What another master commands the drive comes
-    in as a CarriageCommand, which only a controller sends.
+    what of the catalogue the drive's own become. These are protected anew, so CRC and counter guard nothing beyond this
+    process. What another master commands the drive comes in as a CarriageCommand, which only a controller sends.
     """
 
     maker: ClassVar[str]

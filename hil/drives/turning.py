@@ -16,11 +16,10 @@ _SETTLE: Final = 2  # steps that a drive has to come to rest
 
 
 class TurningBus(CarriageBus):
-    """A command is held until the next SYNC; what stops the drive acts at once: the carriage is braked by places,
-    and the drive then stopped.
+    """A command is held until the next SYNC; what stops the drive acts at once: the carriage is braked by places.
 
-    It is armed from "ready" on, for which it must stand by, and was led once it has followed since. `_left` says why it
-    was not led on, `_asked` counts the ticks in which it did not begin to follow, `_stopped` how often it was stopped.
+    It is armed from "ready" on, and was led once it has followed since. `_left` says why it was not led on, `_asked`
+    counts the ticks in which it did not begin to follow, `_stopped` how often it was stopped.
     """
 
     def __init__(self, inner: can.BusABC, table: TurningTable, catalogue: Catalogue, tick_s: float) -> None:

@@ -23,9 +23,8 @@ class Message:
 
 
 def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[Channel]:
-    """The channels `topic/field` that `pick` takes; `messages` is called twice, to look and to read.
-
-    A message's time is the stamp of its header, where it has one, else its own; times in s count from the first.
+    """The channels `topic/field` that `pick` takes; `messages` is called twice. A time is the stamp of a message's
+    header, where it has one, else its own; in s from the first.
     """
     known: dict[str, Heading] = {}
     seen: set[str] = set()

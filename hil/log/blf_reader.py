@@ -1,8 +1,7 @@
-"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence with the place, never
-in a loop.
+"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence, never in a loop.
 
-A file is a header and objects: containers, which unpack to further objects, among them the frames; an object may begin
-in one container and end in the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
+A file is a header and objects: containers, which unpack to further objects; one may begin in one container and end in
+the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
 """
 
 import struct

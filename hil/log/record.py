@@ -96,12 +96,10 @@ def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
 
 
 def log_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
-    """The record that the log `path` holds of `rig`.
-
-    Rows are the measured values' own times, arrival less the age that the frame states. A position or current that was
-    fed back goes straight between its frames; a held drive is the mean of what was commanded since the row before, with
-    rows in between as often as commands come. What protection refuses and the sensor does not vouch for is left out.
-    With `driven_only` rows may be the drive's. Raises ValueError of one sentence.
+    """The record that the log `path` holds of `rig`: rows are the measured values' own times, arrival less the age that
+    the frame states. What was fed back goes straight between its frames; a held drive is the mean of what was commanded
+    since the row before. What protection refuses or the sensor does not vouch for is left out. With `driven_only` rows
+    may be the drive's. Raises ValueError of one sentence.
     """
     if rig.kind not in SOURCES:
         raise ValueError(

@@ -36,12 +36,10 @@ class OperatorSender:
     """Sends OperatorSetpoint on `bus` as `source`; each setpoint lives for `life_ms`, 1 to 200.
 
     Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
-    has sent `release`, and whatever ends this program ends the motion within `life_ms`. The counter goes on by one each
-    `CYCLE_S` of `clock`, also where a call came later, for by it the controller sees what is held back on the way.
-
-    Of the setpoints with the switch held `taken` counts those for which this source was in charge, `refused` the others
-    by reason, as the controller's answers say. `others` counts setpoints that somebody else sends as this source, whose
-    answers are not told apart. Raises ValueError for a source that the frame does not know.
+    has sent `release`. The counter goes on by one each `CYCLE_S` of `clock`, also where a call came later. Of the
+    setpoints with the switch held `taken` counts those for which this source was in charge, `refused` the others by
+    reason, `others` those that somebody else sends as this source. Raises ValueError for a source that the frame does
+    not know.
     """
 
     def __init__(

@@ -31,15 +31,14 @@ class DriveNode:
     """Listens, steps its state machine, and moves its power stage only while enabled and its command lives.
 
     A command counts from its arrival for its time to live, but from no more than a tick after the begin of its own
-    tick: one that comes late lives shorter, one that comes too late is refused as `stale`. It is taken over with the
-    next SYNC, without one at the drive's own pace. A temperature above `derate_C` halves the limits, above
-    `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for 60 ms, and to be off the bus. A
-    fault is latched: after a reset the drive is enabled step by step only. A controller that has begun anew is told of
-    it again.
+    tick: one that comes too late is refused as `stale`. It is taken over with the next SYNC, without one at the drive's
+    own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a
+    controller without heartbeat for 60 ms, and to be off the bus. A controller that has begun anew is told of a latched
+    fault again.
 
-    Standing by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that has been answered:
-    what was recorded before cannot enable it. Frames of other types are counted (`strange`) and ignored; a bus that
-    raises is a slot in which nothing is heard (`deaf`).
+    Standing by it draws a number (`draw`), tells it, and does not become ready before that has been answered: what was
+    recorded before cannot enable it. Frames of other types are counted (`strange`), and slots in which the bus raises
+    (`deaf`).
     """
 
     def __init__(

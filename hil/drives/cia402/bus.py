@@ -21,11 +21,9 @@ that has followed is believed that it does not."""
 
 
 class Cia402Bus(CarriageBus):
-    """Commands leave as RPDO 1; TPDOs and heartbeat come in as feedback, heartbeat and, where a fault begins, faults.
-
-    A CiA 402 drive has no time to live in its commands: RPDO 1 has a deadline instead. Its warning, and a limit of its
-    own, show as "derated". Where it says while it is led that it does not follow its target (bit 12), or that it is too
-    far off (bit 13), that is a fault, latched here.
+    """Commands leave as RPDO 1, whose deadline stands for their time to live; TPDOs and heartbeat come in as feedback,
+    heartbeat and faults. A warning, and a limit of the drive's own, show as "derated". Where it says while it is led
+    that it does not follow its target (bit 12), or is too far off (bit 13), that is a fault, latched here.
     """
 
     maker = "CiA 402"

@@ -157,11 +157,9 @@ def fault_of(error: int) -> int:
 
 
 def controlword(mode: int, state: int, *, reset: bool = False) -> int:
-    """What to tell a drive in `state` for a `mode` of the catalogue's command.
-
-    One step up at a time, never from a state below "ready to switch on" by `ENABLE`, and never up with a `reset`: after
-    it the drive stands disabled until off, ready and enable are asked for in turn. Whatever stops a moving drive brakes
-    it; its voltage goes later.
+    """What to tell a drive in `state` for a `mode` of the catalogue's command: one step up at a time, never from below
+    "ready to switch on" by `ENABLE`, never up with a `reset`. What stops a moving drive brakes it; its voltage goes
+    later.
     """
     if state == FAULTED:
         return RESET_FAULT if reset else DISABLE_VOLTAGE

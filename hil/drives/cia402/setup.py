@@ -41,11 +41,9 @@ class Entry:
 
 
 def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> tuple[Entry, ...]:
-    """All that the drive is told, in order.
-
-    RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry is a fault (0x6007: 1) that brakes
-    (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes and ends disabled (0x605A: 2).
-    Beyond `following_m` off its target for `following_s` the drive says so (0x6065, 0x6066).
+    """All that the drive is told, in order. RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry
+    is a fault (0x6007: 1) that brakes (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes
+    and ends disabled (0x605A: 2).
     """
     node, counts = table.node_id, table.counts_per_m
     travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)

@@ -26,13 +26,12 @@ _LONGEST: Final = 64  # length of a frame that stops: of bits that a gateway fli
 
 
 class MoteusBus(TurningBus):
-    """A command leaves with the SYNC after it as position mode with its own watchdog; every SYNC asks mode, place,
-    speed, fault and the watchdog that the drive holds, and the reply comes in as feedback and heartbeat.
+    """A command leaves with the SYNC after it as position mode with its own watchdog; the reply to each frame tells
+    mode, place, speed, fault and the command that the drive holds: after one that was not sent it is stopped.
 
-    "Ready" is told once the stopped drive has taken the watchdog and told it back; "enable" then begins position mode,
-    without limits of speed and acceleration, for the places come with their own. Every reply tells the command that the
-    drive holds, too: after one that was not sent it is stopped. "Stopped" clears a fault of this drive, so none is sent
-    while one is latched, until that is acknowledged.
+    "Ready" is told once the stopped drive has told the watchdog back; "enable" then begins position mode, without
+    limits of the drive's own. "Stopped" clears its fault, so none is sent while one is latched, until that is
+    acknowledged.
     """
 
     maker = "moteus"

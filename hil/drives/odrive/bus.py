@@ -25,12 +25,11 @@ _FORGIVEN: Final = 2  # errors after which it is still asked
 
 
 class OdriveBus(TurningBus):
-    """A command leaves with the SYNC after it as Set_Input_Pos, which feeds the drive's watchdog; its encoder estimates
-    come in as feedback, its heartbeats as heartbeats, an error as a fault.
+    """A command leaves with the SYNC after it as Set_Input_Pos, which feeds the watchdog; estimates come in as
+    feedback.
 
     "Ready" is told of an idle axis without errors once it is asked for; "enable" then asks for closed loop control. An
-    error, and a reason for which the axis disarmed itself, is latched until it is acknowledged, though the drive may
-    forget it before.
+    error, and a reason of a disarming, is latched until it is acknowledged, though the drive may forget it.
     """
 
     maker = "ODrive"

@@ -21,11 +21,9 @@ _ASTRAY: Final = 3  # ticks in a row in which it must be so: a report may be an 
 
 
 class Onlooker:
-    """Looks on while the node leads. `begin` when the drive is enabled, `look` once a tick from then on.
-
-    `jumps` is how often the believed position stepped by 2 mm or more, because three readings in a row had said so,
-    `jump_m` the last one; `cautious_s` when that was. `led` counts ticks by who led. `unrest` says that the drive moves
-    while it stands by or waits, "" where it does not.
+    """Looks on while the node leads: `begin` when the drive is enabled, `look` once a tick. `jumps`: how often the
+    believed position stepped by 2 mm or more, `jump_m` the last one, `cautious_s` when. `led` counts ticks by who led.
+    `unrest` says that the drive moves while it stands by or waits, "" where it does not.
     """
 
     def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, friction: float) -> None:

@@ -81,10 +81,8 @@ class Passed:
 
 
 def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: float, fence: Fence) -> Passed:
-    """The command that may leave `dt` s after `before`. Never raises.
-
-    Any mode but `ENABLE` moves nothing and passes. A stop holds until another mode than `ENABLE` has been asked for. A
-    `wanted` that is no finite number is a missing command.
+    """The command that may leave `dt` s after `before`. Never raises. Any mode but `ENABLE` moves nothing and passes. A
+    stop holds until another mode than `ENABLE` has been asked for. A `wanted` that is no finite number is missing.
     """
     aim = number(wanted)
     here = _within(aim, fence.low, fence.high) if fence.rests and math.isfinite(aim) else _rest(before.value, fence)
@@ -132,11 +130,9 @@ def _within(value: float, low: float, high: float) -> float:
 
 
 class Guard:
-    """The only one who sends for the controller: frames of the whitelist, each through its codec; the drive's command
-    through `passed`.
-
-    `refused` counts what was not allowed or did not fit, `unsent` what the bus did not take. Where `dry` nothing is
-    sent. `observe` sees each frame that was sent, or would have been where `dry`. No method raises.
+    """The only one who sends for the controller: its frames, the drive's command through `passed`. `refused` counts
+    what was not allowed or did not fit, `unsent` what the bus did not take. Where `dry` nothing is sent. `observe` sees
+    each frame that was sent, or would have been. No method raises.
     """
 
     def __init__(

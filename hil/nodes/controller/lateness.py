@@ -23,10 +23,9 @@ def gap_words(gap_s: float, tick_s: float, reports: int, frames: int) -> str:
 
 
 class Lateness:
-    """The counter is the sender's clock: one more each `cycle_s`. `late_s` is by how much the time between arrivals has
-    outgrown the counter's, from the frame on that took the shortest way: max(0, late_s + dt (1 - drift_share) - n
-    cycle_s) after dt s in which the counter went on by n. So a clock, or a sender, that is slower by `drift_share` is
-    not told from a delay that grows by as much, and a delay that never changes is not seen.
+    """The sender's counter is its clock, one more each `cycle_s`: `late_s = max(0, late_s + dt (1 - drift_share) - n
+    cycle_s)` after dt s in which it went on by n. A sender slower by `drift_share` is not told from a growing delay,
+    and a delay that never changes is not seen.
     """
 
     __slots__ = ("_counter", "_cycle_s", "_share", "_stamp", "late_s")

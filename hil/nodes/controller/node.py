@@ -33,13 +33,11 @@ from hil.nodes.frame_map import Observer, answer_of, frame_map_of, frames, heart
 
 @dataclass(frozen=True)
 class Task:
-    """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
-    `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
-    have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
-    a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
-    `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
-    replayed, `experiments` those that it asked for, `operator` what setpoints from the bus are held to, where they are
-    accepted. With `probe` a short motion to and fro comes before the reference (`Probe`).
+    """What a controller node is built from: model, name of a controller in `controller.registry`, where to go, limits;
+    `seen_noise_m` and `resolution_m` of the localisation, `deadline_s` that the MPC's plan may take of a tick (inf: no
+    clock decides), an `offer` that is to take over at a rest, an `estimator` of `ESTIMATORS`, what was `learned` and
+    the `experiments` asked for in a run that is replayed, what setpoints from an `operator` are held to, and whether a
+    `probe` comes first.
     """
 
     model: ControlModel
@@ -102,25 +100,18 @@ GRID_SLACK: Final = 1e-3  # share of a tick by which a time may lie before its p
 
 class ControllerNode:
     """`tick(now)` once a tick of the model: sends SYNC, takes in what has come, and computes the command for the tick
-    that begins with the *next* SYNC, at which the drive takes it over; so the whole tick is there to compute in and the
-    delay is known to the model.
+    that begins with the *next* SYNC, at which the drive takes it over. It never raises, never sleeps and takes bounded
+    time.
 
-    `now` is in s of the clock that stamps received messages (`can.Message.timestamp`). The node begins idle: it
-    listens, estimates and commands mode "off". `start` leads the drive through ready to enabled, `stop` back. Whatever
-    makes it stop by itself is latched with its `reason`, and the drive stays off until `start` is called again; that
-    acknowledges a latched fault of the drive first (DriveReset), which then passes through off, ready and enable as at
-    the beginning. `acknowledge` does that alone. Another controller on the bus stops it with a SafeStop for all, in the
-    tick in which it is heard and for as long as it speaks.
+    `now` is in s of the clock that stamps received messages. The node begins idle. `start` leads the drive through
+    ready to enabled, `stop` back. Whatever makes it stop by itself is latched with its `reason` until `start`, which
+    acknowledges a latched fault of the drive first; `acknowledge` does that alone. Another controller on the bus stops
+    it with a SafeStop for all, for as long as it speaks.
 
-    Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
-    by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused for ... s" where
-    what was waiting filled the time, "clock jumped" where it did not (`gap_words`).
-
-    Where the task accepts an `operator`, the reference is the task's own until one takes charge, then the operator's.
-    While nobody has been in charge for long enough the drive is stopped; it is enabled again as at first, with the
-    reference where the capsule is, once somebody is.
-
-    `tick` never raises, never sleeps and takes bounded time. `observer` sees every frame in and out.
+    Ticks that did not take place are caught up with while the last command lives; after a longer step of the clock the
+    node stops (`gap_words`). With an `operator` the reference is the task's own until one takes charge, then the
+    operator's; while nobody has been in charge for long enough the drive is stopped. `observer` sees every frame in and
+    out.
     """
 
     def __init__(
@@ -314,8 +305,7 @@ class ControllerNode:
     def _missed(self, now: float) -> int:
         """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new
         grid from here, after a step of the clock backwards or beyond the life of the last command. A tick that is late
-        by less than a period is none the less its own, and the next one may follow it soon. The number that SYNC tells
-        goes on with the time, never back.
+        by less than a period is its own. SYNC's number goes on with the time, never back.
         """
         if not math.isfinite(self._last):
             self._origin, self._index = now, 0

@@ -70,21 +70,15 @@ class Operator:
     """Takes OperatorSetpoint frames in and turns them into a reference; never raises, takes bounded time.
 
     One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
-    heard released for `RELEASED_S`. It is so until it releases, or its setpoint has lived; then the reference is held
-    from the next tick on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again.
-    Whatever ended the charge, the source must be heard released before it counts. A release by the one in charge counts
-    whatever its counter, so also from a second node that sends as the same source; as long as the first one's switch is
-    heard held, releases of the second do not make it count again. `taken` says whether anybody has ever been in charge
-    since `begin`: until then the reference is the deployment's own.
+    heard released for `RELEASED_S`; until it releases, or its setpoint has lived. Then the reference is held, and the
+    drive is `resting` after `stop_after_s`. A release by the one in charge counts whatever its counter; as long as one
+    node's switch is heard held, releases of a second one of the same source do not arm it. `taken`: somebody has been
+    in charge since `begin`; from then on a setpoint of speed 0 from any other accepted source ends the charge, and
+    begins none.
 
-    Once somebody has been in charge, a setpoint of speed 0 from any other accepted source is a stop: it ends the charge
-    of whoever has it and begins none, so it never enables a drive.
-
-    `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
-    accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read, from its
-    arrival less the time by which `Lateness` says it was held back on), `not_released`. `presses` and `expired` count
-    how often somebody took charge and how often a setpoint's life ended it; `limited` counts how often a setpoint came
-    to the end of the range, where the reference stands however long it asks for more.
+    `refused` counts frames by reason: those of the protection, `source` (not accepted), `busy` (another is in charge),
+    `late` (older than its life when read, by arrival less `Lateness`), `not_released`. `presses`, `expired` and
+    `limited` count charges, those that a setpoint's life ended, and setpoints to the end of the range.
     """
 
     def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:

@@ -57,15 +57,13 @@ LOCALISER: Final = "LocaliserHeartbeat"
 class FrameReceiver:
     """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
 
-    `state`, `report` (position in m, current in A, level; 0 before the first one) and `temperature_C` are the drive's
-    last good feedback; `fault` the code that it has latched. `feedbacks` is how many the last `listen` took in, of all
-    good `frames`; `full` counts the ticks in which more were waiting than one takes. `told_s` is how old the newest
-    localisation was when it was read, `still` what must rest while the drive is not enabled, `challenge` the drive's
-    newest number that has not been answered (-1: none).
+    `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback,
+    `fault` the code that it has latched, `challenge` its number that has not been answered (-1: none), `still` what
+    must rest while it is not enabled. `feedbacks` of all good `frames` came in the last `listen`; `full` counts ticks
+    with more than one takes; `told_s` is the age of the newest localisation when read.
 
-    `foreign` counts frames that only a controller sends, by name: another one speaks. `strange` counts, by type, what
-    is no classic data frame with an 11-bit identifier; `deaf` the ticks in which the bus raised, `deaf_words` what it
-    said last.
+    `foreign` counts frames that only a controller sends, by name; `strange`, by type, what is no classic data frame
+    with an 11-bit identifier; `deaf` ticks in which the bus raised.
     """
 
     def __init__(

@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 
 import can
 
@@ -46,7 +45,11 @@ class Sender:
     """Turns values into protected frames of one kind; counts them."""
 
     def __init__(self, frame: Frame) -> None:
-        self._codec, self._counter, self._data_id = Codec(frame), 0, frame.data_id
+        self.id, self._codec, self._counter, self._data_id = frame.id, Codec(frame), 0, frame.data_id
+
+    def message(self, values: Mapping[str, float], stamp: float = 0.0, *, heard: bool = False) -> can.Message:
+        """The next frame, to be sent, or as one that was `heard`. Errors as `frame`."""
+        return classic_frame(self.id, self.frame(values), stamp, heard=heard)
 
     def frame(self, values: Mapping[str, float]) -> bytes:
         """The next frame. Raises FrameError for values that do not fit; the counter then stays."""
@@ -65,19 +68,18 @@ class FrameTransmitter:
     """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
 
     def __init__(self, bus: can.BusABC, catalogue: Catalogue, names: Iterable[str]) -> None:
-        self._bus, self._senders = bus, {name: (catalogue[name].id, Sender(catalogue[name])) for name in names}
+        self._bus, self._senders = bus, {name: Sender(catalogue[name]) for name in names}
         self.unsent = 0
 
     def say(self, name: str, values: Mapping[str, float]) -> None:
-        identifier, sender = self._senders[name]
         try:
-            self._bus.send(classic_frame(identifier, sender.frame(values)), timeout=0)
+            self._bus.send(self._senders[name].message(values), timeout=0)
         except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
             self.unsent += 1
 
     def skip(self, name: str, frames: int) -> None:
         """Count `frames` that there was no time to send."""
-        self._senders[name][1].skip(frames)
+        self._senders[name].skip(frames)
 
 
 class Receiver:
@@ -150,12 +152,12 @@ class Receiver:
         return Refusal("counter", f"frame {self._row} of {RESYNC} after a silence")
 
 
-@dataclass(frozen=True, slots=True)
 class Reception:
-    """Receivers by identifier; what is not among them is counted as unknown."""
+    """Receivers of frames by identifier; what is not among them is counted as unknown."""
 
-    receivers: Mapping[int, Receiver]
-    unknown: Counter[int] = field(default_factory=Counter)
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        self.receivers = {frame.id: Receiver(frame) for frame in frames}
+        self.unknown: Counter[int] = Counter()
 
     @property
     def refused(self) -> int:

@@ -3,6 +3,7 @@
 import math
 from abc import abstractmethod
 from collections import deque
+from contextlib import suppress
 from typing import Any, ClassVar, Final
 
 import can
@@ -32,7 +33,7 @@ class CarriageBus(WrappingBus):
         super().__init__(inner, f"{self.maker} node {table.node_id} on {inner.channel_info}")
         self.table, self._tick_s, self._command_id = table, tick_s, catalogue["CarriageCommand"].id
         self._heard = {catalogue[heard].id: (heard, Codec(catalogue[heard])) for heard in _HEARD}
-        self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
+        self._speakers = {spoken: Sender(catalogue[spoken]) for spoken in _SPOKEN}
         self._catalogue = catalogue
         self._ready: deque[can.Message] = deque()
         self._began_s = math.nan
@@ -120,7 +121,7 @@ class CarriageBus(WrappingBus):
 
     def refuse(self, name: str, message: can.Message) -> None:
         """Let it hear a frame that is too short: it is refused for its length, as the catalogue's `name`."""
-        self._ready.append(self._as_received(message, self._speakers[name][0], _TOO_SHORT))
+        self._ready.append(self._as_received(message, self._speakers[name].id, _TOO_SHORT))
 
     @staticmethod
     def _as_received(message: can.Message, identifier: int, most: int) -> can.Message:
@@ -129,12 +130,8 @@ class CarriageBus(WrappingBus):
 
     def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
         """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
-        identifier, sender = self._speakers[name]
-        try:
-            data = sender.frame(values)
-        except ValueError:
-            return
-        self._ready.append(classic_frame(identifier, data, stamp, heard=True))
+        with suppress(ValueError):
+            self._ready.append(self._speakers[name].message(values, stamp, heard=True))
 
     def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
         """Send one of the drive's own frames, classic, with an 11-bit identifier."""

@@ -10,7 +10,7 @@ import can
 from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
-from hil.bus.protection import FrameTransmitter, Receiver, Reception
+from hil.bus.protection import FrameTransmitter, Reception
 from hil.nodes import frame_map as wire
 from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
 from hil.nodes.listening import waiting
@@ -58,15 +58,12 @@ class DriveNode:
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
         self.broken, self.node_id = False, wiring.target
-        self._names = {
-            catalogue[n].id: n
-            for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
-        }
         self.boot(0.0)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
-        self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
+        names = (self.wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
+        self.reception = Reception(self.catalogue[name] for name in names)
         for name in (self.wiring.command, "Sync"):
             receiver = self.reception.receivers[self.catalogue[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
@@ -131,8 +128,8 @@ class DriveNode:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if isinstance(values, Refusal):
                 continue
-            name, stamp = self._names[message.arbitration_id], message.timestamp
-            counter = self.reception.receivers[message.arbitration_id].counter
+            receiver = self.reception.receivers[message.arbitration_id]
+            name, counter, stamp = receiver.frame.name, receiver.counter, message.timestamp
             if name == "Sync":
                 if not self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
                     self.stale += 1

@@ -9,17 +9,8 @@ import can
 
 from hil.bus.wrapping import classic_frame
 from hil.drives.table import TurningTable
-from hil.nodes.frame_map import (
-    INTERNAL,
-    OVER_CURRENT,
-    OVER_SPEED,
-    OVER_TEMPERATURE,
-    SENSOR,
-    SUPPLY,
-    TIME_TO_LIVE,
-    frames,
-    plain,
-)
+from hil.nodes import frame_map as our
+from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames, plain
 from models.files.tables import limited
 from models.parameter import nearest
 
@@ -114,14 +105,14 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = {
     0x40: ("MISSING_INPUT", INTERNAL),
     0x100: ("DC_BUS_OVER_VOLTAGE", SUPPLY),
     0x200: ("DC_BUS_UNDER_VOLTAGE", SUPPLY),
-    0x400: ("DC_BUS_OVER_CURRENT", OVER_CURRENT),
-    0x800: ("DC_BUS_OVER_REGEN_CURRENT", OVER_CURRENT),
-    0x1000: ("CURRENT_LIMIT_VIOLATION", OVER_CURRENT),
-    0x2000: ("MOTOR_OVER_TEMP", OVER_TEMPERATURE),
-    0x4000: ("INVERTER_OVER_TEMP", OVER_TEMPERATURE),
-    0x8000: ("VELOCITY_LIMIT_VIOLATION", OVER_SPEED),
+    0x400: ("DC_BUS_OVER_CURRENT", our.OVER_CURRENT),
+    0x800: ("DC_BUS_OVER_REGEN_CURRENT", our.OVER_CURRENT),
+    0x1000: ("CURRENT_LIMIT_VIOLATION", our.OVER_CURRENT),
+    0x2000: ("MOTOR_OVER_TEMP", our.OVER_TEMPERATURE),
+    0x4000: ("INVERTER_OVER_TEMP", our.OVER_TEMPERATURE),
+    0x8000: ("VELOCITY_LIMIT_VIOLATION", our.OVER_SPEED),
     0x10000: ("POSITION_LIMIT_VIOLATION", INTERNAL),
-    0x1000000: ("WATCHDOG_TIMER_EXPIRED", TIME_TO_LIVE),
+    0x1000000: ("WATCHDOG_TIMER_EXPIRED", our.TIME_TO_LIVE),
     0x2000000: ("ESTOP_REQUESTED", INTERNAL),
     0x4000000: ("SPINOUT_DETECTED", SENSOR),
     0x8000000: ("BRAKE_RESISTOR_DISARMED", SUPPLY),

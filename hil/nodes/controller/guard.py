@@ -13,7 +13,6 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.bus.wrapping import classic_frame
 from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer, controllers_frames
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
@@ -151,8 +150,8 @@ class Guard:
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
         others = {one.command for one in FRAME_MAPS.values()} - {wiring.command}
-        own = {name: number for number, name in controllers_frames(catalogue).items() if name not in others}
-        self._senders = {name: (number, Sender(catalogue[name])) for name, number in own.items()}
+        own = set(controllers_frames(catalogue).values()) - others
+        self._senders = {name: Sender(catalogue[name]) for name in own}
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
@@ -172,16 +171,11 @@ class Guard:
 
     def send(self, name: str, values: Mapping[str, float], now: float) -> bool:
         """Send one frame of the whitelist; whether it went out."""
-        if name not in self._senders:
-            self.refused[name] += 1
-            return False
-        identifier, sender = self._senders[name]
         try:
-            data = sender.frame(values)
-        except ValueError:
+            message = self._senders[name].message(values, now)
+        except (KeyError, ValueError):
             self.refused[name] += 1
             return False
-        message = classic_frame(identifier, data, now)
         if not self.dry:
             try:
                 self._bus.send(message, timeout=0)

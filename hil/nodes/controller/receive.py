@@ -10,7 +10,7 @@ import can
 from controller.signals import Measurement
 from hil.bus.catalogue import Catalogue, Frame
 from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver, Reception, crc8
+from hil.bus.protection import Reception, crc8
 from hil.nodes.controller.guard import Evidence
 from hil.nodes.controller.operator import SETPOINT, Operator
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, plain
@@ -77,8 +77,7 @@ class FrameReceiver:
     ) -> None:
         sensors = ("CapsuleLocalisation", LOCALISER, "ForceReading", "ForceSensorHeartbeat")
         names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
-        self._names = {catalogue[name].id: name for name in names}
-        self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
+        self.reception = Reception(catalogue[name] for name in names)
         self._twins = {catalogue[name].id: Twins(catalogue[name]) for name in (wiring.heartbeat, LOCALISER)}
         self._beats = tuple(self._twins.values())
         self.wiring, self.tick_s = wiring, tick_s
@@ -135,7 +134,9 @@ class FrameReceiver:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
                 self.frames += 1
-                self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
+                self._take(
+                    self.reception.receivers[message.arbitration_id].frame.name, values, message.timestamp, now, found
+                )
         return found
 
     def _deafened(self, error: Exception) -> None:

@@ -4,7 +4,6 @@ alone.
 
 import contextlib
 import json
-import math
 import re
 import sys
 import time
@@ -17,6 +16,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
+
+from hil.report.quantities import plain
 
 WIDTH = 110  # characters, where the terminal tells none
 QUIET_S = 10.0
@@ -81,21 +82,6 @@ def print_json(document: Any) -> None:
 def json_text(document: Any) -> str:
     """A document as JSON text."""
     return printable(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)) + "\n"
-
-
-def plain(value: Any) -> Any:
-    """A value of dicts, sequences, NumPy numbers and arrays as JSON knows them; numbers that are not finite become
-    None.
-    """
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 @contextlib.contextmanager

@@ -1,16 +1,22 @@
 """`capsule simulate`: the plant alone, from a scenario file to a record."""
 
 from pathlib import Path
+from typing import Annotated
 
 from hil.app.console import output_to_notes, print_json, say
+from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_targets
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import load_scenario
 from plant.experiments.series import write_record
 
 
-def simulate(scenario: Path, out: Path, *, json_output: bool = False) -> None:
-    """Write the record of the scenario file `scenario` to `out` and say so. Raises ValueError as `write_simulated`."""
+def simulate(
+    scenario: Annotated[Path, argument("SCENARIO.toml", "Rig, drive and hidden effects.")],
+    out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
+    json_output: Json = False,
+) -> None:
+    """Write the record of the scenario and say so."""
     with output_to_notes():
         write_simulated(scenario, out)
     if json_output:

@@ -1,7 +1,7 @@
 """The makers whose drives a deployment or a scenario may name by a table of their own."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import can
@@ -20,7 +20,6 @@ from hil.drives.odrive.protocol import OdriveTable
 from hil.drives.odrive.setup import set_up as set_up_odrive
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP
-from models.files.tables import from_table
 
 
 @dataclass(frozen=True)
@@ -53,13 +52,7 @@ def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> Actuator
     name = named[0]
     if kind != CARRIAGE_MAP.drive.name:
         raise ValueError(f"{name} must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
-    within = {f.name: (owner, f) for owner, table in ACTUATORS.items() for f in fields(table) if "read" in f.metadata}  # type: ignore[arg-type]
-    found = from_table(ACTUATORS[name], raw[name], name, skip=tuple(within))
-    for key, (owner, one) in within.items():
-        if key in raw[name]:
-            if owner != name:
-                raise ValueError(f"{key} must stand in [{owner}]; got them in [{name}]")
-            found = replace(found, **{key: one.metadata["read"](raw[name][key])})  # type: ignore[type-var]
+    found = ACTUATORS[name].read(raw)
     found.check_speed(limits.carriage_speed_m_s)
     return found
 

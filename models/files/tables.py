@@ -1,12 +1,11 @@
 """Frozen dataclasses from TOML tables: unknown keys, missing ones and wrong types refused in one sentence each."""
 
-import math
 import sys
 import types
 import typing
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import MISSING, field, fields, is_dataclass
-from typing import Any, ClassVar, Final, Self, TypeVar
+from collections.abc import Collection, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any, Final, TypeVar
 
 from models.files.units import unit, unit_of
 from models.laws.geometry import contact_angle_deg
@@ -56,41 +55,8 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
         raise ValueError(f"[{where}] must have {', '.join(missing)}; got {', '.join(table) or 'nothing'}")
     built = cls(**values)
     for key, value in values.items():
-        _check_magnitude(value, f"{where}.{key}")
+        check_magnitude(value, f"{where}.{key}")
     return built
-
-
-def limited(
-    default: Any = MISSING, lower: float = -math.inf, upper: float = math.inf, among: Collection[str] = ()
-) -> Any:
-    """A key of a `Declared` table: its default, the range of its value, the words of which it must be one."""
-    return field(default=default, metadata={"range": (lower, upper), "among": among})
-
-
-class Declared:
-    """A frozen dataclass that is the table `[where]` of a file; what its keys declare is checked as it is made."""
-
-    where: ClassVar[str]
-
-    def __init_subclass__(cls, where: str) -> None:
-        """Note the table's name."""
-        cls.where = where
-
-    def __post_init__(self) -> None:
-        for declared in fields(self):  # type: ignore[arg-type]
-            value, among = getattr(self, declared.name), declared.metadata.get("among")
-            if among:
-                check_word(value, f"{self.where}.{declared.name}", among)
-            lower, upper = declared.metadata.get("range", (-math.inf, math.inf))
-            if not isinstance(value, str) and lower == 0 and math.isinf(upper) and not value >= 0:
-                raise ValueError(f"{self.where}.{declared.name} must be zero or more; got {value:g}")
-            if not isinstance(value, str) and lower > -math.inf:
-                check_ranges(self, self.where, [(declared.name, lower, upper)])
-
-    @classmethod
-    def read(cls, tables: Mapping[str, Any]) -> Self:
-        """The table among those of a file. Raises ValueError as `from_table`."""
-        return from_table(cls, tables.get(cls.where, {}), cls.where)
 
 
 def check_word(word: str, where: str, choices: Collection[str]) -> str:
@@ -101,7 +67,7 @@ def check_word(word: str, where: str, choices: Collection[str]) -> str:
     return word
 
 
-def _check_magnitude(value: Any, where: str) -> None:
+def check_magnitude(value: Any, where: str) -> None:
     """Raises ValueError of one sentence for a number, or one of a list, that nothing in the unit of its key `where` can
     have: whatever a file states is refused there before it reaches a law.
     """
@@ -113,19 +79,6 @@ def _check_magnitude(value: Any, where: str) -> None:
         least = _SMALLEST / found.factor if found else _SMALLEST
         if not least <= abs(number) <= most:
             raise ValueError(f"{where} must be 0 or {least:g} to {most:g}, positive or negative; got {number:g}")
-
-
-def check_ranges(
-    table: object, where: str, ranges: Iterable[tuple[str, float, float]], either_sign: Collection[str] = ()
-) -> None:
-    """Raises ValueError of one sentence for a field of `table`, the table `[where]`, that is out of its range: name,
-    lowest and highest value, which of the fields `either_sign` bound the amount.
-    """
-    for name, lower, upper in ranges:
-        value, both = getattr(table, name), name in either_sign
-        if not lower <= (abs(value) if both else value) <= upper:
-            words = ", with either sign" if both else ""
-            raise ValueError(f"{where}.{name} must lie in [{lower:g}, {upper:g}]{words}; got {value:g}")
 
 
 def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:

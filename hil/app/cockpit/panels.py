@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.app.cockpit.watch import grade_of, words
-from hil.app.scenario.model_facts import model_facts
+from hil.app.scenario.model_use import model_facts
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import without_absent
 from hil.nodes.controller.node import Task

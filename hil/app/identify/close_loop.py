@@ -6,19 +6,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from rich.table import Table
 
 from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
-from hil.app.report import headline, report_html, report_json
-from hil.app.report.cards import grouped
-from hil.app.report.dependence import story
-from hil.app.report.words import error_cells, error_scale, tidy
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
-from models.effects import CATALOGUE, Catalogue
+from hil.report.closed_loop import report_html
+from hil.report.dependence import story
+from hil.report.numbers import report_json
+from hil.report.words import error_cells, error_scale, grouped, headline, tidy
+from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
@@ -33,26 +34,30 @@ _MM = 1e3  # in a metre
 
 
 def close_loop(
-    records: Sequence[Path],
-    rig: Path,
-    out: Path,
-    holdout: Sequence[Path] = (),
+    records: Annotated[
+        list[Path], argument("RECORD...", "Training records: CSV, CAN logs, or files that convert reads.")
+    ],
+    rig: RigFile,
+    out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
+    holdout: Annotated[
+        list[Path],
+        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch."),
+    ],
     *,
-    json_output: bool = False,
-    seed: int = 0,
-    effects: Catalogue = CATALOGUE,
-) -> Finding:
+    json_output: Json = False,
+    seed: Seed = 0,
+    effects: OwnEffects,
+) -> None:
     """Find what the model lacks and write `report.html`, `report.json`, `model.toml` and, where something is left to be
     told apart, `next_experiment.toml` and `.csv` to the folder `out`, all or none. SIGTERM ends it as Ctrl-C does. A
     second one into the same folder is refused.
     """
     with sole_writer(out, "--out"):
-        finding = _closed(records, rig, out, holdout, seed, effects)
+        finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects))
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
     else:
         print_summary(finding, out)
-    return finding
 
 
 def _closed(

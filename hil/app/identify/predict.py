@@ -1,7 +1,7 @@
 """`capsule predict`: the measured column as a model that close-loop wrote predicts it from the driven column alone."""
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from hil.app.console import note, output_to_notes, print_json, say, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
-from models.effects import CATALOGUE, Catalogue
+from models.effects import Catalogue
 from models.files.tables import check_word
 from models.files.toml import in_file
 from models.identification.finding import STAGES
@@ -19,21 +20,22 @@ from models.records.record import Record
 
 
 def predict(
-    record: Path,
-    rig: Path,
-    model: Path,
-    out: Path,
+    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.")],
+    rig: RigFile,
+    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.")],
+    out: Annotated[Path, option("--out", "PRED.csv", "Where the prediction goes.")],
     *,
-    stage: str = "augmented",
-    json_output: bool = False,
-    effects: Catalogue = CATALOGUE,
+    stage: Stage = "augmented",
+    json_output: Json = False,
+    effects: OwnEffects,
 ) -> None:
-    """Write the free-running prediction of `record` to `out`, one row a sample (a condition, for a table of runs)."""
+    """Write the free-running prediction, one row a sample (a condition, for a table of runs)."""
     check_word(stage, "--stage", STAGES)
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
-    belief = effects.given_to(read_deployed_rig(rig))
-    learned = read_model(model, belief.kind, whole=False, catalogue=effects)
+    known = Catalogue.read(effects)
+    belief = known.given_to(read_deployed_rig(rig))
+    learned = read_model(model, belief.kind, whole=False, catalogue=known)
     driven = read_told(record, belief, driven_only=True)
     with in_file(model):
         learned.check(belief, driven)

@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
-from typing import Final
+from typing import Final, Self
 
 from hil.app.child_process import end_with_parent
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
@@ -46,7 +46,10 @@ class Background:
         """Ask; the answer comes when it comes."""
         return self._keeper.submit(self._ask, question)
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """Kill the process, within `CLOSED_S` also one that is stopped; an answer that is still to come is given up."""
         self._closed = True
         self._keeper.shutdown(wait=False, cancel_futures=True)

@@ -8,20 +8,20 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import can
 
 import models.effects
 from hil.app.console import note, output_to_notes, print_json, say
 from hil.app.run.log_task import task_of
+from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
-from models.effects import CATALOGUE
 from models.files.tables import shown
 
 _SHOWN: Final = 5  # differences on the terminal
@@ -112,15 +112,20 @@ class Replay:
         return not self.differences
 
 
-def replay(path: Path, *, json_output: bool = False, effects: models.effects.Catalogue = CATALOGUE) -> int:
-    """Run the controller of the log `path` again; 0 where all frames of a whole log are the same, else 1. Raises
-    ValueError of one sentence.
-    """
+def replay(
+    path: Annotated[Path, argument("LOG", "A log of the controller, its record beside it.")],
+    *,
+    json_output: Json = False,
+    effects: OwnEffects,
+    controllers: OwnControllers,
+) -> int:
+    """Run the controller of a log again; 0 where all frames of a whole log are the same, else 1."""
     if path.suffix.lower() != ".blf":
         raise ValueError(
             f"{path}: log must be the .blf file that a run wrote: other formats keep neither times to the ns nor the"
             " notes that a replay needs"
         )
+    known = models.effects.Catalogue.read(effects)
     record, catalogue = read_log_record(path), load_catalogue()
     held = 0
 
@@ -133,7 +138,7 @@ def replay(path: Path, *, json_output: bool = False, effects: models.effects.Cat
     try:
         _fits(record, catalogue)
         with output_to_notes():
-            task = task_of(record, str(path), effects)
+            task = task_of(record, str(path), known)
             found = replayed(counted(), task, catalogue, record.get("dry_run", False))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None

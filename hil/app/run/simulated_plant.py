@@ -3,14 +3,15 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
-from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals, prepare_process
+from hil.app.run.run import open_bus
 from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
+from hil.app.shared_options import Json, argument, option, several
 from hil.bus.authenticated import AuthenticatedBus
 from hil.drives.table import ActuatorTable
 from hil.simulated.faults.table import Fault, read_lie
@@ -19,13 +20,18 @@ from plant import layout as at
 from plant.session import Session
 
 
-def plant(path: Path, seconds: float | None = None, lies: Sequence[str] = (), *, json_output: bool = False) -> None:
-    """Put the plant of the deployment file `path` on its bus for `seconds`, else until Ctrl-C or SIGTERM, and print
-    "ready" once it is there. With `json_output` that goes to standard error, and at the end what became of the plant,
-    the truth included, to standard output.
-
-    Each of `lies` is one of its localiser or drive (`hil.simulated.faults.table.read_lie`). Raises ValueError, one
-    sentence, for a file that names no plant, a lie that is none and for a bus that does not open.
+def plant(
+    path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file whose [plant] names a scenario.")],
+    *,
+    seconds: Annotated[float | None, option("--seconds", "S", "For how long; else until Ctrl-C.")] = None,
+    lies: Annotated[
+        list[str],
+        several("--lie", "KIND[:TARGET][=VALUE][@S]", "What its localiser or drive lies about, and from when."),
+    ],
+    json_output: Json = False,
+) -> None:
+    """Put the plant on its bus and print "ready" once it is there; with `--json` that goes to standard error, and at
+    the end what became of the plant, the truth included, to standard output.
     """
     if seconds is not None and not 0 < seconds <= 1e6:
         raise ValueError(f"--seconds must be more than 0 and at most 1e6; got {seconds:g}")

@@ -8,29 +8,33 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from controller.model.control_model import ControlModel
-from controller.supervision.acceptance import Acceptance, AcceptanceTest
+from controller.supervision.acceptance import Acceptance, judge
 from controller.supervision.model_switch import Offer
 from models.effects import Catalogue
-from models.files.tables import Declared, limited
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.rigs.rig import Rig
+from models.rigs.schema import Among, NamedTable, key
 from models.theta import Theta
 
 
-@dataclass(frozen=True)
-class OfferTable(Declared, where="offer"):
-    """`[offer]`: the model file and its report.json, paths relative to the file that names them; which stage, and from
-    when on.
-    """
+class ModelTable(NamedTable):
+    """`[model]`: a model that close-loop wrote and that leads from the begin on."""
 
-    file: str
-    report: str
-    stage: str = limited("augmented", among=STAGES)
-    at_s: float = limited(0.0, 0.0)
+    where = "model"
+    file: str = key("`model.toml` that `capsule close-loop` wrote, relative to this file")
+    report: str = key("the `report.json` beside it")
+    stage: Annotated[str, Among(STAGES)] = key("`nominal`, `calibrated` or `augmented`", "augmented")
+
+
+class OfferTable(ModelTable):
+    """`[offer]`: one that takes over later."""
+
+    where = "offer"
+    at_s: float = key("time from which the model is offered; it takes over at the next rest", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) 
     model = read_model(folder / table.file, rig.kind, catalogue=Catalogue.of(rig))
     report = read_report(folder / table.report)
     used = next((stage for stage in STAGES if model.believed(stage) == values), "" if values else STAGES[0])
-    verdict = AcceptanceTest().judge(report, model, rig, stage=table.stage, current=used or math.nan)
+    verdict = judge(report, model, rig, stage=table.stage, current=used or math.nan)
     if not verdict.passed:
         raise ValueError(f"{folder / table.file}: offered model must pass the gate; got: {verdict.sentence}")
     return Offered(model.believed(table.stage), table.at_s)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from controller.limits import Limits
 from controller.signals import Status
-from hil.app.scenario.model_health import told
+from hil.app.scenario.model_use import health_of
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
@@ -78,7 +78,7 @@ def score(scenario: TrackScenario, trace: Trace) -> Score:
         _times(trace.estimate_s),
         scenario.duration_s / trace.wall_clock_s if trace.wall_clock_s > 0 else math.inf,
         [asdict(event) for event in trace.events],
-        told(trace.health),
+        health_of(trace.health),
     )
 
 
@@ -143,11 +143,11 @@ def _times(seconds: Array) -> dict[str, float]:
 
 
 def document(
-    scenario: TrackScenario, name: str, controller: str, seed: int, model: str, result: Score, log: str | None
+    scenario: TrackScenario, controller: str, seed: int, model: str, result: Score, log: str | None = None
 ) -> dict[str, Any]:
     """The JSON object of `capsule track`, in the keys of interfaces.md."""
     return {
-        "scenario": name,
+        "scenario": scenario.name,
         "controller": controller,
         "seed": seed,
         "model": model,

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -20,30 +19,17 @@ STAYING_S = 1.0
 """
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """A check by its name in the scenario, its `value` in that name's unit (inf: never) and the `limit`."""
-
-    check: str
-    value: float
-    limit: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the limit is kept; a value that is no number does not keep it."""
-        return self.value <= self.limit
-
-    def document(self) -> dict[str, Any]:
-        """As `capsule track --json` prints it."""
-        return {**asdict(self), "passed": self.passed}
-
-
-def verdicts(scenario: TrackScenario, controller: str, trace: Trace, found: Score) -> list[Verdict]:
-    """One verdict for each check that the scenario has for `controller`."""
+def verdicts(scenario: TrackScenario, controller: str, trace: Trace, found: Score) -> list[dict[str, Any]]:
+    """A verdict for each check that the scenario has for `controller`, as `capsule track --json` prints it: its name,
+    the `value` in that name's unit (inf: never) and the `limit`; a value that is no number does not keep it.
+    """
     checks = scenario.checks.of(controller)
     values = dict(_scored(found)) | dict(_traced(scenario, checks, trace))
+    limits = {name: getattr(checks, name) for name in values}
     return [
-        Verdict(name, value, limit) for name, value in values.items() if (limit := getattr(checks, name)) is not None
+        {"check": name, "value": value, "limit": limits[name], "passed": bool(value <= limits[name])}
+        for name, value in values.items()
+        if limits[name] is not None
     ]
 
 

@@ -2,14 +2,14 @@
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import can
+from pydantic import BeforeValidator
 
-from hil.drives.table import ActuatorTable
+from hil.drives.table import NODE, ActuatorTable
 from hil.nodes import frame_map as our
-from models.files.tables import limited
+from models.rigs.schema import Among, key
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
 """States of the power drive system; 0 is "not ready to switch on"."""
@@ -63,52 +63,55 @@ _SHOWN: Final = (our.BOOT, our.STANDBY, our.WAITING, our.WAITING, our.ENABLED, o
 """The states in the catalogue's numbers."""
 
 
-def options_of(raw: object) -> tuple[tuple[int, int, int], ...]:
-    """`[cia402.options]`: index, sub (hexadecimal) and value of each `"index.sub" = value`. Raises ValueError."""
+def _options(raw: object) -> object:
+    """`[cia402.options]`: index, sub and value of each `"index.sub" = value`, the first two hexadecimal."""
     if not isinstance(raw, Mapping):
-        raise ValueError(f'cia402.options must be a table of "index.sub" = value; got {raw!r}')
+        return raw
     found = []
-    for key, value in raw.items():
-        index, _, sub = str(key).partition(".")
+    for name, value in raw.items():
+        index, _, sub = str(name).partition(".")
         try:
             place = int(index, 16), int(sub, 16)
         except ValueError:
             place = (-1, -1)
         if not (0x1000 <= place[0] <= 0xFFFF and 0 <= place[1] <= 0xFF):
-            raise ValueError(f'cia402.options must have keys as "6083.0", index and sub hexadecimal; got {key!r}')
+            raise ValueError(f'must have keys as "6083.0", index and sub hexadecimal; got {name!r}')
         if isinstance(value, bool) or not isinstance(value, int) or not -(1 << 31) <= value < 1 << 32:
-            raise ValueError(f"cia402.options {key} must be an integer of at most 32 bits; got {value!r}")
+            raise ValueError(f"{name} must be an integer of at most 32 bits; got {value!r}")
         found.append((*place, value))
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Cia402Table(ActuatorTable, where="cia402"):
-    """`[cia402]`: the carriage is a CANopen drive of this `node_id`, whose position counts `counts_per_m`; `answers_s`
-    is how long it may take to be found. It is led in the cyclic synchronous `mode`; by velocity with `velocity_gain_Hz`
-    on what is left of the way. `homing_method` (0x6098, 0: none) is run as it is set up, at `homing_speed_m_s` (0x6099)
-    and for at most `homing_s`. Led by places, it must say so itself where it is off by more than `following_m` (0x6065)
-    for `following_s` (0x6066); 0 leaves both as they are. `options` are objects of its own: index, sub, value.
+class Cia402Table(ActuatorTable):
+    """`[cia402]`: the carriage is a CANopen drive, led in a cyclic synchronous mode; `options` are objects of its own:
+    index, sub, value.
     """
 
-    node_id: int = limited(1, 1, 15)
-    counts_per_m: float = limited(1e6, 1e3, 1e9)
-    answers_s: float = limited(2.0, 0.1, 60.0)
-    mode: str = limited("position", among=tuple(MODES))
-    velocity_gain_Hz: float = limited(20.0, 0.1, 200.0)
-    homing_method: int = limited(0, -128, 127)
-    homing_speed_m_s: float = limited(0.01, 1e-4, 0.1)
-    homing_s: float = limited(30.0, 0.1, 600.0)
-    following_m: float = limited(0.005, 0.0, 1.0)
-    following_s: float = limited(0.02, 0.001, 1.0)
-    options: tuple[tuple[int, int, int], ...] = field(default=(), metadata={"read": options_of})
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.node_id <= 15:
-            raise ValueError(
-                f"cia402.node_id must lie in [1, 15], clear of the catalogue's identifiers; got {self.node_id}"
-            )
-        super().__post_init__()
+    where = "cia402"
+    node_id: int = key(NODE, 1, 1, 15)
+    counts_per_m: float = key("its position counts, per metre", 1e6, 1e3, 1e9)
+    mode: Annotated[str, Among(MODES)] = key(
+        "what the drive is led by: places or speeds, both cyclic and synchronous", "position"
+    )
+    velocity_gain_Hz: float = key(
+        "led by `velocity`: share of what the carriage is off its place that a second makes up for", 20.0, 0.1, 200.0
+    )
+    homing_method: int = key(
+        "object 0x6098: how the drive finds its zero as it is set up, by its own motion; 0: not at all", 0, -128, 127
+    )
+    homing_speed_m_s: float = key("object 0x6099: its speed then", 0.01, 1e-4, 0.1)
+    homing_s: float = key("how long that may take", 30.0, 0.1, 600.0)
+    following_m: float = key(
+        "object 0x6065, led by places: this far off its target for `following_s` the drive must say so, and is stopped;"
+        " 0: 0x6065 and 0x6066 are left as they are",
+        0.005,
+        0.0,
+        1.0,
+    )
+    following_s: float = key("object 0x6066: how long it may be so far off", 0.02, 0.001, 1.0)
+    options: Annotated[tuple[tuple[int, int, int], ...], BeforeValidator(_options)] = key(
+        'objects of the drive\'s own, `"index.sub" = value`, index and sub hexadecimal, each written and read back', ()
+    )
 
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
         """RPDO 1, SYNC and the controller's heartbeat; its TPDOs and heartbeat."""

@@ -9,9 +9,9 @@ from typing import ClassVar, Final
 import can
 
 from hil.bus.wrapping import fd_frame
-from hil.drives.table import TurningTable
+from hil.drives.table import NODE, TurningTable
 from hil.nodes.frame_map import INTERNAL, OVER_CURRENT, OVER_TEMPERATURE, SELF_TEST_FAILED, SENSOR, SUPPLY, TIME_TO_LIVE
-from models.files.tables import limited
+from models.rigs.schema import key
 
 MODE, POSITION, VELOCITY, TORQUE, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0C, 0x0F  # of moteus' reference
 VOLTAGE, TEMPERATURE, PATH_POSITION, PATH_VELOCITY = 0x0D, 0x0E, 0x38, 0x39  # the same
@@ -64,22 +64,13 @@ FAULTS: Final[Mapping[int, tuple[str, int]]] = {
 WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 
 
-@dataclass(frozen=True)
-class MoteusTable(TurningTable, where="moteus"):
-    """`[moteus]`: the carriage is a moteus controller of this `node_id`, whose output does `turns_per_m` (negative: the
-    other way) with at most `most_torque_N_m`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
-    deceleration of the carriage without torque, as after a fault. `home` "here" makes the present place zero.
-    `answers_s`: how long it may take to be found.
-    """
+class MoteusTable(TurningTable):
+    """`[moteus]`: the carriage is a moteus controller, by CAN FD."""
 
+    where = "moteus"
     fd: ClassVar[bool] = True
-    node_id: int = limited(1, 1, 126)
-    turns_per_m: float = limited(100.0, 1.0, 1e5)
-    most_torque_N_m: float = limited(0.5, 0.001, 100.0)
-    watchdog_s: float = limited(0.02, 0.004, 0.1)
-    coast_m_s2: float = limited(5.0, 0.1, 100.0)
-    home: str = "kept"
-    answers_s: float = limited(2.0, 0.1, 60.0)
+    node_id: int = key(NODE, 1, 1, 126)
+    most_torque_N_m: float = key("most torque at its output", 0.5, 0.001, 100.0)
 
     def orders(self, message: can.Message) -> bool:
         """To this node or to all, by CAN FD or classic, and does not begin with a question."""

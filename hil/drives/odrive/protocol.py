@@ -2,17 +2,18 @@
 
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
 
 import can
+from pydantic import BeforeValidator, Field
 
 from hil.bus.wrapping import classic_frame
-from hil.drives.table import TurningTable
+from hil.drives.table import NODE, TurningTable
 from hil.nodes import frame_map as our
 from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames, plain
-from models.files.tables import limited
 from models.parameter import nearest
+from models.rigs.schema import key
 
 
 @dataclass(frozen=True)
@@ -141,50 +142,49 @@ FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in _TAKEN)
 """Nodes none of whose 32 identifiers is one of the catalogue's, but for that of all."""
 
 
-def endpoints_of(raw: object) -> tuple[tuple[str, int], ...]:
-    """`[odrive.endpoints]`: path and id of each. Raises ValueError."""
+def _endpoints(raw: object) -> object:
+    """`[odrive.endpoints]`: path and id of each."""
     if not isinstance(raw, Mapping):
-        raise ValueError(f'odrive.endpoints must be a table of "path" = id; got {raw!r}')
+        return raw
     for path, number in raw.items():
         if path not in READ_BACK:
             raise ValueError(
-                f"keys of [odrive.endpoints] must be among {', '.join(READ_BACK)}; got {path!r};"
-                f" {nearest(str(path), list(READ_BACK))}"
+                f"must have keys among {', '.join(READ_BACK)}; got {path!r}; {nearest(str(path), list(READ_BACK))}"
             )
         if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= 65535:
-            raise ValueError(f"odrive.endpoints {path} must be an integer in [1, 65535]; got {number!r}")
+            raise ValueError(f"{path} must be an integer in [1, 65535]; got {number!r}")
     return tuple(raw.items())
 
 
-@dataclass(frozen=True)
-class OdriveTable(TurningTable, where="odrive"):
-    """`[odrive]`: the carriage is an ODrive of this `node_id`, whose motor does `turns_per_m` (negative: the other
-    way). `firmware` and the two endpoint ids, of `flat_endpoints.json` of that firmware, are what its watchdog is read
-    back by; that one must expire within `watchdog_s`. `coast_m_s2` is the deceleration of the carriage without torque,
-    which is its safe state. `home` "here" makes the present place zero. `answers_s`: how long it may take to be found.
-    `endpoints` are further ids of that file, by path, of `READ_BACK`.
+class OdriveTable(TurningTable):
+    """`[odrive]`: the carriage is an ODrive, whose safe state is no torque. `endpoints` are ids by path of
+    `READ_BACK`.
     """
 
-    node_id: int = 2
-    turns_per_m: float = limited(100.0, 1.0, 1e5)
-    firmware: str = "0.6.11"
-    enable_watchdog_endpoint: int = limited(0, 0, 65535)
-    watchdog_timeout_endpoint: int = limited(0, 0, 65535)
-    watchdog_s: float = limited(0.02, 0.004, 0.1)
-    motor_current_A: float = limited(10.0, 0.1, 200.0)
-    coast_m_s2: float = limited(5.0, 0.1, 100.0)
-    home: str = "kept"
-    answers_s: float = limited(2.0, 0.1, 60.0)
-    endpoints: tuple[tuple[str, int], ...] = field(default=(), metadata={"read": endpoints_of})
+    where = "odrive"
+    node_id: Annotated[int, Field(json_schema_extra={"enum": list(FREE_NODES)})] = key(NODE, 2)
+    firmware: str = key("its firmware, whose endpoint ids the next two are; another one is refused", "0.6.11")
+    enable_watchdog_endpoint: int = key(
+        "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; 0: not stated, and it is not led",
+        0,
+        0,
+        65535,
+    )
+    watchdog_timeout_endpoint: int = key("endpoint id of `axis0.config.watchdog_timeout`, likewise", 0, 0, 65535)
+    motor_current_A: float = key("most current of its motor (Set_Limits)", 10.0, 0.1, 200.0)
+    endpoints: Annotated[tuple[tuple[str, int], ...], BeforeValidator(_endpoints)] = key(
+        'further ids of `flat_endpoints.json`, `"path" = id`, of what is read back then (`docs/bus.md` lists them);'
+        " what is not stated is told as not asked for",
+        (),
+    )
 
-    def __post_init__(self) -> None:
+    def model_post_init(self, _: Any) -> None:
         if self.node_id not in FREE_NODES:
             free = ", ".join(map(str, FREE_NODES))
             raise ValueError(
                 f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers and of {BROADCAST},"
                 f" which every ODrive hears; got {self.node_id}"
             )
-        super().__post_init__()
 
     def check_speed(self, speed_m_s: float) -> None:
         """Raises ValueError where Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""

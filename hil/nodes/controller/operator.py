@@ -2,8 +2,7 @@
 
 import math
 from collections import Counter
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,8 +13,8 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.view import within
-from models.files.tables import Declared, limited
 from models.parameter import nearest
+from models.rigs.schema import NamedTable, Words, key
 
 SETPOINT: Final = "OperatorSetpoint"
 STATUS: Final = "OperatorStatus"
@@ -31,25 +30,32 @@ OFF, READY, MOVING, HELD, STOPPED = range(5)  # what the controller makes of set
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
 
 
-@dataclass(frozen=True)
-class OperatorLimits(Declared, where="operator"):
-    """`[operator]`: whether setpoints from the bus are taken, from which `sources` (none: from all), and within what:
-    speed and acceleration of the reference, its lowest and highest position. The drive is stopped `stop_after_s` after
-    the dead-man switch has been released, or a setpoint has come late. Senders may be slower than the frame's cycle by
-    `drift_share`; by so much a delay may grow unnoticed.
-    """
+class OperatorLimits(NamedTable):
+    """`[operator]`: whether setpoints from the bus are taken, from whom, and within what."""
 
-    accept: bool = False
-    sources: tuple[str, ...] = ()
-    speed_m_s: float = limited(0.005, 1e-4, _FASTEST_M_S)
-    acceleration_m_s2: float = limited(0.05, 1e-3, 10.0)
-    lowest_m: float = -0.05
-    highest_m: float = 0.05
-    stop_after_s: float = limited(1.0, 0.05, 60.0)
-    drift_share: float = limited(0.02, 5e-4, 1.0)
+    where = "operator"
+    accept: bool = key("whether the controller takes setpoints from the bus", False)
+    sources: Words = key("senders whose setpoints are taken, by the names of `OperatorSetpoint`; empty: all", ())
+    speed_m_s: float = key("greatest speed of the reference that setpoints lead", 0.005, 1e-4, _FASTEST_M_S)
+    acceleration_m_s2: float = key("greatest acceleration of that reference", 0.05, 1e-3, 10.0)
+    lowest_m: float = key("lowest position that it goes to, as the localiser tells it", -0.05)
+    highest_m: float = key("highest position", 0.05)
+    stop_after_s: float = key(
+        "how long the capsule is held after the dead-man switch has been released, or a setpoint has come late, before"
+        " the drive is stopped",
+        1.0,
+        0.05,
+        60.0,
+    )
+    drift_share: float = key(
+        "share by which a sender's setpoints may come slower than every 20 ms; a delay on the way that grows by less is"
+        " not noticed",
+        0.02,
+        5e-4,
+        1.0,
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def model_post_init(self, _: Any) -> None:
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
             raise ValueError(
                 f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import can
 
-from hil.bus.catalogue import Catalogue, Frame
+from hil.bus.catalogue import Frame, load_catalogue
 from hil.bus.codec import Codec, Reason, Refusal
 from hil.bus.wrapping import classic_frame
 
@@ -26,9 +26,7 @@ _TABLE = crc_table(POLYNOMIAL)
 
 
 def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
-    """CRC of `data` and the byte `data_id`: start 0xFF, inverted. On 8 bytes, one of them the CRC, its Hamming distance
-    is 4.
-    """
+    """CRC of `data` and the byte `data_id`: start 0xFF, inverted; Hamming distance 4 on 8 bytes with itself."""
     table, rest = _TABLE, _START
     for byte in data:
         rest = table[rest ^ byte]
@@ -67,8 +65,8 @@ class Sender:
 class FrameTransmitter:
     """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
 
-    def __init__(self, bus: can.BusABC, catalogue: Catalogue, names: Iterable[str]) -> None:
-        self._bus, self._senders = bus, {name: Sender(catalogue[name]) for name in names}
+    def __init__(self, bus: can.BusABC, names: Iterable[str]) -> None:
+        self._bus, self._senders = bus, {name: Sender(load_catalogue()[name]) for name in names}
         self.unsent = 0
 
     def say(self, name: str, values: Mapping[str, float]) -> None:

@@ -8,12 +8,11 @@ from typing import Any, ClassVar, Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import NOT_MEASURED_C, Codec
 from hil.bus.protection import Sender
 from hil.bus.wrapping import WrappingBus, classic_frame
 from hil.drives.table import ActuatorTable
-from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, heartbeat
+from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, frames, heartbeat
 
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
@@ -29,12 +28,11 @@ class CarriageBus(WrappingBus):
     maker: ClassVar[str]
     table: Any
 
-    def __init__(self, inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> None:
+    def __init__(self, inner: can.BusABC, table: ActuatorTable, tick_s: float) -> None:
         super().__init__(inner, f"{self.maker} node {table.node_id} on {inner.channel_info}")
-        self.table, self._tick_s, self._command_id = table, tick_s, catalogue["CarriageCommand"].id
-        self._heard = {catalogue[heard].id: (heard, Codec(catalogue[heard])) for heard in _HEARD}
-        self._speakers = {spoken: Sender(catalogue[spoken]) for spoken in _SPOKEN}
-        self._catalogue = catalogue
+        self.table, self._tick_s, self._command_id = table, tick_s, frames()["CarriageCommand"].id
+        self._heard = {frames()[heard].id: (heard, Codec(frames()[heard])) for heard in _HEARD}
+        self._speakers = {spoken: Sender(frames()[spoken]) for spoken in _SPOKEN}
         self._ready: deque[can.Message] = deque()
         self._began_s = math.nan
 
@@ -112,7 +110,7 @@ class CarriageBus(WrappingBus):
     def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
         """Let it hear a heartbeat; `anew` where the drive has just booted."""
         self._began_s = stamp if math.isnan(self._began_s) or anew else self._began_s
-        self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s, self._catalogue), stamp)
+        self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s), stamp)
 
     def fail(self, code: int, detail: int, stamp: float) -> None:
         """Let it hear a fault, twice as every drive tells one."""

@@ -82,9 +82,7 @@ def one_clock(
 
 
 def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
-    """(group, times (n,), channels) but for the channel `t_s`. Those without a clock get what that one holds, else the
-    number of the sample.
-    """
+    """(group, times (n,), channels) but for `t_s`, whose times those without a clock get, else the samples' number."""
     clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
     found: list[tuple[str, Array, list[Channel]]] = []
     for channel in (channel for channel in channels if channel.heading.name != TIME):

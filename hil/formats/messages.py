@@ -23,9 +23,7 @@ class Message:
 
 
 def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[Channel]:
-    """The channels `topic/field` that `pick` takes; `messages` is called twice. A time is the stamp of a message's
-    header, where it has one, else its own; in s from the first.
-    """
+    """The channels `topic/field` that `pick` takes, at headers' stamps, else their own. `messages` is called twice."""
     known: dict[str, Heading] = {}
     seen: set[str] = set()
     for message in messages():

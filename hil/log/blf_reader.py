@@ -32,8 +32,8 @@ Tell = Callable[[str], None]
 
 
 def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of `path`. Of a file that ends in the middle what is whole, and
-    `tell` gets a sentence. Raises ValueError of one sentence with the offset for an object that cannot be.
+    """The frames of `path`; of one that is cut off what is whole, with a sentence for `tell`. Raises ValueError with
+    the place.
     """
     with opened(path, "log") as file:
         yield from _Reading(path, file, tell).frames()

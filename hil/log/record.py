@@ -76,9 +76,7 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """Every signal of the good frames of `path` as a channel `Frame/Signal`, at the times of arrival, NaN where it says
-    nothing. `tell` as `read_frames`. Raises ValueError of one sentence.
-    """
+    """Every signal of the good frames as a channel `Frame/Signal` at the times of arrival. Raises ValueError."""
     reading = _Reading(path, tell)
     channels: list[Channel] = []
     for name, frames in reading.good.items():

@@ -8,7 +8,6 @@ from typing import Final
 import can
 
 from controller.limits import Limits
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.protection import FrameTransmitter, Reception
 from hil.nodes import frame_map as wire
@@ -44,7 +43,6 @@ class DriveNode:
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         power: Power,
         limits: Limits,
@@ -53,7 +51,6 @@ class DriveNode:
     ) -> None:
         self._draw = draw
         self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
-        self.catalogue = catalogue
         self.temperature_C = AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
@@ -63,13 +60,12 @@ class DriveNode:
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
         names = (self.wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
-        self.reception = Reception(self.catalogue[name] for name in names)
+        self.reception = Reception(wire.frames()[name] for name in names)
         for name in (self.wiring.command, "Sync"):
-            receiver = self.reception.receivers[self.catalogue[name].id]
+            receiver = self.reception.receivers[wire.frames()[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.transmitter = FrameTransmitter(
             self.bus,
-            self.catalogue,
             (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
         )
         self.stage = Stage(wire.BOOT, now)
@@ -164,7 +160,7 @@ class DriveNode:
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2
             self._uptime_s = values["Uptime_s"]
-            self._heard_at, self._stranger = stamp, values["Catalogue"] != self.catalogue.fingerprint
+            self._heard_at, self._stranger = stamp, values["Catalogue"] != wire.frames().fingerprint
 
     def _take_over(self) -> None:
         if self._waiting:
@@ -195,7 +191,7 @@ class DriveNode:
             self.transmitter.say(self.wiring.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
-            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
+            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began)
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:

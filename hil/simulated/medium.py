@@ -205,9 +205,7 @@ def _first(port: SimulatedBus) -> _Waiting:
 
 
 class SimulatedBus(OwnBus):
-    """A node on a `Medium`: `recv` never waits, `send` queues at the medium's time. Off the bus both raise
-    CanOperationError.
-    """
+    """A node on a `Medium`: `recv` never waits, `send` queues at the medium's time."""
 
     def __init__(self, medium: Medium, name: str) -> None:
         super().__init__(channel=name)

@@ -88,9 +88,7 @@ def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry, by: s
 
 
 def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """As `hil.drives.makers.set_up`: its objects are written and read back, it is homed where the table says so and it
-    has no fault, and its PDOs begin. Needs the package canopen.
-    """
+    """As `hil.drives.makers.set_up`: objects, homing where the table says so, PDOs. Needs the package canopen."""
     try:
         import canopen
     except ImportError:
@@ -127,9 +125,7 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *
 
 
 def _is_idle(node: Any, table: Cia402Table, faulty: bool) -> None:
-    """A drive that knows its modes, has no fault (but where `faulty`), and is disabled. One that is stopped answers
-    only once it is pre-operational.
-    """
+    """Of a drive that knows its modes, has no fault (but where `faulty`), and is disabled."""
     try:
         kind = word_of(node, 0x1000) & 0xFFFF
     except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like

@@ -8,7 +8,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.moteus import protocol as wire
 from hil.drives.moteus.protocol import FAULTS, WATCHDOG, MoteusTable
 from hil.drives.turning import IDLE_TICKS, TurningBus
@@ -37,8 +36,8 @@ class MoteusBus(TurningBus):
     maker = "moteus"
     table: MoteusTable
 
-    def __init__(self, inner: can.BusABC, table: MoteusTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: MoteusTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._watchdog_s = wire.single(table.watchdog_s)
         self._servo, self._held_s = -1, math.nan
         self._prefix, self._in_session = wire.SESSION, False

@@ -6,7 +6,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.odrive import protocol as wire
 from hil.drives.odrive.protocol import FREE_NODES, Command, OdriveTable
 from hil.drives.turning import IDLE_TICKS, TurningBus
@@ -35,8 +34,8 @@ class OdriveBus(TurningBus):
     maker = "ODrive"
     table: OdriveTable
 
-    def __init__(self, inner: can.BusABC, table: OdriveTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: OdriveTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._axis = self._errors = self._result = self._latched = self._forgiven = 0
         self._heard_at, self._others_at, self._others = -math.inf, -math.inf, set[int]()
 

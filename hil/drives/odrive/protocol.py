@@ -18,9 +18,7 @@ from models.rigs.schema import key
 
 @dataclass(frozen=True)
 class Command:
-    """A frame: the 5 lower bits of its identifier, whose 6 upper ones are the node, its signals as struct has them, and
-    its `length` in bytes, at least theirs.
-    """
+    """A frame: the 5 lower bits of its identifier, its signals as struct has them, its least `length` in bytes."""
 
     number: int
     layout: str = "<"
@@ -157,9 +155,7 @@ def _endpoints(raw: object) -> object:
 
 
 class OdriveTable(TurningTable):
-    """`[odrive]`: the carriage is an ODrive, whose safe state is no torque. `endpoints` are ids by path of
-    `READ_BACK`.
-    """
+    """`[odrive]`: an ODrive, whose safe state is no torque. `endpoints`: ids by path of `READ_BACK`."""
 
     where = "odrive"
     node_id: Annotated[int, Field(json_schema_extra={"enum": list(FREE_NODES)})] = key(NODE, 2)
@@ -215,5 +211,4 @@ READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]
     "axis0.config.can.input_vel_scale": ("<I", lambda *_: VEL_FF_SCALE),
     "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
 }
-"""What is read back where the drive's endpoint of that path is stated: its type, and what it must hold for a table and
-a speed in m/s."""
+"""By the path of an endpoint that is stated: its type, and what it must hold for a table and a speed in m/s."""

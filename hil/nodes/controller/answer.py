@@ -45,9 +45,7 @@ class Onlooker:
         return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
 
     def not_led(self, wanted: str, health: Health) -> str:
-        """Why a run that ended was not led as asked for, "" where it was: see `fallback.not_led`, or the model broke
-        after a jump.
-        """
+        """Why a run that ended was not led as asked for, or after a jump broke the model; "" where it was."""
         if self.jumps and health.state == "broken":
             return f"the model broke after the localisation had jumped: {self.words}"
         return not_led(self.led, wanted)
@@ -67,9 +65,7 @@ class Onlooker:
         reference: Reference,
         probe: Probe | None,
     ) -> str:
-        """The drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s` before its stamp. Why to
-        stop, "" where there is no reason.
-        """
+        """Why to stop; `seen` has come, true `late_s` before its stamp."""
         self._ticks.append((drive, wanted_m))
         reason = self.contradiction.drove(drive, wanted_m, self._tick_s)
         for m in seen:

@@ -11,9 +11,18 @@ from typing import Final
 import can
 
 from controller.limits import Envelope, number
-from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer, controllers_frames
+from hil.nodes.frame_map import (
+    ENABLE,
+    FRAME_MAPS,
+    MOVING,
+    QUICK_STOP,
+    WAITING,
+    FrameMap,
+    Observer,
+    controllers_frames,
+    frames,
+)
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
 GUARD_REASON: Final = 2  # `Reason` of the guard's stop
@@ -106,9 +115,7 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
 
 
 def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:
-    """Why a drive that moves by `rate` a second must stop, "" where it need not. What came more than a tick after the
-    begin of this one shows that the controller was away in between.
-    """
+    """Why a drive that moves by `rate` a second must stop; what comes from the future shows a pause."""
     if missed >= fence.late_stop or min(evidence.feedback_s, evidence.localisation_s) < -fence.tick_s:
         return LATE
     if not evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
@@ -137,7 +144,6 @@ class Guard:
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         fence: Fence,
         *,
@@ -150,14 +156,12 @@ class Guard:
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
         others = {one.command for one in FRAME_MAPS.values()} - {wiring.command}
-        own = set(controllers_frames(catalogue).values()) - others
-        self._senders = {name: Sender(catalogue[name]) for name in own}
+        own = set(controllers_frames().values()) - others
+        self._senders = {name: Sender(frames()[name]) for name in own}
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
-        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside a stop of the
-        guard's.
-        """
+        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside the guard's."""
         fence = self.fence.after(since_s)
         out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)
         self._time, self.sent = now, out

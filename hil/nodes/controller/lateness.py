@@ -15,9 +15,7 @@ def paused(gap_s: float) -> str:
 
 
 def gap_words(gap_s: float, tick_s: float, reports: int, frames: int) -> str:
-    """What a step of the clock by `gap_s` was, after which `frames` were waiting, the drive's `reports` among them: a
-    pause, where they fill the time (a report for each two ticks at least, or `FILLED` of any sort), else a jump.
-    """
+    """What a step of the clock was: a pause, where the frames that waited fill the time, else a jump."""
     filled = 2 * reports >= gap_s / tick_s - 1 or frames >= FILLED
     return paused(gap_s) if filled and gap_s > tick_s else "clock jumped"
 

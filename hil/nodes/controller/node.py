@@ -19,7 +19,6 @@ from controller.supervision.contradiction import CONTRADICT
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
-from hil.bus.catalogue import Catalogue
 from hil.nodes import frame_map as wire
 from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
@@ -28,7 +27,7 @@ from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLi
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
-from hil.nodes.frame_map import Observer, answer_of, frame_map_of, frames, heartbeat
+from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 
 
 @dataclass(frozen=True)
@@ -87,9 +86,7 @@ __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Ti
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
-"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
-long ago and a tick more.
-"""
+"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond."""
 _RESTS_M_S: Final = 1e-4  # speed of a reference that rests
 _REST_S: Final = 0.05  # A reference rests at a time around which, so long before and after, it is no faster
 OTHER_CONTROLLER: Final = 9  # reason of a SafeStop
@@ -119,12 +116,10 @@ class ControllerNode:
         task: Task,
         bus: can.BusABC,
         *,
-        catalogue: Catalogue | None = None,
         observer: Observer | None = None,
         dry_run: bool = False,
     ) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
-        catalogue = catalogue or frames()
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
@@ -136,10 +131,10 @@ class ControllerNode:
         for offer in task.learned:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
-        self.operator = None if task.operator is None else Operator(task.operator, catalogue)
-        self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer, self.operator)
+        self.operator = None if task.operator is None else Operator(task.operator)
+        self.receiver = FrameReceiver(bus, self.wiring, self.tick_s, observer, self.operator)
         fence = Fence.of(self.envelope, self.wiring, self.tick_s)
-        self.guard = Guard(bus, catalogue, self.wiring, fence, dry=dry_run, observe=observer)
+        self.guard = Guard(bus, self.wiring, fence, dry=dry_run, observe=observer)
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
         self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
@@ -150,7 +145,6 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
-        self._catalogue = catalogue
         self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._surprise = math.nan
         self._origin, self._index = 0.0, 0
@@ -206,9 +200,7 @@ class ControllerNode:
         self.estimator.begin(origin_s)
 
     def drive(self, experiment: Experiment) -> None:
-        """Interrupt the reference by `experiment` at its next rest from `at_s` on, where that stays within the travel
-        allowed and no operator may steer; `experiments_at` says when each began, in s of the reference's time.
-        """
+        """Interrupt the reference at its next rest from `at_s` on, where that stays within the travel allowed."""
         self._experiments.append(experiment)
 
     def stop(self, reason: str = "operator") -> None:
@@ -259,7 +251,7 @@ class ControllerNode:
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
-            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began, self._catalogue), now)
+            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began), now)
         if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
             self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)

@@ -8,11 +8,11 @@ import numpy as np
 
 from controller.move import SetpointMove, brake, move, rest
 from controller.signals import Reference
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.view import within
+from hil.nodes.frame_map import frames
 from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
@@ -62,9 +62,9 @@ class OperatorLimits(NamedTable):
                 f" {self.lowest_m:g} and {self.highest_m:g}"
             )
 
-    def check_sources(self, catalogue: Catalogue) -> None:
+    def check_sources(self) -> None:
         """Raises ValueError for a source that the frame does not know, naming the nearest."""
-        known = list(catalogue[SETPOINT].field("Source").names.values())
+        known = list(frames()[SETPOINT].field("Source").names.values())
         for name in self.sources:
             if name not in known:
                 raise ValueError(
@@ -87,8 +87,8 @@ class Operator:
     `limited` count charges, those that a setpoint's life ended, and setpoints to the end of the range.
     """
 
-    def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:
-        frame = catalogue[SETPOINT]
+    def __init__(self, limits: OperatorLimits) -> None:
+        frame = frames()[SETPOINT]
         source = frame.field("Source")
         self.id, self.limits = frame.id, limits
         self.refused: Counter[str] = Counter()
@@ -100,7 +100,7 @@ class Operator:
         self._nameless = Receiver(frame)
         names = source.names
         self._accepted = {raw for raw in names if not limits.sources or names[raw] in limits.sources}
-        self._reasons = {name: raw for raw, name in catalogue[STATUS].field("Refused").names.items()}
+        self._reasons = {name: raw for raw, name in frames()[STATUS].field("Refused").names.items()}
         self._speed, self._switch = frame.field("Mode").number("speed"), 1 << frame.field("DeadMan").start
         self._why, self._why_at = 0, -math.inf
         self.begin()

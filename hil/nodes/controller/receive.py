@@ -8,12 +8,12 @@ from typing import Any, Final
 import can
 
 from controller.signals import Measurement
-from hil.bus.catalogue import Catalogue, Frame
+from hil.bus.catalogue import Frame
 from hil.bus.codec import Refusal
 from hil.bus.protection import Reception, crc8
 from hil.nodes.controller.guard import Evidence
 from hil.nodes.controller.operator import SETPOINT, Operator
-from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, plain
+from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames, plain
 from hil.nodes.listening import waiting
 
 BACK_S: Final = 0.5  # by how much an uptime must go back: further than frames that a link swaps or repeats
@@ -22,9 +22,7 @@ WITHIN_S: Final = 0.5  # in which these come from two nodes
 
 
 class Twins:
-    """Hears every frame of one heartbeat whose CRC is right, its counter refused or not, as one of two senders' always
-    is. Two that began within `BACK_S` of each other are not told apart.
-    """
+    """Two senders of one heartbeat, by every frame whose CRC is right, if they began `BACK_S` apart."""
 
     __slots__ = ("_backs", "_data_id", "_length", "_mask", "_shift", "_step_s", "_up_s", "heard_at", "name")
 
@@ -69,7 +67,6 @@ class FrameReceiver:
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         tick_s: float,
         observer: Observer | None = None,
@@ -77,8 +74,8 @@ class FrameReceiver:
     ) -> None:
         sensors = ("CapsuleLocalisation", LOCALISER, "ForceReading", "ForceSensorHeartbeat")
         names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
-        self.reception = Reception(catalogue[name] for name in names)
-        self._twins = {catalogue[name].id: Twins(catalogue[name]) for name in (wiring.heartbeat, LOCALISER)}
+        self.reception = Reception(frames()[name] for name in names)
+        self._twins = {frames()[name].id: Twins(frames()[name]) for name in (wiring.heartbeat, LOCALISER)}
         self._beats = tuple(self._twins.values())
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
@@ -89,8 +86,8 @@ class FrameReceiver:
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
         self.foreign_at = -math.inf
-        self._foreign = controllers_frames(catalogue)
-        self._fingerprint, self._other = catalogue.fingerprint, False
+        self._foreign = controllers_frames()
+        self._fingerprint, self._other = frames().fingerprint, False
         self._bus, self._observer, self.operator = bus, observer, operator
         self._place_at = self._fed_at = -math.inf
         self._beat_at = math.nan
@@ -105,9 +102,7 @@ class FrameReceiver:
         return self.strange["error"]
 
     def skip(self) -> None:
-        """Let go what has been waiting since the bus was opened: a queue that ran over has a gap, behind which good
-        frames would be refused for their counters. Never raises, takes bounded time.
-        """
+        """Let go what has been waiting: a queue that ran over has a gap. Never raises, takes bounded time."""
         for _ in waiting(self._bus, SKIPPED):
             pass
 

@@ -138,9 +138,7 @@ def _message(name: str, data: bytes, **kind: bool) -> can.Message:
 def test_whatever_an_interface_raises_is_a_deaf_tick(error: Exception) -> None:
     feed = Sender(frames()["CarriageFeedback"])
     good = feed.frame({"Position_m": 0.05, "Velocity_m_s": 0, "State": ENABLED, "Temperature_degC": 30})
-    receiver = FrameReceiver(
-        ScriptedBus(error, _message("CarriageFeedback", good)), frames(), frame_map_of("magnetic"), TICK
-    )
+    receiver = FrameReceiver(ScriptedBus(error, _message("CarriageFeedback", good)), frame_map_of("magnetic"), TICK)
     assert receiver.listen(0.0) == []
     assert (receiver.deaf, receiver.deaf_words.split(":")[0]) == (1, type(error).__name__)
     assert len(receiver.listen(0.0)) == 1

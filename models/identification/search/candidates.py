@@ -264,9 +264,7 @@ def better_without(model: FittedModel, further: str, others: Fits) -> FittedMode
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
-    """The trials judged again against the best fit *without* a further effect, looked for from the trials' own base
-    values too: a trial must not win because its search was luckier with the base. That fit is the second value.
-    """
+    """The trials against the best fit *without* a further effect, looked for from their own bases too; and that fit."""
     best = model
     for trial in trials[:2]:
         best = better_without(best, trial.effect, trial.thetas)

@@ -202,9 +202,7 @@ class AxisKind(Kind):
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
-        blocks of each record's cycle of motion, every repeat of a block left out together.
-        """
+        """By record; where one alone holds a speed, direction or place, by four blocks of each record's cycle."""
         apart = [([r for r in records if r is not out], [out]) for out in records]
         if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
             return apart

@@ -66,9 +66,7 @@ def white_part(signal: Array) -> float:
 
 @lru_cache(maxsize=32)
 def through(rate: float, band: float, logged: bool) -> tuple[float, float]:
-    """Standard deviations that white noise of standard deviation 1 on the position (on the speed where that is
-    `logged`) leaves on the speed, and on the acceleration after the force's filter; 1/s and 1/s^2 (1 and 1/s).
-    """
+    """Standard deviations that unit white noise on the position (or a `logged` speed) leaves on speed, acceleration."""
     white = np.random.default_rng(0).standard_normal(SET.axis_rows)
     t = np.arange(SET.axis_rows) / rate
     m = motion(t, np.zeros(SET.axis_rows), white, band) if logged else motion(t, white, band=band)

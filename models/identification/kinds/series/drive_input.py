@@ -54,9 +54,7 @@ def evenly(record: Record, columns: Sequence[str]) -> Record:
 
 @dataclass(frozen=True)
 class Feed:
-    """Input of a compiled model's loop: `commands` at intervals of `dt` s with `substeps` steps each; of the loop's
-    output every `every`-th value from `first` on belongs to a sample of the record.
-    """
+    """A loop's `commands` every `dt` s in `substeps`; every `every`-th output from `first` on belongs to a sample."""
 
     commands: Array
     dt: float
@@ -77,9 +75,7 @@ class Feed:
 
 
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
-    """Length in s of a model's steps, at most one from sample to sample; `rigid`: the motion is imposed. Fine ones tell
-    which of two slip events comes first.
-    """
+    """Longest step in s of a model; `rigid`: the motion is imposed; `fine` ones tell which slip event is first."""
     if drive.held:  # a body that its drive shakes to and fro
         return 5e-5 if fine else 1e-4
     if rigid:  # sampled more slowly than that: when a wall slips

@@ -128,9 +128,7 @@ class SeriesKind(Kind):
         return output + float(np.mean(record[self.quantity][first] - output[first]))
 
     def predict(self, record: Record, theta: Theta) -> Array:
-        """The free run from the driven column alone; a magnetic capsule starts at rest below its magnet, one under a
-        coil or an inner mass at rest where the record starts (at 0 where it does not say).
-        """
+        """The free run from the driven column alone, from rest where the record starts (a magnet's below it)."""
         seen = None if self.drive.anchored else record.columns.get(self.quantity)
         return self._from_the_start(record, self._runs(record, [theta], None, seen)[0])
 

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.identification.kind import Array
 from models.identification.settings import SET
 
-Array = NDArray[np.float64]
 Point = tuple[Array, Array]
 """A place and its residuals."""
 

@@ -7,18 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.effects.effect import Effect
 from models.identification.fitting.fit import Problem, evaluate_all
-from models.identification.kind import Kind
+from models.identification.kind import Array, Kind
 from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

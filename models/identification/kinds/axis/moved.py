@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from models.checks.estimators import runs_of
 from models.checks.usable import used
+from models.identification.kind import Array
 from models.identification.kinds.axis.coordinates import Coordinates
 from models.identification.kinds.axis.noise import through, white_part
-from models.identification.kinds.axis.zero_phase import Array, AxisMotion, motion
+from models.identification.kinds.axis.zero_phase import AxisMotion, motion
 from models.identification.settings import SET
 from models.records.record import Record
 

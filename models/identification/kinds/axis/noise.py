@@ -6,8 +6,8 @@ from math import comb
 
 import numpy as np
 
+from models.identification.kind import Array
 from models.identification.kinds.axis.zero_phase import (
-    Array,
     AxisMotion,
     decimate,
     motion,

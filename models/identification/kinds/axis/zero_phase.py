@@ -6,13 +6,11 @@ from functools import cache, cached_property, lru_cache
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
+from models.identification.kind import Array
 from models.identification.settings import SET
 from models.records.record import USED, Record
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.drives.drive import Drive
+from models.identification.kind import Array
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.kinds import KINDS
 from models.rigs.tables import Clock
-
-Array = NDArray[np.float64]
 
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"

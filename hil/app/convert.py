@@ -39,7 +39,6 @@ class Converted:
 
     @property
     def rows(self) -> int:
-        """Samples of the longest channel."""
         return max(len(channel.values) for channel in self.channels)
 
 
@@ -60,9 +59,7 @@ def convert(
     kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
     json_output: Json = False,
 ) -> None:
-    """Write all files or none: of a rig, or of a kind of rig alone, the columns as close-loop reads them, on one clock;
-    else all channels under their names.
-    """
+    """Write all files or none: of a rig or kind the columns as close-loop reads them, else all channels."""
     targets = _targets(paths, out)
     check_targets(list(targets.values()), "OUT", [path for path in [*paths, *([rig] if rig else [])] if path.is_file()])
     belief = _belief(rig, kind)
@@ -81,7 +78,6 @@ def convert(
 
 
 def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
-    """Which file each file is written to."""
     folder = out.endswith(("/", os.sep)) or Path(out).is_dir()
     if len(paths) > 1 and not folder:
         raise ValueError(
@@ -119,7 +115,6 @@ def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
 
 
 def _content(one: Converted) -> bytes:
-    """The content of the file to be written."""
     if not one.out.name.lower().endswith(_TABLES):
         return write_channels(one.out, one.channels)
     clocks = [] if is_log(one.path) else by_clock([c for c in one.channels if c.time_s is not None])
@@ -137,7 +132,6 @@ def _content(one: Converted) -> bytes:
 
 
 def _title(heading: Heading) -> str:
-    """A channel's name with its unit."""
     name = " ".join(printable(heading.name).split())
     return f"{name} [{printable(heading.unit)}]" if heading.unit and not split_unit(name)[1] and name != TIME else name
 

@@ -1,6 +1,4 @@
-"""`capsule init`: a rig file in which every key of its kind stands with unit, range and meaning, a template record and
-the command to run, for one's own data to take their place.
-"""
+"""`capsule init`: a rig file with every key explained, a template record and the command to run."""
 
 import json
 import tomllib
@@ -47,9 +45,7 @@ def init(
     ] = False,
     json_output: Json = False,
 ) -> None:
-    """Write `rig.toml`, `record.csv` and `README.md`; what stands there is kept. Raises ValueError, one sentence, for
-    an unknown kind, and where one of the files is there already.
-    """
+    """Write three files, all or none. Raises ValueError for an unknown kind and for a file that is there."""
     if kind not in KINDS:
         raise ValueError(f"KIND must be one of {', '.join(KINDS)}; got {kind!r}; {nearest(kind, KINDS)}")
     if rotary and KINDS[kind].turning_template is None:
@@ -80,9 +76,8 @@ _SECONDS: Final = 12.0  # of a template record
 
 
 def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
-    """Tables of a rig file of `kind` (with `rotary` of one that turns) and the columns of a simulated record of such a
-    rig, the same at every call: from the plant, with numbers that differ from the nominal ones and noise, 100 rows a
-    second; or as the kind declares it, measured columns that it leaves out as its nominal model gives them.
+    """Tables of a rig file of `kind` and the columns of a simulated record, the same at every call: from the plant, or
+    as the kind declares it, with noise and numbers off the nominal ones.
     """
     made = kind.turning_template if rotary else kind.template
     if made is None:
@@ -100,9 +95,7 @@ def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
 
 
 def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
-    """The text of a rig file of `kind` with `values` by table and key, for records with `columns`; a key without a
-    value stands as a comment, and so does a table that a rig may do without.
-    """
+    """The text of a rig file; a key without a value, or a table that is not needed, stands as a comment."""
     lines = [f"# A rig of kind {kind.id}: what you believe about it, in SI units. Put your values in place of these."]
     lines += ["", "[rig]", f'kind = "{kind.id}"']
     lines += [_line(key, kind.head, values["rig"]) for key in kind.head.model_fields if key != "kind"]

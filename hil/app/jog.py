@@ -48,9 +48,7 @@ def jog(
     life_ms: Annotated[float, option("--life", "MS", "How long a setpoint counts; 1 to 200.")] = 100.0,
     json_output: Json = False,
 ) -> int:
-    """Send setpoints: 0 where a controller has answered and taken all that was asked for while held, else 1; 1 too, and
-    nothing is sent, where another one sends as `source` already.
-    """
+    """Send setpoints: 0 where a controller took all that was asked for while held, 1 where not or not alone."""
     table, limits = read_operator(path)
     if limits.sources and source not in limits.sources:
         raise ValueError(
@@ -190,9 +188,7 @@ def raw_terminal(descriptor: int) -> Iterator[None]:
 
 
 def keys(descriptor: int) -> list[str]:
-    """The keys that have been pressed since the last call, by the names of `KEYS`; others are left out. Never waits;
-    a terminal that is gone is "quit".
-    """
+    """The keys pressed since the last call, by the names of `KEYS`; never waits; a lost terminal is "quit"."""
     text = b""
     while len(text) < 4096 and select.select([descriptor], [], [], 0)[0]:
         try:

@@ -47,9 +47,7 @@ def plot(
 
 
 def as_they_stand(path: Path) -> list[Record]:
-    """All columns of numbers of a file, unchecked but for its form; those with clocks of their own as records of
-    theirs. Raises ValueError of one sentence.
-    """
+    """All columns of numbers of a file, a record a clock. Raises ValueError of one sentence."""
     channels = file_channels(path)
     if all(channel.time_s is None for channel in channels):
         with refusing(path, "one that can be drawn"):

@@ -26,10 +26,7 @@ def simulate(
 
 
 def write_simulated(scenario: Path, out: Path) -> None:
-    """Run the scenario file `scenario` and write its record to `out` (`.csv` or `.csv.gz`), complete or not at all.
-
-    Raises `ValueError` for a scenario or an output path that cannot be used; the message says what would be right.
-    """
+    """Write the record of a scenario to `out`, complete or not at all. Raises ValueError of one sentence."""
     if not (out.name.endswith(".csv") or out.name.endswith(".csv.gz")):
         raise ValueError(f"--out must end in .csv or .csv.gz; got {out.name!r}")
     if not out.parent.is_dir():

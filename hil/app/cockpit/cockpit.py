@@ -67,7 +67,6 @@ def cockpit(
 
 
 def _begin(address: str, watch_only: str, json_output: bool) -> None:
-    """Say where the page is."""
     if json_output:
         print_json({"address": address, "watch_only": watch_only})
         sys.stdout.flush()

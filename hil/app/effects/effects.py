@@ -61,7 +61,6 @@ def effects(
 
 
 def described(effect: type[Effect]) -> dict[str, Any]:
-    """An effect of the catalogue as plain values."""
     return {
         "id": effect.id,
         "summary": effect.summary,

@@ -1,6 +1,4 @@
-"""`capsule replay`: the controller once more on what a log says it heard, its frames compared bit by bit with those it
-sent.
-"""
+"""`capsule replay`: the controller once more on what a log heard, its frames compared bit by bit with the log."""
 
 import math
 import struct
@@ -36,7 +34,6 @@ class Tape(can.BusABC):
         self.sent: list[tuple[int, bytes]] = []
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Keep a frame."""
         self.sent.append((msg.arbitration_id, bytes(msg.data)))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -45,9 +42,7 @@ class Tape(can.BusABC):
 
 @dataclass
 class TickOfLog:
-    """One tick as the log has it: when, what came in, what went out, whether a solution was there, after how many steps
-    the clock cut it.
-    """
+    """A tick of the log: time, frames in and out, whether solved, after how many steps the clock cut it."""
 
     time_s: float
     sent: list[tuple[int, bytes]] = field(default_factory=list)
@@ -75,7 +70,6 @@ class Difference:
     computed: tuple[tuple[int, bytes], ...]
 
     def words(self, catalogue: Catalogue) -> str:
-        """Where they part."""
         names = catalogue.by_id()
 
         def shown(frames: tuple[tuple[int, bytes], ...], k: int) -> str:
@@ -97,9 +91,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay found. Plans of `cut` ticks were cut short by the clock of the time, and were again where it
-    did.
-    """
+    """What a replay found; plans of `cut` ticks were cut short by the clock then, and now again."""
 
     ticks: int
     frames: int
@@ -193,9 +185,7 @@ def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:
-    """The controller of `task` on the `frames` of a log. A log that was cut off may end within a tick: of that the
-    begin is compared.
-    """
+    """The controller of `task` on the `frames` of a log; of a last tick cut off the begin is compared."""
     tape = Tape()
     sent: list[tuple[int, bytes]] = tape.sent
 
@@ -209,7 +199,6 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run
 
 
 def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) -> Replay:
-    """The node's frames beside those of the log, tick by tick."""
     sent = tape.sent
     ticks = count = cut = 0
     differences: list[Difference] = []
@@ -236,8 +225,8 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) 
 
 
 def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
-    """The ticks and the operator's words of a log, in order. A tick heard what stands before the SYNC that it sent,
-    back to the one before, and what a note says it heard. Raises ValueError where frames are missing.
+    """Ticks and operator's words of a log in order; a tick heard what stands before its SYNC, back to the one before,
+    and what a note says. Raises ValueError where frames are missing.
     """
     tick: TickOfLog | None = None
     exact: float | None = None

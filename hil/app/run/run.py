@@ -82,9 +82,7 @@ def run(
         bool, typer.Option("--move", help="With check: lead the drive by 5 mm to and fro, and see the capsule answer.")
     ] = False,
 ) -> int:
-    """Lead the drive that the file names, or only check or reset it; 0 where all went as asked, 1 where it did not
-    (`hil.app.ends.RUN_ENDS`). Raises ValueError, one sentence, for what cannot be used.
-    """
+    """Lead, check or reset the drive: 0 where it went as asked, else 1 (`RUN_ENDS`). Raises ValueError."""
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
     deployment, catalogue = load_deployment(path, reference, Catalogue.read(effects)), load_catalogue()
@@ -130,9 +128,7 @@ class _Asked:
 
     @contextmanager
     def begun(self) -> Iterator[tuple[Task, ClockedBus]]:
-        """The task, and then the bus on which it is done; what is printed meanwhile are notes. Raises ValueError of one
-        sentence, and _OtherControllerError.
-        """
+        """The task and its bus; what is printed meanwhile are notes. Raises ValueError, _OtherControllerError."""
         listens, resets = self.dry_run or self.action == "check", self.action == "reset"
         with output_to_notes():
             task = self.deployment.task()
@@ -203,9 +199,7 @@ def _not_begun(path: Path, words: str, json_output: bool) -> int:
 
 
 def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
-    """The bus that `[bus]` of a file in `folder` names, authenticated where it names a key. Raises ValueError of one
-    sentence where there is none.
-    """
+    """The bus of a file in `folder`, authenticated where it names a key. Raises ValueError of one sentence."""
     if not table.key_file:
         return _plain_bus(table)
     key_file = folder / table.key_file
@@ -220,7 +214,6 @@ def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
 
 
 def _plain_bus(table: BusTable) -> can.BusABC:
-    """The same without authentication."""
     if not _DRIVERS.handlers:
         _DRIVERS.addHandler(logging.NullHandler())
     if table.interface not in can.VALID_INTERFACES:
@@ -264,9 +257,7 @@ def _fd_words(table: BusTable) -> str:
 
 
 def _drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
-    """The deployment's bus; another maker's drive on it, which where `faulty` may have a fault, is set up first, but
-    where nothing may be sent. Raises ValueError of one sentence.
-    """
+    """The deployment's bus; another maker's drive on it is set up, but where nothing may be sent. Raises ValueError."""
     bus, table = open_bus(deployment.bus, folder), deployment.drive
     if not listen_only and (others := _controllers_on(bus, table)):
         bus.shutdown()
@@ -288,9 +279,7 @@ class _OtherControllerError(Exception):
 
 
 def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
-    """What only a controller sends, the drive of `table` being another maker's, heard within `QUIET_S`, by name: this
-    one listens before it speaks.
-    """
+    """What only a controller sends, heard within `QUIET_S`, by name: this one listens before it speaks."""
     known, heard = controllers_frames(load_catalogue()), set[str]()
     for message in heard_for(bus, QUIET_S):
         if plain(message) and message.arbitration_id in known:
@@ -338,9 +327,8 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
 
 @contextmanager
 def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog) -> Iterator[Learner]:
-    """What learns from a run: a process that identifies, and a thread that makes the controllers of a new model and
-    writes to the record which were offered when. Both are there before the first tick; a thread that holds the
-    interpreter gives it back within `_TURN_S`.
+    """What learns from a run: a process that identifies, and a thread that makes controllers and writes the record,
+    both there before the first tick.
     """
     maker, turn_s = ThreadPoolExecutor(1), sys.getswitchinterval()
 
@@ -400,9 +388,7 @@ def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log:
 
 
 def _overruns(bus: can.BusABC) -> int:
-    """Frames for which there was no room in another node's queue, as far as the interface counts them: the local bus
-    does.
-    """
+    """Frames for which there was no room in another node's queue, as the local bus counts them."""
     while isinstance(bus, ClockedBus | CarriageBus | AuthenticatedBus):
         bus = bus.inner
     return bus.overruns if isinstance(bus, LocalBus) else 0

@@ -30,9 +30,7 @@ def plant(
     ],
     json_output: Json = False,
 ) -> None:
-    """Put the plant on its bus and print "ready" once it is there; with `--json` that goes to standard error, and at
-    the end what became of the plant, the truth included, to standard output.
-    """
+    """Put the plant on its bus and print "ready" (to standard error with `--json`); at the end, what became of it."""
     if seconds is not None and not 0 < seconds <= 1e6:
         raise ValueError(f"--seconds must be more than 0 and at most 1e6; got {seconds:g}")
     deployed, told_lies = read_plant(path), [read_lie(text) for text in lies]
@@ -66,11 +64,7 @@ def run_plant(
     lies: Sequence[Fault] = (),
     ready: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
-
-    With `drive` it is that maker's carriage. The plant's time is the wall clock's, `priority` as in a
-    deployment: slots that come late are made up for at once, so it never runs slow.
-    """
+    """Put a scenario's plant on a bus for `seconds` or until a signal; what became of it. Late slots are made up."""
     scenario = load_track_scenario(scenario_path)
     for fault in lies:
         fault.check_rig(scenario.kind)

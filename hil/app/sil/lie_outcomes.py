@@ -1,6 +1,4 @@
-"""What came of a localiser's or a drive's lie: how far the true capsule was from the wanted place until the drive was
-in its safe state, and whether that was safe.
-"""
+"""What came of a localiser's or a drive's lie: how far the true capsule went, and whether that was safe."""
 
 import math
 from collections.abc import Sequence
@@ -72,10 +70,8 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
 
 
 def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], rows: Array) -> Array:
-    """How far the true capsule may be from the wanted place at the times of `rows`: a magnet's by what it lets it stay
-    behind, and what the carriage goes until it has braked; another one by the envelope. Where nothing measured
-    contradicts the lie, as far as the lie has gone so far: an offset of a coil's or inner mass's localisation, and a
-    localiser and a drive that lie alike.
+    """How far the true capsule may be from the wanted place at the times of `rows`: a magnet's by its gap and the way
+    to brake, else by the envelope; where nothing measured contradicts the lie, as far as the lie has gone.
     """
     limits, drive, driven = scenario.loop.limits, scenario.loop.truth.drive, DRIVES[scenario.loop.kind]
     if isinstance(drive, Carriage):
@@ -104,9 +100,7 @@ def _size(trace: SilTrace, rows: Array) -> Array:
 
 
 def _broken(scenario: SilScenario, rows: Array) -> str:
-    """The limit of speed, force, current or travel that the truth broke, "" for none. A magnet that has let go of the
-    capsule breaks none.
-    """
+    """The limit that the truth broke, "" for none; a magnet that has let go breaks none."""
     truth, limits = scenario.loop.truth, scenario.loop.limits
     if len(rows) < 2:
         return ""

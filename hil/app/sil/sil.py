@@ -66,9 +66,7 @@ def sil(
     effects: OwnEffects,
     controllers: OwnControllers,
 ) -> int:
-    """Run a scenario over the bus and say how well it was tracked and what came of its faults; 1 where it ended early
-    or was not led as asked. Raises ValueError, one sentence, for anything that cannot be used.
-    """
+    """Run a scenario over the bus; 1 where it ended early or was not led as asked. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario, text = load_sil_scenario(path, reference)
@@ -144,9 +142,7 @@ def judged(
     report: Any = None,
     **more: Any,
 ) -> tuple[dict[str, Any], SilTrace]:
-    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`. Where an operator may steer,
-    and where an experiment was driven, tracking is judged by the reference that was in force.
-    """
+    """One run and its JSON object, judged by the reference in force; `more` goes to `run_sil`."""
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
     loop = judged_loop(scenario, trace)
@@ -189,11 +185,7 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
 
 
 class Watched:
-    """Passes every frame of the simulated bus on to the local bus `channel`, on which nobody is listened to.
-
-    The frames' simulated times are kept to by the wall clock, from the first one on: a run that could be faster waits.
-    A local bus that takes no more frames costs the run nothing but what is shown of it.
-    """
+    """Passes every frame on to the local bus `channel` by the wall clock; one that is full costs nothing."""
 
     def __init__(self, channel: str) -> None:
         """Raises ValueError where there can be no such bus."""
@@ -201,7 +193,6 @@ class Watched:
         self._zero_s = math.nan
 
     def __call__(self, message: can.Message) -> None:
-        """One frame, as it leaves the wire."""
         now = time.monotonic()
         if math.isnan(self._zero_s):
             self._zero_s = now - message.timestamp

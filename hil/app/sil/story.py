@@ -103,7 +103,6 @@ def parts(
 
 
 def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, numbers: dict[str, Any]) -> str:
-    """One self-contained page."""
     title = f"{scenario.loop.name}: {came_to(trace.lessons)}"
     warning = f'<div class="warning"><p>{escape(trace.stopped_because)}</p></div>' if trace.stopped_because else ""
     eyebrow = f"Learning in a run · {scenario.loop.kind} rig in simulation · seed {found['seed']}"

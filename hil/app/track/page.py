@@ -114,9 +114,7 @@ def _paths_words(runs: Sequence[Run]) -> str:
 
 
 def _paths(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
-    """The path of one run over its reference and its error; of many, the error in small multiples below the
-    reference.
-    """
+    """One run over its reference and its error; of many, the errors in small multiples."""
     t = runs[0][1].rows[:, at.O_T]
     target = scenario.reference.position(t)
     errors = [(found, 1e3 * (trace.rows[:, at.O_X] - target)) for found, trace in runs]

@@ -1,39 +1,38 @@
-"""The drives that can be led, each declared once: its limits in the command's unit, how it is commanded, what its loop
-is tuned by, and what pages call it. Whoever needs a property of a drive reads it here.
-"""
+"""The drives that can be led, each declared once: limits, inverse, what its loop is tuned by, what pages call it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from controller.actuators import Actuator, CarriageActuator, CoilActuator, Numbers, gap_of_force
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.model.friction import mean_friction
 from controller.tuned import Correction, Expected, FilterNoise, PidGains
 from models.drives.drive import Drive
 
+Numbers = Mapping[str, float]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Driven:
     """One drive, `name` that of its kind of rig; numbers without a unit are in the command's.
 
-    `bounds`: the numbers of its `Envelope` from the drive and the limits. `actuator`: by which a body is pushed; None
-    where an inner mass is driven, which cycles move and no force on the body (`shaken`). `placed`: the command is the
-    place of a carriage, which rests where it is; every other one rests at 0. `around_m`: half width of the envelope
-    around the wanted position where no gap sets one; `goes_on_m`: how far the capsule goes on beyond it until it is
-    found out and stopped; `tracked_m`: how far one that follows a lie may be from the place that it says. `models`: the
-    kinds of rig whose models it is led by, `simulated`: the column that a simulation commands, each its own kind's
-    where empty. `leading`: the controller where none is named. `follow`: how far its report may be beyond the commands
-    of late; `rests`: how far a drive at rest may be off where it came to rest, or its current off zero, in m or A.
-    `shown`: name, unit and factor of the command on a page, and its axis where it is simulated.
+    `bounds`: the numbers of its `Envelope` from the drive and the limits. `placed`: the command is the place of a
+    carriage, which rests where it is; every other one rests at 0. `shaken`: an inner mass is driven, which cycles move
+    and no force on the body. `around_m`: half width of the envelope around the wanted position where no gap sets one;
+    `goes_on_m`: how far the capsule goes on beyond it until it is found out and stopped; `tracked_m`: how far one that
+    follows a lie may be from the place that it says. `models`: the kinds of rig whose models it is led by, `simulated`:
+    the column that a simulation commands, each its own kind's where empty. `leading`: the controller where none is
+    named. `follow`: how far its report may be beyond the commands of late; `rests`: how far a drive at rest may be off
+    where it came to rest, or its current off zero, in m or A. `shown`: name, unit and factor of the command on a page,
+    and its axis where it is simulated.
     """
 
     name: str
     bounds: Callable[[Any, Limits], dict[str, float]]
-    actuator: type[Actuator] | None = None
     placed: bool = False
+    shaken: bool = False
     around_m: float = 0.01
     goes_on_m: float = 0.0
     tracked_m: float = 0.004
@@ -50,10 +49,16 @@ class Driven:
     rests: float = math.inf
     shown: tuple[str, str, float, str] = ("", "", 1.0, "")
 
-    @property
-    def shaken(self) -> bool:
-        """Whether it goes to and fro with an inner mass and pushes no body."""
-        return self.actuator is None
+
+def gap_of_force(force: float, drive: Drive, p: Numbers, most: float) -> float:
+    """The gap in m at which the magnet pulls `force` in N on its stable branch; `most` where it never does."""
+    if drive.force(0.0, 0.0, most, p) <= force:
+        return most
+    low, high = 0.0, most
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if drive.force(0.0, 0.0, middle, p) <= force else (low, middle)
+    return low
 
 
 def _carriage(drive: Any, limits: Limits) -> dict[str, float]:
@@ -96,7 +101,6 @@ What a monitor expects is from guts from 100 on of `tests/bench/bench_monitor.py
 CARRIAGE: Final = Driven(
     name="magnetic",
     bounds=_carriage,
-    actuator=CarriageActuator,
     placed=True,
     pid=PidGains(100.0, 300.0, 1.0, jerkiness=5e-3),
     pid_friction=PidGains(20.0, 100.0, 2.0, jerkiness=1e-3),
@@ -110,7 +114,6 @@ CARRIAGE: Final = Driven(
 COIL: Final = Driven(
     name="coil",
     bounds=_coil,
-    actuator=CoilActuator,
     around_m=0.01,  # a third of a capsule's length
     goes_on_m=0.015,  # at half its speed limit for 0.1 s, which is what its answer takes
     simulated="coil_voltage_V",
@@ -127,6 +130,7 @@ COIL: Final = Driven(
 INNER_MASS: Final = Driven(
     name="vibro",
     bounds=lambda drive, limits: {"low": 0.0, "high": abs(drive.command_unit)},
+    shaken=True,
     around_m=0.02,  # two thirds of a capsule's length
     goes_on_m=0.005,
     tracked_m=0.006,  # no lie, on the bench's ramp and sine, leaves 5.7 mm, and 0.5 mm under a coil
@@ -157,29 +161,44 @@ def driven_of(drive: Drive) -> Driven:
 
 
 def envelope_of(drive: Drive, limits: Limits | None = None) -> Envelope:
-    """`limits` (the default ones where None) in the unit of `drive`'s command.
-
-    Carriage: position within `travel_m`, and the gap at which the magnet pulls `force_N`, at most `gap_share`
-    of that of the greatest pull. Coil: current within `current_A` and `force_N/k`, or the voltage that holds it. Inner
-    mass: a switch from 0 to the rated command; what it puts on the tissue is the body's friction, which `force_N` does
-    not reach. Raises ValueError for a drive without a command to limit.
+    """`limits` (the default ones where None) in the unit of `drive`'s command. A carriage: its travel, and the gap at
+    which the magnet pulls `force_N`, at most `gap_share` of that of the greatest pull. A coil: `current_A` and
+    `force_N/k`, or the voltage that holds it. An inner mass: 0 to the rated command; `force_N` does not reach what it
+    puts on the tissue, the body's friction. Raises ValueError for a drive without a command to limit.
     """
     driven, limits = driven_of(drive), Limits() if limits is None else limits
     numbers = driven.bounds(drive, limits)
     return Envelope(limits=limits, placed=driven.placed, shaken=driven.shaken, without_gap_m=driven.around_m, **numbers)
 
 
-def actuator_of(drive: Drive, p: Numbers, envelope: Envelope) -> Actuator:
-    """The static inverse of `drive` at `p`. Raises ValueError for a drive that pushes no body."""
-    actuator = DRIVES[drive.name].actuator if drive.name in DRIVES else None
-    if actuator is None:
-        raise ValueError(f"drive must be {' or '.join(bodies())} for a PID on the force; got {drive.name!r}")
-    return actuator(drive, p, envelope)
+class Actuator:
+    """The static inverse of a drive at the parameters `p`: the command that pushes with a force in N at a place and
+    speed, within the range of the `envelope`; a carriage's on the stable branch of its magnet. Raises ValueError for a
+    drive that pushes no body.
+    """
+
+    def __init__(self, drive: Any, p: Numbers, envelope: Envelope) -> None:
+        if drive.name not in bodies():
+            raise ValueError(f"drive must be {' or '.join(bodies())} for a PID on the force; got {drive.name!r}")
+        self._drive, self._p, self._envelope = drive, p, envelope
+
+    def command(self, force: float, x: float, v: float) -> float:
+        """Command in the drive's unit for `force` in N at `x` in m and `v` in m/s."""
+        e = self._envelope
+        if e.placed:
+            return x + math.copysign(gap_of_force(abs(force), self._drive, self._p, e.gap_m), force)
+        return min(max(float(self._drive.command_for(force, x, v, self._p)), e.low), e.high)
+
+    def force(self, command: float, x: float, v: float) -> float:
+        """The force in N of a command held for long: the inverse of `command`."""
+        if getattr(self._drive, "by_voltage", False):
+            command = (command - self._p["back_emf_V_s_per_m"] * v) / self._p["coil_resistance_ohm"]
+        return float(self._drive.force(x, v, command, self._p))
 
 
 def friction_command(model: ControlModel, envelope: Envelope) -> float:
     """The command that overcomes a coil's mean friction; inf for other drives, which have a place or push no body."""
     if envelope.placed or envelope.shaken:
         return math.inf
-    p = model.theta.base
-    return max(abs(actuator_of(model.drive, p, envelope).command(mean_friction(model), 0.0, 0.0)), 1e-9)
+    actuator = Actuator(model.drive, model.theta.base, envelope)
+    return max(abs(actuator.command(mean_friction(model), 0.0, 0.0)), 1e-9)

@@ -49,9 +49,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """The reference `before`, which rests at `begin_s`, then `path` from there and back, then `before` again, by the
-    path's duration later.
-    """
+    """`before`, which rests at `begin_s`, then `path` there and back, then `before`, by as much later."""
 
     before: Reference
     path: Trajectory

@@ -1,6 +1,4 @@
-"""Feedforward compensation: the model inverted along the reference, with the wall as the estimator sees it, and a slow
-position loop.
-"""
+"""Feedforward: the model inverted along the reference against the wall as it is believed, and a slow position loop."""
 
 import math
 from dataclasses import replace
@@ -31,14 +29,13 @@ capsule and learns nothing.
 
 
 class Feedforward(Controller):
-    """Each tick the capsule is to go on from the reference's speed to the next one's, with a `Correction`; the
-    command is the model's inverse for that, from the wall displacement, slip and drive states of the estimate, against
-    its disturbance.
+    """The command is the model's inverse for going on from the reference's speed to the next one's with a `Correction`,
+    from the wall displacement, slip and drive states of the estimate, against its disturbance.
 
     In stick the tension that grows with the drag is followed, in slip its fall. Where friction falls with speed, a
-    capsule that is slower than asked for gets more than the command that takes it on from rest, the less of it the
-    faster it is; at rest the command sits in the middle of what friction holds, so neither noise nor a small error
-    moves the capsule. Never raises, bounded time.
+    capsule that is too slow gets more than the command that takes it on from rest, the less of it the faster it is; at
+    rest the command sits in the middle of what friction holds, so noise does not move the capsule. Never raises,
+    bounded time.
     """
 
     name = "feedforward"
@@ -57,9 +54,7 @@ class Feedforward(Controller):
         self._effects = any(p.effect for p in model.symbols.parameters)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin anew; but for what play remembers of `command` the answer depends on the estimate alone, so whoever
-        changes over blends.
-        """
+        """Begin anew; whoever changes over blends."""
         self._returning, self._command = False, command
 
     def follow(self, command: float, rate: float) -> None:

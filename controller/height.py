@@ -19,9 +19,7 @@ _HEIGHTS: Final = 61  # heights that the command is chosen from
 
 @dataclass(frozen=True)
 class Height:
-    """A height in m with what the magnet can pull there at the most, the friction it meets and with what it presses the
-    capsule on the tissue, all in N.
-    """
+    """A height in m: the greatest pull there, the friction it meets, what presses on the tissue, in N."""
 
     height_m: float
     pull_N: float
@@ -30,13 +28,11 @@ class Height:
 
 
 def choose_height(rig: Rig, values: Mapping[Name, float], speed_m_s: float) -> Height | None:
-    """The greatest height within `[rig.magnet] height_range_m` at which the magnet pulls `RESERVE` times the friction
-    at `speed_m_s`, its own attraction's part included; None for a rig whose height is no command.
-
-    The attraction falls with the height as the greatest pull does, so the greatest height that pulls enough is the
-    gentlest one. No height is taken that presses with more than `pressing_limit_N`; where the magnet cannot pull so
-    much within that, the lowest one left is taken. `values` are a stage of a model file. Raises ValueError where every
-    height presses too much.
+    """The greatest height within `[rig.magnet] height_range_m`, which is the gentlest, at which the magnet pulls
+    `RESERVE` times the friction at `speed_m_s` with its own attraction's part; None for a rig whose height is no
+    command. None is taken that presses with more than `pressing_limit_N`: where the magnet cannot pull so much within
+    that, the lowest one left. `values` are a stage of a model file. Raises ValueError where every height presses too
+    much.
     """
     magnets = rig.magnets
     if magnets is None or magnets.height_range_m is None or magnets.pressing_limit_N is None:

@@ -118,9 +118,7 @@ class Envelope:
         return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else self.without_gap_m
 
     def neutral(self, position_m: float) -> float:
-        """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),
-        else 0.
-        """
+        """The command without force: 0, a carriage's above the capsule (mid-travel where its place is unknown)."""
         if not self.placed:
             return 0.0
         return _within(position_m, self.low, self.high) if math.isfinite(position_m) else 0.5 * (self.low + self.high)
@@ -153,50 +151,55 @@ def limited(
     wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope
 ) -> tuple[Issued, tuple[str, ...]]:
     """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits it ran
-    into.
+    into. Never raises.
 
-    Whatever comes in, out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate
-    differs by at most `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt`
-    counts as 0 below 1 us or where it is no number, and as `longest_tick_s` beyond that. A `wanted` that is no finite
-    number asks for the safe state: zero current, inner mass off, carriage at rest. So does a lost, stale or impossible
-    belief, and the temperature limit. Above `derate_C` a current's range (the carriage's rate) shrinks in proportion. A
-    capsule faster than `speed_m_s` is not pushed on and the carriage does not leave the gap in which the magnet holds,
-    less `gap_stds` of the position: it brakes ahead of the gap's end as of the range's, and only a capsule that jumps
-    or is not where it is believed gets further. A `previous` that is not finite or out of range counts as the nearest
-    one that is neither, at rest. Never raises.
+    Out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate differs by at most
+    `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt` counts as 0 below 1
+    us or where it is no number, and as `longest_tick_s` beyond that. The safe state (zero current, inner mass off,
+    carriage at rest) is for a `wanted` that is no finite number, a lost, stale or impossible belief, and the
+    temperature limit; above `derate_C` a current's range (the carriage's rate) shrinks in proportion. A capsule faster
+    than `speed_m_s` is not pushed on. The carriage does not leave the gap in which the magnet holds, less `gap_stds` of
+    the position: it brakes ahead of its end. A `previous` that is not finite or out of range counts as the nearest one
+    that is neither, at rest.
     """
-    limits, broken = envelope.limits, list[str]()
+    e, limits, broken = envelope, envelope.limits, list[str]()
     aim, before, rate, dt = number(wanted), number(previous.command), number(previous.rate), number(dt)
     x, v, warm = number(seen.position_m), number(seen.speed_m_s), number(seen.temperature_C)
-    if not (envelope.low <= before <= envelope.high and abs(rate) <= envelope.rate):
+
+    def within(name: str, low: float, high: float) -> float:
+        clipped = min(max(aim, low), high)
+        if clipped != aim:
+            broken.append(name)
+        return clipped
+
+    if not (e.low <= before <= e.high and abs(rate) <= e.rate):
         broken.append("previous")
-        before, rate = (
-            _within(before if math.isfinite(before) else envelope.neutral(x), envelope.low, envelope.high),
-            0.0,
-        )
+        before, rate = _within(before if math.isfinite(before) else e.neutral(x), e.low, e.high), 0.0
     dt = min(dt, limits.longest_tick_s) if dt >= _SHORTEST_TICK else 0.0
-    share = (
-        _within((limits.temperature_C - warm) / (limits.temperature_C - limits.derate_C), 0.0, 1.0)
-        if warm == warm
-        else 0.0
-    )
-    if share < 1:
-        broken.append("temperature")
-    if not math.isfinite(aim):
-        broken.append("command")
-    blind = bool(seen.lost) or not (
-        0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and _possible(x, envelope)
-    )
-    if blind:
-        broken.append("estimate")
-    if blind or not math.isfinite(aim):
-        aim = before if envelope.placed else 0.0
-    aim = _in_range(aim, share, envelope, broken)
-    low, high = envelope.low, envelope.high
-    if not blind:
-        low, high = _room(x, number(seen.std_m), envelope)
-        aim = _held(aim, before, v, (low, high), envelope, broken)
-    return _reached(aim, before, rate, number(previous.aim), dt, share, (low, high), envelope, broken), tuple(broken)
+    share = _within((limits.temperature_C - warm) / (limits.temperature_C - limits.derate_C), 0.0, 1.0)
+    share = share if warm == warm else 0.0
+    # a carriage's capsule cannot be out of the magnet's reach from every place on its travel
+    possible = math.isfinite(x) and (not e.placed or e.low - e.gap_m <= x <= e.high + e.gap_m)
+    blind = bool(seen.lost) or not (0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and possible)
+    unasked = not math.isfinite(aim)
+    broken += [name for name, so in (("temperature", share < 1), ("command", unasked), ("estimate", blind)) if so]
+    if blind or unasked:
+        aim = before if e.placed else 0.0
+    left = 1.0 if e.placed else share
+    aim = within("range", left * e.low, left * e.high)
+    room = (e.low, e.high)
+    if not blind and e.placed:
+        margin = limits.gap_stds * number(seen.std_m)
+        gap = max(e.gap_m - margin, 0.0) if margin >= 0 else 0.0
+        room = _within(x - gap, e.low, e.high), _within(x + gap, e.low, e.high)
+        aim = within("gap", *room)
+    if not blind and abs(v) > limits.speed_m_s and not e.shaken:
+        most = before if e.placed else 0.0
+        aim = within("speed", -math.inf, most) if v * e.sense > 0 else within("speed", most, math.inf)
+    issued = _reached(aim, before, rate, number(previous.aim), dt, share, room, e)
+    if abs(issued.command - aim) > _NEAR * (e.high - e.low):
+        broken.append("rate")
+    return issued, tuple(broken)
 
 
 def number(value: object) -> float:
@@ -215,54 +218,6 @@ def _within(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-def _possible(x: float, envelope: Envelope) -> bool:
-    """Whether the capsule can be at `x`: anywhere but, for a carriage, out of the magnet's reach from every place on
-    its travel.
-    """
-    return math.isfinite(x) and (
-        not envelope.placed or envelope.low - envelope.gap_m <= x <= envelope.high + envelope.gap_m
-    )
-
-
-def _in_range(aim: float, share: float, envelope: Envelope, broken: list[str]) -> float:
-    """`aim` within the range, which a current gives up in proportion to `share`."""
-    left = 1.0 if envelope.placed else share
-    clipped = _within(aim, left * envelope.low, left * envelope.high)
-    if clipped != aim:
-        broken.append("range")
-    return clipped
-
-
-def _room(x: float, std: float, envelope: Envelope) -> tuple[float, float]:
-    """Where a carriage holds a capsule at `x` in m, known to `std` in m (to nothing where that is no number); the range
-    of other drives.
-    """
-    low, high = envelope.low, envelope.high
-    if not envelope.placed:
-        return low, high
-    margin = envelope.limits.gap_stds * std
-    gap = max(envelope.gap_m - margin, 0.0) if margin >= 0 else 0.0
-    return _within(x - gap, low, high), _within(x + gap, low, high)
-
-
-def _held(
-    aim: float, before: float, v: float, room: tuple[float, float], envelope: Envelope, broken: list[str]
-) -> float:
-    """`aim` that neither pushes on a capsule that is too fast nor lets the magnet lose it."""
-    held = aim
-    if envelope.placed:
-        held = _within(aim, *room)
-        if held != aim:
-            broken.append("gap")
-    if abs(v) > envelope.limits.speed_m_s and not envelope.shaken:
-        most = before if envelope.placed else 0.0
-        slower = min(held, most) if v * envelope.sense > 0 else max(held, most)
-        if slower != held:
-            broken.append("speed")
-        held = slower
-    return held
-
-
 def _reached(
     aim: float,
     before: float,
@@ -272,13 +227,9 @@ def _reached(
     share: float,
     room: tuple[float, float],
     envelope: Envelope,
-    broken: list[str],
 ) -> Issued:
-    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room` and
-    the range.
-
-    The carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still
-    brake.
+    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room`. The
+    carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still brake.
     """
     if dt == 0 or math.isinf(envelope.rate):
         command, new_rate = (before, rate) if dt == 0 else (aim, 0.0)
@@ -293,13 +244,9 @@ def _reached(
             able = _within(able, rate - a * dt, rate + a * dt)
         command = _within(before + able * dt, envelope.low, envelope.high)
         new_rate = able if command == before + able * dt else 0.0
-    if abs(command - aim) > _NEAR * (envelope.high - envelope.low):
-        broken.append("rate")
     return Issued(command, new_rate, aim)
 
 
 def _braking(room: float, dt: float, a: float) -> float:
-    """Greatest rate w for the next `dt` after which deceleration `a` still ends within `room`: `w dt + w^2/(2 a) =
-    room`.
-    """
+    """Greatest rate w for `dt` that deceleration `a` still ends within `room`: `w dt + w^2/(2 a) = room`."""
     return a * dt * (math.sqrt(1 + 2 * max(room, 0.0) / (a * dt * dt)) - 1)

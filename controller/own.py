@@ -1,6 +1,4 @@
-"""Controllers from outside the project: classes in a user's file, or in an installed package (entry point group
-`capsule.controllers`).
-"""
+"""Controllers from outside: classes in a user's file or in a package (entry point group `capsule.controllers`)."""
 
 import inspect
 from collections.abc import Collection, Iterator, Sequence
@@ -15,9 +13,8 @@ GROUP: Final = "capsule.controllers"
 
 
 def own_controllers(paths: Sequence[Path], taken: Collection[str]) -> dict[str, type[Controller]]:
-    """The controllers of the files `paths` and of installed packages by name; none may be one of those `taken`.
-
-    Raises ValueError, one sentence with the file, where one cannot be used.
+    """The controllers of the files `paths` and of installed packages by name; none may be one of those `taken`. Raises
+    ValueError, one sentence with the file, where one cannot be used.
     """
     found: dict[str, type[Controller]] = {}
     for where, cls in _declared(paths):

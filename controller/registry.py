@@ -11,7 +11,7 @@ from controller.baselines.pid import PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Estimator, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
-from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
+from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
@@ -94,9 +94,8 @@ def leads(name: str) -> tuple[str, ...]:
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
-    """Let the controllers of the Python files `paths`, and those of installed packages, be asked for by name from here
-    on, in place of those of an earlier call; a PID steps in for one that leads a body. Raises ValueError of one
-    sentence, and uses none, where one cannot be used.
+    """Let the controllers of the files `paths` and of installed packages be asked for by name, in place of those of an
+    earlier call; a PID steps in for one that leads a body. Raises ValueError, and uses none, where one cannot be used.
     """
     for name in _OWN:
         del _BUILDERS[name]
@@ -127,13 +126,11 @@ def checked_estimator(name: str) -> str:
 
 
 def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
-    """What the controller `name` sees the measurements through, those up to `age_s` old, unless another `estimator` is
-    asked for.
-    """
+    """What `name` sees the measurements through, those up to `age_s` old, unless `estimator` is another."""
     driven = driven_of(model.drive)
     classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
     if estimator == "default" and classical is not None:
-        return KinematicFilter(model, Kinematics(classical.jerkiness), FilterNoise().up_to(age_s))
+        return KinematicFilter(model, classical.jerkiness, FilterNoise().up_to(age_s))
     sharp = model.sharp
     noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":
@@ -147,7 +144,6 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
 
 def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:
     """The controller `name` for `model` within `envelope`, with those that step in for it; `deadline_s` is the MPC's.
-
     Raises ValueError for an unknown name, naming the nearest, and for a drive that these controllers cannot lead.
     """
     if name not in CONTROLLERS:

@@ -14,9 +14,7 @@ Status = Literal["ok", "late", "failed", "lost", "limited", "stopped"]
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One reading: `channel` is a column name of records (`position_m`, `carriage_position_m`, ...), SI; `stamp_s` is
-    when it was true.
-    """
+    """One reading: `channel` is a column name of records, `value` SI, true at `stamp_s`."""
 
     channel: str
     value: float
@@ -25,9 +23,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
-    """The model's parameters (p,) in its own order as the estimator has come to believe them, and the force along +x
-    that is left.
-    """
+    """Parameters (p,) in the model's order as the estimator believes them, and the force along +x that is left."""
 
     parameters: Array
     disturbance_N: float

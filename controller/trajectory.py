@@ -5,18 +5,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 STEP_S = 1e-3  # of a trajectory's table
 LONGEST_S = 3600.0  # of a trajectory: its table is in memory
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Positions `places` in m at multiples of `STEP_S` from 0, linear between, at rest after the end; speeds are their
-    slopes.
-    """
+    """Positions in m at multiples of `STEP_S` from 0, linear between, at rest after the end."""
 
     places: Array
 
@@ -52,9 +50,7 @@ class Trajectory:
 def by_speeds(
     speeds_m_s: Sequence[float], durations_s: Sequence[float], ramp_s: float = 0.05, start_m: float = 0.0
 ) -> Trajectory:
-    """Runs at constant speeds one after the other; changes of speed take `ramp_s`. Raises ValueError for lists that do
-    not match.
-    """
+    """Runs at constant speeds, one after the other; a change of speed takes `ramp_s`."""
     if len(speeds_m_s) != len(durations_s) or not speeds_m_s:
         raise ValueError(f"durations must be as many as speeds, {len(speeds_m_s)}; got {len(durations_s)}")
     if not all(d > 0 for d in durations_s) or not sum(durations_s) <= LONGEST_S:
@@ -71,9 +67,7 @@ def by_speeds(
 
 
 def by_places(times_s: Sequence[float], places_m: Sequence[float]) -> Trajectory:
-    """Straight from place to place, there at `times_s` (from 0 on, to `STEP_S`), with corners as `by_speeds` rounds
-    them, counted from the first place.
-    """
+    """Straight from place to place, there at `times_s` from 0 on, corners rounded; counts from the first place."""
     spans = np.maximum(np.round(np.diff(times_s) / STEP_S), 1.0) * STEP_S
     return by_speeds((np.diff(places_m) / spans).tolist(), spans.tolist())
 
@@ -81,9 +75,7 @@ def by_places(times_s: Sequence[float], places_m: Sequence[float]) -> Trajectory
 def through(
     places_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05
 ) -> Trajectory:
-    """From 0 to one place after the other at `speed_m_s`, a rest of `dwell_s` at each; the first move begins at
-    `start_s`.
-    """
+    """From 0 to one place after the other, a rest of `dwell_s` at each; the first move begins at `start_s`."""
     if not speed_m_s > 0 or not dwell_s >= 0:
         raise ValueError(f"speed must be positive and dwell zero or more; got {speed_m_s:g} and {dwell_s:g}")
     speeds, durations, here = [0.0], [max(start_s, STEP_S)], 0.0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Final
+from typing import Any, Final
 
 from models.parameter import Name
 from models.theta import bare
@@ -20,19 +20,19 @@ TOLD_S: Final = 0.4
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
-def check_numbers(record: object, word: str, names: Iterable[str], positive: bool = False) -> None:
-    """ValueError unless the numbers of `record` by these names are finite and 0 or more, or `positive`."""
+def check_numbers(record: Any, word: str, but: str = "", positive: bool = False, finite: bool = True) -> None:
+    """ValueError unless the fields of `record`, `but` for one, are 0 or more, or `positive`, and `finite`."""
     must = "a positive number" if positive else "zero or more"
-    for name in names:
+    for name in (f.name for f in fields(record) if f.name != but):
         value = getattr(record, name)
-        if not 0 <= value < math.inf or (positive and value == 0):
+        if not value >= 0 or (positive and value == 0) or (finite and value == math.inf):
             raise ValueError(f"{word} {name} must be {must}; got {value!r}")
 
 
 @dataclass(frozen=True)
 class PidGains:
     """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within
-    `windup_N`. `jerkiness`, in m/s per root s, is that of the kinematic filter (`Kinematics`) that it sees through, nan
+    `windup_N`. `jerkiness`, in m/s per root s, is that of the `KinematicFilter` that it sees through, nan
     where it sees what the friction-aware estimator believes.
     """
 
@@ -43,18 +43,16 @@ class PidGains:
     jerkiness: float = math.nan
 
     def __post_init__(self) -> None:
-        check_numbers(self, "PID gain", [f.name for f in fields(self) if f.name != "jerkiness"])
+        check_numbers(self, "PID gain", but="jerkiness")
 
 
 @dataclass(frozen=True)
 class Correction:
-    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
-
-    While the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not
-    turn friction round; no correction exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what
-    keeps a held capsule from hunting; beyond it the capsule is brought back to half of that. `reach_s` is the time
-    within which the inverse gets to the speed; a coil's must leave its current some ticks, and a lagging drive gets
-    most of its time constant, with a slower pace.
+    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)`, corrected by at most `most_m_s`. While
+    the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not turn
+    friction round. At rest errors up to `slack_m` are left alone, so that a held capsule does not hunt; beyond it the
+    capsule is brought back to half of that. Within `reach_s` the inverse gets to the speed: a coil's current needs some
+    ticks, a lagging drive most of its time constant.
     """
 
     pace_1_s: float = 20.0
@@ -65,7 +63,7 @@ class Correction:
     reach_s: float = 1e-3
 
     def __post_init__(self) -> None:
-        check_numbers(self, "loop", [f.name for f in fields(self)])
+        check_numbers(self, "loop")
 
 
 @dataclass(frozen=True)
@@ -113,12 +111,10 @@ class FilterNoise:
     drive_wander: Mapping[str, float] = field(default_factory=lambda: dict(_DRIVE_SPREADS))
 
     def __post_init__(self) -> None:
-        check_numbers(self, "noise", [f.name for f in fields(self) if f.name != "drive_wander"], positive=True)
+        check_numbers(self, "noise", but="drive_wander", positive=True)
 
     def up_to(self, age_s: float) -> FilterNoise:
-        """The same, with positions taken as old as `Limits.age_s` lets a command rest on: the bus tells no greater age
-        than `TOLD_S`.
-        """
+        """The same for positions as old as a command may rest on (`Limits.age_s`), at most `TOLD_S`."""
         return replace(self, age_s=age_s, latest_s=min(age_s, TOLD_S))
 
     def surprised(self, before: float, size: float) -> float:

@@ -1,3 +1,1 @@
-"""What is true in simulation: exact stick and slip, drives, sensors, anatomy, and effects that the model does not
-know.
-"""
+"""What is true in simulation: exact stick and slip, drives, sensors, anatomy, effects unknown to the model."""

@@ -14,9 +14,7 @@ from plant.tables import Floats
 
 @dataclass(frozen=True)
 class Anatomy:
-    """A factor on the hoop stress over the place, `level[k]` at `start_m + k step_m`, linear between and constant
-    outside.
-    """
+    """A factor on the hoop stress, `level[k]` at `start_m + k step_m`, linear between, constant outside."""
 
     level: tuple[float, ...] = (1.0,)
     start_m: float = 0.0

@@ -1,6 +1,4 @@
-"""The one way in which the plant is compiled: numba, no Python object inside, cached until any file of the plant
-changes.
-"""
+"""The one way in which the plant is compiled: numba, no Python object inside, cached until a file changes."""
 
 import hashlib
 from collections.abc import Callable
@@ -30,14 +28,9 @@ def source_digest() -> str:
 
 
 def compiled(function: F) -> F:
-    """Compile `function` on first use and keep the machine code beside the source.
-
-    numba renews a cached function when its own file changes but not when a function that it calls does, in another
-    file: a step would go on with the old friction law. So the stamp that numba compares is the hash of all the plant's
-    files here.
-
-    Without numba's memory manager (`_nrt`) no array can be made inside, nor are references counted at each call: that
-    took three quarters of a step's time.
+    """Compile `function` on first use and keep the machine code beside the source, under the hash of all the plant's
+    files: numba renews it when its own file changes, not when a function in another file does. Without numba's memory
+    manager (`_nrt`) no array can be made inside, nor are references counted, three quarters of a step's time.
     """
     dispatcher: Any = njit(**OPTIONS)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)

@@ -1,6 +1,4 @@
-"""Where numbers stand in the arrays that the compiled steps work on: parameters, state, recorded columns, law
-tables.
-"""
+"""Where numbers stand in the arrays of the compiled steps: parameters, state, recorded columns, law tables."""
 
 from typing import Final
 

@@ -30,9 +30,7 @@ class TruePlate:
 
 @dataclass(frozen=True)
 class Truth:
-    """All that is true of a simulated rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop
-    stress.
-    """
+    """All that is true of a rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop stress."""
 
     drive: TrueDrive
     capsule: Capsule = Capsule()
@@ -77,29 +75,27 @@ class Plant:
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
         """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last
-        rate).
-
-        A pull takes positions in m, a magnet carriage positions in m, a coil voltages in V, a vibro drive forces in N
-        or, with a coil, voltages in V, each step's mean. Returns a row each `every` steps. Raises `ValueError` for
-        fewer than two values or values that are not finite.
+        rate): positions in m of a pull or carriage, a coil's V, an inner mass's N or V, each step's mean. Returns a row
+        each `every` steps. Raises `ValueError` for fewer than two values or values that are not finite.
         """
         values = np.ascontiguousarray(drive, dtype=float)
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
             raise ValueError(f"drive must be two or more finite values in a row; got shape {values.shape}")
-        parts = [0, *self._onset_steps(values.size - 1), values.size - 1]
+        first, steps = int(self.state[at.S_STEP]), values.size - 1
+        begins = {round(t / self.rig.step_s) - first for t in self._onsets}
+        parts = [0, *sorted(step for step in begins if 0 < step < steps), steps]
         return np.concatenate([self._advance(values[a : b + 1], every) for a, b in itertools.pairwise(parts)])
 
-    def _onset_steps(self, steps: int) -> list[int]:
-        """After how many of the next `steps` steps effects begin, none of them 0."""
-        first = int(self.state[at.S_STEP])
-        begins = {round(t / self.rig.step_s) - first for t in self._onsets}
-        return sorted(step for step in begins if 0 < step < steps)
-
     def _advance(self, values: Floats, every: int) -> Floats:
-        dt, first = self.rig.step_s, int(self.state[at.S_STEP])
-        if self._onsets and self._onsets[0] <= self.time + 0.5 * dt:
-            self._begin_effects(values[0])
-        steps = values.size - 1
+        dt, first, steps = self.rig.step_s, int(self.state[at.S_STEP]), values.size - 1
+        now = self.time + 0.5 * dt
+        if self._onsets and self._onsets[0] <= now:
+            self._onsets = [t for t in self._onsets if t > now]
+            self.effects = begun(self._all, now)
+            behind = bool(self.effects[BEHIND, 0].any())
+            if behind and not self._behind:  # lag and play begin where the drive is
+                self._carriage[:] = values[0]
+            self._behind = behind
         if self._behind:
             arrived = real_drive(values[:-1], dt, self.effects, self._carriage)
             values = np.append(arrived, real_drive(values[-1:], dt, self.effects, self._carriage.copy()))
@@ -109,29 +105,10 @@ class Plant:
         advance(kind, *common, values, dt, every, out)
         return out
 
-    def _begin_effects(self, drive: float) -> None:
-        """Let those effects begin that are due; lag and play begin where the `drive` is."""
-        now = self.time + 0.5 * self.rig.step_s
-        self._onsets = [t for t in self._onsets if t > now]
-        self.effects = begun(self._all, now)
-        behind = bool(self.effects[BEHIND, 0].any())
-        if behind and not self._behind:
-            self._carriage[:] = drive
-        self._behind = behind
-
 
 _POSITIVE = (
-    "mass_kg",
-    "radius_m",
-    "cylinder_length_m",
-    "magnet_range_m",
-    "outer_moment_A_m2",
-    "inner_moment_A_m2",
-    "height_m",
-    "resistance_ohm",
-    "current_limit_A",
-    "inner_mass_kg",
-    "recovery_time_s",
+    *("mass_kg", "radius_m", "cylinder_length_m", "recovery_time_s", "inner_mass_kg", "resistance_ohm"),
+    *("current_limit_A", "magnet_range_m", "outer_moment_A_m2", "inner_moment_A_m2", "height_m"),
 )
 
 
@@ -147,28 +124,20 @@ def _check(record: object, where: str) -> None:
 
 
 def _parameters(rig: Truth) -> Floats:
-    for record, where in (
-        (rig.capsule, "capsule"),
-        (rig.tissue, "tissue"),
-        (rig.drive, "drive"),
-        (rig.surface, "surface"),
-    ):
+    for where in ("capsule", "tissue", "drive", "surface"):
+        record = getattr(rig, where)
         if record is not None:
             _check(record, where)
-    p = np.zeros(at.P_COUNT)
-    total = rig.capsule.mass_kg + rig.drive.inner_kg
-    p[at.P_MASS], p[at.P_WEIGHT] = rig.capsule.mass_kg, total * GRAVITY
-    p[at.P_HOOP] = rig.hoop_factor if rig.surface is None else 1.0
+    p, plate = np.zeros(at.P_COUNT), rig.surface
+    p[at.P_MASS], p[at.P_WEIGHT] = rig.capsule.mass_kg, (rig.capsule.mass_kg + rig.drive.inner_kg) * GRAVITY
+    p[at.P_SURFACE], p[at.P_HOOP] = (at.GUT, rig.hoop_factor) if plate is None else (at.PLATE, 1.0)
     p[at.P_RECOVERY] = rig.tissue.recovery_time_s
     p[at.P_PROFILE_START], p[at.P_PROFILE_STEP] = rig.anatomy.start_m, rig.anatomy.step_m
-    if rig.surface is None:
-        p[at.P_SURFACE], p[at.P_MU] = at.GUT, rig.tissue.friction_coefficient
-        p[at.P_MU_STATIC] = p[at.P_MU]
-    else:
-        static = rig.surface.static_friction_coefficient
-        p[at.P_SURFACE], p[at.P_MU] = at.PLATE, rig.surface.friction_coefficient
-        p[at.P_MU_STATIC] = p[at.P_MU] if static is None else static
-        if p[at.P_MU_STATIC] < p[at.P_MU]:
+    p[at.P_MU] = p[at.P_MU_STATIC] = (plate or rig.tissue).friction_coefficient
+    static = None if plate is None else plate.static_friction_coefficient
+    if static is not None:
+        p[at.P_MU_STATIC] = static
+        if static < p[at.P_MU]:
             raise ValueError(
                 f"static_friction_coefficient must be at least friction_coefficient {p[at.P_MU]:g}; got {static:g}"
             )

@@ -17,9 +17,7 @@ FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
 
 
 class Stepped(Protocol):
-    """What a session steps: a `Plant`, or what stands in for it. `state` in the places of `plant.layout`, `advance` as
-    `Plant.advance`.
-    """
+    """What a session steps: a `Plant`, or what stands in for it with the same state and `advance`."""
 
     @property
     def rig(self) -> Truth:
@@ -39,9 +37,7 @@ class Stepped(Protocol):
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A; None:
-    it says nothing).
-    """
+    """What is measured in the loop: the capsule's place, and what the drive does (None: it says nothing)."""
 
     localisation: Instrument = LOCALISATION
     feedback: Instrument | None = FEEDBACK
@@ -49,12 +45,10 @@ class Instruments:
 
 class Session:
     """A rig that is commanded step by step. `newest` is the last row of the truth, `rows` all of it where the session
-    `keeps` it for whoever judges the run; no controller may see either.
-
-    A magnet's carriage goes in a straight line to each command, a carriage position in m; a coil holds the commanded
-    voltage in V, an inner mass without a coil the commanded share 0..1 of its force. Feedback of a carriage is its own
-    encoder's, which neither lag nor play behind it reaches. The same rig, instruments and seed under the same commands
-    give the same numbers, whatever the ticks; so does `Plant.advance` in one go.
+    `keeps` it for whoever judges the run; no controller may see either. A carriage goes in a straight line to each
+    command in m; a coil holds a voltage in V, an inner mass without a coil the share 0..1 of its force. A carriage's
+    feedback is its own encoder's, before lag and play. The same rig, instruments, seed and commands give the same
+    numbers, whatever the ticks.
     """
 
     def __init__(
@@ -67,9 +61,7 @@ class Session:
         *,
         keeps: bool = True,
     ) -> None:
-        """At rest at 0 with `command` in force; `plant` steps in place of the rig's own. Raises ValueError for a rig
-        whose capsule is not free, or numbers that cannot be.
-        """
+        """At rest at 0 under `command`. Raises ValueError for a capsule that is not free, impossible numbers."""
         if not rig.drive.free:
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {rig.drive.kind}")
         self.instruments = instruments = instruments or Instruments()
@@ -81,12 +73,11 @@ class Session:
         rate = 1 / (_EVERY * rig.step_s)
         seeds = np.random.SeedSequence(seed).spawn(2)
         hidden = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
-        self._place = Stream("position_m", instruments.localisation, np.random.default_rng(seeds[0]), rate, hidden)
+        place, feedback = (np.random.default_rng(seed) for seed in seeds)
+        self._place = Stream("position_m", instruments.localisation, place, rate, hidden)
         self._drive: Stream | None = None
-        if instruments.feedback is not None and self.feedback_channel:
-            self._drive = Stream(
-                self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None
-            )
+        if instruments.feedback is not None and rig.drive.feedback:
+            self._drive = Stream(rig.drive.feedback, instruments.feedback, feedback, rate, None)
         self._waiting: list[Reading] = []
         self._shares = np.arange(2.0)
 
@@ -95,16 +86,9 @@ class Session:
         """Seconds so far."""
         return self.plant.time
 
-    @property
-    def feedback_channel(self) -> str:
-        """The column of the drive's feedback; empty where it has none."""
-        return self.plant.rig.drive.feedback
-
     def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
-        """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were
-        not before.
-
-        Raises ValueError for a command that is not finite or a time that is not at least a step ahead.
+        """Go on under `command` to the step nearest to `until_s`; the readings that are newly at hand then. Raises
+        ValueError for a command that is not finite or a time that is not a step ahead.
         """
         first = int(self.plant.state[at.S_STEP])
         steps = round(until_s / self.plant.rig.step_s) - first
@@ -119,7 +103,10 @@ class Session:
             self.rows.append(rows)
         self._waiting += self._place.take(rows[:, at.O_T], rows[:, at.O_X])
         if self._drive is not None:
-            self._waiting += self._drive.take(rows[:, at.O_T], self._fed_back(rows, values, first))
+            fed_back = rows[:, at.O_CURRENT]
+            if self.plant.rig.drive.straight:
+                fed_back = values[np.round(rows[:, at.O_T] / self.plant.rig.step_s).astype(int) - first]
+            self._waiting += self._drive.take(rows[:, at.O_T], fed_back)
         now = self.time + 1e-9
         if not any(r.arrives_s <= now for r in self._waiting):
             return ()
@@ -137,8 +124,3 @@ class Session:
             values[-1] = command
             return values
         return np.full(steps + 1, drive.command_scale * command)
-
-    def _fed_back(self, rows: Floats, values: Floats, first: int) -> Floats:
-        if self.plant.rig.drive.straight:
-            return np.asarray(values[np.round(rows[:, at.O_T] / self.plant.rig.step_s).astype(int) - first])
-        return np.asarray(rows[:, at.O_CURRENT])

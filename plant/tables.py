@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
-from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
-from models.laws.resistance import environmental_resistance, normal_load
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, wall_tension
+from models.laws.resistance import environmental_resistance, mucus_drag, normal_load
 from plant import layout as at
 from plant.compiling import compiled
 
@@ -21,13 +19,10 @@ _PER_DRAG = (at.NODES - 1) / at.DRAG_SPAN
 
 
 @lru_cache(maxsize=16)
-def tabulate(capsule: Capsule, tissue: Tissue, wall: WallConstants | None = None) -> Floats:
-    """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), all SI, on the grids of
-    `plant.layout`.
-
-    Interpolation error below 1e-7 N, 2e-6 N about 20 mm/s where the moduli blend. The array is shared and read-only.
-
-    Raises `ValueError` when the wall's tension does not grow with its drag over the grid: then there is no u_c.
+def tabulate(capsule: Capsule, tissue: Tissue) -> Floats:
+    """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), SI, on the grids of
+    `plant.layout`, within 1e-7 N, 2e-6 N about 20 mm/s where the moduli blend; shared and read-only. Raises
+    `ValueError` where the wall's tension does not grow with its drag over the grid: then there is no u_c.
     """
     rows = np.empty((at.L_COUNT, at.NODES))
     speed = np.linspace(0.0, at.SPEED_SPAN, at.NODES)
@@ -37,9 +32,7 @@ def tabulate(capsule: Capsule, tissue: Tissue, wall: WallConstants | None = None
     rows[at.L_MUCUS, 0] = 0.0
     rows[at.L_MUCUS, 1:] = mucus_drag(slip[1:], tissue.mucus_thickness_m)
     drag = np.linspace(0.0, at.DRAG_SPAN, at.NODES)
-    pull = wall_tension(
-        drag, wall or WallConstants.from_set(), wall_section(capsule, tissue), stretched_length(capsule)
-    )
+    pull = wall_tension(drag, WallConstants.from_set(), wall_section(capsule, tissue), stretched_length(capsule))
     if not np.all(np.diff(pull) > 0):
         raise ValueError(f"wall tension must grow with the drag up to {at.DRAG_SPAN:g} m; got a law that does not")
     rows[at.L_TENSION] = pull

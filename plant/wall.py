@@ -13,9 +13,7 @@ _SETTLED_M: Final = 1e-9  # change of the stretch that ends them
 
 @compiled
 def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
-    """`F_e(|v|)` of the gut or `mu N` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static
-    one.
-    """
+    """`hoop F_e(|v|)` of the gut or `hoop mu N` of a plate in N; a plate at `v = 0` has its static one."""
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
     return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * (p[P_WEIGHT] + s[S_PRESSING]))
@@ -23,9 +21,7 @@ def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> f
 
 @compiled
 def kinetic_limit(v: float, limit: float, p: Floats) -> float:
-    """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate
-    lets go.
-    """
+    """What resists in N once a body at `v` under `limit` slides on: less where a plate lets go."""
     if p[P_SURFACE] != GUT and v == 0.0 and limit > 0.0:
         return float(limit * p[P_MU] / p[P_MU_STATIC])
     return limit
@@ -33,11 +29,8 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
 
 @compiled
 def clipped_speed(v: float, force: float, limit: float, kinetic: float, mass: float, dt: float) -> float:
-    """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic`
-    once it slides.
-
-    `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`. A body at rest under less than `limit` stays at exactly zero. The
-    impulse is clipped, nothing is smoothed (Moreau's time stepping).
+    """Speed after a step: `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`, `kinetic` once it slides. A body at rest
+    under less than `limit` stays at exactly zero: the impulse is clipped, nothing is smoothed (Moreau's time stepping).
     """
     momentum = mass * v + force * dt
     if abs(momentum) <= limit * dt:
@@ -66,9 +59,7 @@ def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab:
 
 @compiled
 def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
-    """`T(u) + F_v(w)` in N, what the wall and its film hold back; with `w = v - u'`, zero while the wall sticks. None
-    on a plate.
-    """
+    """`T(u) + F_v(w)` in N, `w = v - u'`, zero while the wall sticks. None on a plate."""
     if p[P_SURFACE] != GUT:
         return 0.0
     u, slip = s[S_U], s[S_SLIP]
@@ -80,12 +71,9 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
 
 @compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
-    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside the step, where the base
-    model says so: the wall slips where `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back,
-    `s v > -v_i`.
-
-    The tension is taken as linear in the step; the rest of the step is spent in the other mode, so that the teeth's
-    period does not grow with the step.
+    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside it: the wall slips where
+    `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back, `s v > -v_i`. The tension is linear
+    in the step; its rest is spent in the other mode, so that the teeth's period does not grow with the step.
     """
     if p[P_SURFACE] != GUT:
         return

@@ -1,6 +1,4 @@
-"""LQR with integral action (python-control): a classical baseline that knows the linearised plant but no stick and
-slip.
-"""
+"""LQR with integral action (python-control): a baseline that knows the linear plant but no stick and slip."""
 
 from __future__ import annotations
 
@@ -11,8 +9,9 @@ import numpy as np
 
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array, Linear, linearise
-from controller.signals import Action, Controller, Estimate, Reference
+from controller.model.linear import Linear, linearise
+from controller.signals import Action, Array, Controller, Estimate, Reference
+from controller.tuned import check_numbers
 from models.parameter import Name
 
 
@@ -28,15 +27,7 @@ class LqrWeights:
     integral_m_s: float = 2e-5
 
     def __post_init__(self) -> None:
-        for name in ("command", "position_m", "speed_m_s", "integral_m_s"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"weight {name} must be positive; got {getattr(self, name)!r}")
-
-    @classmethod
-    def suited(cls, plant: Linear) -> LqrWeights:
-        """A command is large that moves the capsule by 0.2 mm at 20 1/s."""
-        moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
-        return cls(2e-4 / float(np.abs(moved)))
+        check_numbers(self, "weight", positive=True)
 
 
 @dataclass(frozen=True)
@@ -66,12 +57,12 @@ def augmented(plant: Linear) -> tuple[Array, Array]:
 
 
 def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
-    """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on
-    `plant`.
-    """
+    """The gains of the least `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2`."""
     import control  # draws matplotlib in, a second that other controllers need not wait
 
-    weights = LqrWeights.suited(plant) if weights is None else weights
+    if weights is None:  # a command is large that moves the capsule by 0.2 mm at 20 1/s
+        moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
+        weights = LqrWeights(2e-4 / float(np.abs(moved)))
     A, B = augmented(plant)
     Q = np.diag(
         [weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2]
@@ -82,9 +73,7 @@ def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
 
 
 class LQR(Controller):
-    """State feedback on the estimate with an integral of the position error that stops where the command would leave
-    its range.
-    """
+    """State feedback on the estimate; its integral of the position error stops at the ends of the command's range."""
 
     name = "lqr"
 

@@ -1,22 +1,21 @@
-"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: the baselines that know little of the
-wall.
-"""
+"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: they know little of the wall."""
 
 import math
+from typing import Final
 
 import numpy as np
 
-from controller.drives import actuator_of, driven_of
+from controller.drives import Actuator, driven_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference
 from controller.tuned import PidGains
 
+_SPEED_M_S: Final = 5e-4  # of the feedforward's tanh
+
 
 class PID(Controller):
-    """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no
-    feedforward.
-    """
+    """Force from the error, command from the force by the drive's static inverse. `friction_N` 0: no feedforward."""
 
     def __init__(
         self,
@@ -24,13 +23,11 @@ class PID(Controller):
         envelope: Envelope,
         gains: PidGains | None = None,
         friction_N: float = 0.0,
-        speed_m_s: float = 5e-4,
     ) -> None:
         self.name = "pid" if friction_N == 0 else "pid_friction"
         self.gains = driven_of(model.drive).pid_estimated if gains is None else gains
-        self._actuator, self._tick = actuator_of(model.drive, model.theta.base, envelope), model.tick_s
-        self._friction, self._speed = friction_N, speed_m_s
-        self._sum, self._start = 0.0, math.nan
+        self._actuator, self._tick = Actuator(model.drive, model.theta.base, envelope), model.tick_s
+        self._friction, self._sum, self._start = friction_N, 0.0, math.nan
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin with `command` in force: the integral starts at what makes the first answer repeat it."""
@@ -42,7 +39,7 @@ class PID(Controller):
         r, rate = number(reference.position(t)[0]), number(reference.speed(t)[0])
         x, v = number(estimate.state[0]), number(estimate.state[1])
         error, g = r - x, self.gains
-        free = g.k_p * error + g.k_d * (rate - v) + self._friction * math.tanh(rate / self._speed)
+        free = g.k_p * error + g.k_d * (rate - v) + self._friction * math.tanh(rate / _SPEED_M_S)
         if not math.isfinite(free):
             return Action(math.nan, "failed")
         if math.isfinite(self._start):

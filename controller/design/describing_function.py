@@ -1,8 +1,6 @@
-"""How far may the loop be pushed, and does it hunt? Harmonic balance: its answer to a force against the first harmonic
-of stick and slip.
-
-Where the balance has an unstable cycle of amplitude A, the loop comes to rest in stiction from less and goes off from
-more: the friction, whose describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
+"""Does the loop hunt? Harmonic balance: its answer to a force against the first harmonic of stick and slip. Where that
+has an unstable cycle of amplitude A, the loop comes to rest from less and goes off from more: friction, whose
+describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
 """
 
 import math
@@ -17,8 +15,9 @@ from controller.baselines.lqr import Gains
 from controller.design.margins import Complex
 from controller.design.tuning import Pid, feedback
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array, Linear, linearise
+from controller.model.linear import Linear, linearise
 from controller.model.symbols import assembled
+from controller.signals import Array
 from models.assembly.model import assemble
 from models.compiled.kernel import lower
 from models.drives.pull import Pull
@@ -56,9 +55,7 @@ class Describing:
 
 @dataclass(frozen=True)
 class Balance:
-    """A cycle that the harmonic balance predicts: `x = A sin`, and whether it comes back after a small disturbance
-    (`stable`).
-    """
+    """A cycle `x = A sin` of the harmonic balance; `stable`: it comes back after a small disturbance."""
 
     amplitude_m: float
     frequency_Hz: float
@@ -68,10 +65,8 @@ class Balance:
 def describe(
     model: ControlModel, amplitude_m: Array = AMPLITUDES_M, frequency_Hz: Array = FREQUENCIES_HZ
 ) -> Describing:
-    """The describing function of `model`'s surface and of those effects that a pull feels too, with set-valued
-    friction, by running it.
-
-    On a plate in closed form: `A N = j 4 mu m g/pi`.
+    """The describing function of `model`'s surface, and of effects that a pull feels too, by running it with set-valued
+    friction; on a plate in closed form: `A N = j 4 mu m g/pi`.
     """
     omega = 2 * math.pi * np.asarray(frequency_Hz, dtype=np.float64)
     surface, known = surface_of(model.rig), model.theta
@@ -94,9 +89,7 @@ def describe(
 
 
 def without_wall(model: ControlModel) -> Linear:
-    """The linear plant about rest with the wall taken away: mass and drive alone, which is what stands across from the
-    wall.
-    """
+    """The linear plant about rest without the wall, mass and drive alone: what stands across from the wall."""
     known, mass = model.theta, surface_of(model.rig).body_kg
     symbols = assembled(Plate(mass, 0.0), model.drive, model.symbols.effects, model.smoothing)
     values = [0.0 if p.key == "friction_coefficient" else known[p.key] for p in symbols.parameters]
@@ -104,9 +97,7 @@ def without_wall(model: ControlModel) -> Linear:
 
 
 def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) -> Complex:
-    """`G(j omega)` in m/N, (k,): how far a force on the capsule moves it in closed loop with `law`, measurements
-    `delay_s` late.
-    """
+    """`G(j omega)` in m/N, (k,): how far a force moves the capsule under `law`, measurements `delay_s` late."""
     z = np.exp(1j * omega * plant.tick_s)
     late = np.exp(-1j * omega * delay_s)
     n = len(plant.states)
@@ -118,10 +109,8 @@ def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) ->
 
 def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) -> list[Balance]:
     """All (A, omega) within the grid of `wall` at which `F = 1 + N(A, omega) G(j omega) = 0`, smallest first; `plant`
-    is the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega.
-
-    A cycle comes back where, with s = sigma + j omega, F = 0 along a disturbance dA gives sigma = omega Im(F_A/F_w) dA
-    below 0.
+    is the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega. A cycle comes back
+    where, with s = sigma + j omega, F = 0 along a disturbance dA gives sigma = omega Im(F_A/F_w) dA below 0.
     """
     force = wall.force()
 

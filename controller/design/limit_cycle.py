@@ -1,6 +1,4 @@
-"""Does the loop hunt? The loop simulated on the model with set-valued friction, without noise: slow motion, then a
-hold.
-"""
+"""Does the loop hunt? Simulated with set-valued friction and without noise: slow motion, then a hold."""
 
 import math
 from collections import deque
@@ -12,9 +10,8 @@ import numpy as np
 from controller.baselines.lqr import LQR
 from controller.design.tuning import Pid
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array
 from controller.move import SetpointMove
-from controller.signals import Estimate
+from controller.signals import Array, Estimate
 from models.assembly.model import Assembly, assemble
 from models.rigs.parts import surface_of
 
@@ -29,9 +26,7 @@ speed in m/s.
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """What the position error does in the last half of a run: `peak_to_peak_m`, `period_s` (NaN without a repetition),
-    `rms_m`.
-    """
+    """The position error in the last half of a run; `period_s` is NaN without a repetition."""
 
     peak_to_peak_m: float
     period_s: float
@@ -97,9 +92,8 @@ def simulate(
     delay_s: float,
     exact: Assembly | None = None,
 ) -> LoopRun:
-    """Run `law` on `model` with friction that holds a resting capsule: `seconds` at `speed_m_s`, then a hold of
-    `hold_s`; what the law sees is `delay_s` late. Returns the whole run, one sample a tick. `exact` is what
-    `exactly(model)` gives, built here where None.
+    """Run `law`, which sees states `delay_s` late, on `model` with friction that holds a resting capsule (`exact`,
+    `exactly(model)` where None): `seconds` at `speed_m_s`, then a hold of `hold_s`; one sample a tick.
     """
     exact = exactly(model) if exact is None else exact
     p, state, tick = exact.vector(model.theta), exact.start(), model.tick_s

@@ -1,6 +1,4 @@
-"""A loop's frequency response with delay: gain, phase and delay margin, sensitivity peak, bandwidth, closed-loop
-poles.
-"""
+"""A loop's frequency response with delay: margins, sensitivity peak, bandwidth, closed-loop poles."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +7,8 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.model.linear import Array, Linear
+from controller.model.linear import Linear
+from controller.signals import Array
 
 Complex = NDArray[np.complex128]
 _POINTS = 4000  # frequencies up to half the sampling rate
@@ -33,9 +32,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class OpenLoop:
-    """An open loop `L` (discrete, broken at the plant's command) and the poles (k,) of the closed one, both with
-    `delay_s`.
-    """
+    """An open loop `L` (discrete, broken at the plant's command), poles (k,) of the closed one, with `delay_s`."""
 
     name: str
     phase: str

@@ -1,6 +1,4 @@
-"""One rig's design: the plant stuck and slipping, a tuned PID and a tuned LQR on it, their margins, and whether they
-hunt: by simulation and by harmonic balance.
-"""
+"""One rig's design: tuned PID and LQR on the plant stuck and slipping, their margins, and whether they hunt."""
 
 from dataclasses import dataclass
 
@@ -50,9 +48,7 @@ class Study:
 
 
 def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, peak: float = PEAK) -> Study:
-    """Design for `model`. Raises ValueError for an inner-mass drive, a speed or delay that is no positive number, and
-    where no controller keeps the sensitivity `peak`.
-    """
+    """Design for `model`. Raises ValueError for an inner-mass drive, numbers out of range, an unreachable `peak`."""
     if not 1e-5 <= abs(speed_m_s) <= 0.1:
         raise ValueError(f"speed must lie in [1e-5, 0.1] m/s; got {speed_m_s:g}")
     if not 0 <= delay_s <= 0.2:

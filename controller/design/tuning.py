@@ -1,6 +1,4 @@
-"""Fair baselines: the PID and the LQR with the strongest integral that the plant bears, stuck and slipping, at the
-delay there is.
-"""
+"""Fair baselines: PID and LQR with the strongest integral that the plant bears, stuck and slipping, with delay."""
 
 from __future__ import annotations
 
@@ -15,7 +13,8 @@ import numpy as np
 
 from controller.baselines.lqr import Gains, LqrWeights, augmented, lqr_gains
 from controller.design.margins import Complex, OpenLoop, closed_loop
-from controller.model.linear import Array, Linear
+from controller.model.linear import Linear
+from controller.signals import Array
 
 FILTER_S = 5e-3  # s, of the PID's derivative
 PEAK = 1.6  # most that the sensitivity may rise to: the loop stays 1/1.6 off -1
@@ -50,9 +49,7 @@ Law = TypeVar("Law", Pid, Gains)
 
 
 def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
-    """What the controller makes of each state, (n, k) at the points `z`: the command is minus their sum, delay
-    aside.
-    """
+    """What the controller makes of each state, (n, k) at the points `z`; the command is minus their sum."""
     n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
     if isinstance(law, Pid):
         return np.asarray(first * law.response(z, plant.tick_s))
@@ -72,11 +69,9 @@ def state_loop(plant: Linear, gains: Gains, delay_s: float) -> OpenLoop:
 
 
 def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> Pid:
-    """The PID with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`.
-
-    The integral is what overcomes friction that the controller does not know, so its gain is what counts (Astrom and
-    Hagglund's M-constrained integral gain optimisation, here on a grid). Raises ValueError for a peak of 1 or less, or
-    where none of the grid fits.
+    """The PID with the largest `K_i`, which overcomes friction that nobody knows, whose sensitivity peak is at most
+    `peak` on all of `plants` (Astrom and Hagglund's M-constrained integral gain optimisation, on a grid). Raises
+    ValueError where none of the grid fits.
     """
     sizes, rates, leads = np.geomspace(1e-2, 1e2, _STEPS), np.geomspace(0.3, 300, _STEPS), (0.0, 5e-3, 1e-2, 2e-2)
     gains = product(_scale(plants) * sizes, rates, leads)

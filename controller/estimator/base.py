@@ -94,10 +94,9 @@ class Watch:
 
 
 def trusting(model: ControlModel) -> FilterNoise:
-    """The noise of its drive for `model`, which is trusted as far as it predicted records that it had not seen.
-
-    Where its forces proved to be off by f (`proved_off`), the force wanders by no more than f a root second and the
-    level by no more than f over the mean friction, and both may be `AT_FIRST` times as far off at the start.
+    """The noise of its drive for `model`: where that proved to be off by f on records that it had not seen
+    (`proved_off`), the force wanders by no more than f a root second and the level by no more than f over the mean
+    friction, and both may be `AT_FIRST` times as far off at the start.
     """
     noise, force, level = driven_of(model.drive).noise, proved_off(model), level_off(model)
     if force is None or level is None:
@@ -182,9 +181,7 @@ class Estimator(ABC):
         self.offset = 0.0
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
-        """The estimate at `now`, a tick after the last call; `command` was in force since, `measurements` came in
-        since.
-        """
+        """The estimate at `now`, a tick after the last; `command` in force and `measurements` come in since."""
         self._command = command if math.isfinite(command) else self._command
         if self._count:
             self._go_on(now, self._command + self.offset)

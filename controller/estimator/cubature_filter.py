@@ -1,6 +1,4 @@
-"""The Gaussian estimator: beliefs kept for a while, so that a late measurement is taken in where it belongs and what
-came after is redone.
-"""
+"""The Gaussian estimator: late measurements are taken in where they belong, what came after is redone."""
 
 from __future__ import annotations
 
@@ -44,9 +42,7 @@ class Belief:
 
 
 class Process:
-    """The control model as a filter's process: `z+ = f(z, command) + w`. What the sensor shows is the position unless
-    effects of the sensor say otherwise; then its slopes come from CasADi.
-    """
+    """The control model as a filter's process: `z+ = f(z, command) + w`."""
 
     def __init__(self, model: ControlModel, noise: FilterNoise) -> None:
         self.model, self.noise, self.level = model, noise, base.Level(model)
@@ -73,9 +69,7 @@ class Process:
         return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
     def predict(self, b: Belief, command: float) -> None:
-        """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight
-        line.
-        """
+        """Move `b` a tick on in place, at the end of which the drive is at `command`."""
         k, points = self.model.kernels, (self._states, self._d, self._level)
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *points, self._values)
         before = self.model.left(b.command, command)
@@ -96,9 +90,7 @@ class Process:
         return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
 
     def see_position(self, b: Belief, value: float) -> float:
-        """Take in a localisation in place; returns its normalised difference, signed, beyond the gate where it was
-        refused.
-        """
+        """Take in a localisation in place; its normalised difference, signed, beyond the gate where refused."""
         expected, self._H[:] = b.z[0], 0.0
         if self._plain:
             self._H[0] = 1.0
@@ -137,11 +129,9 @@ class _Tick:
 
 
 class CubatureEstimator(base.Estimator):
-    """A cubature Kalman filter with the control model as its process.
-
-    A late measurement is taken in at the tick of its stamp and the ticks since are computed again: their number, and so
-    the time this takes, is bounded. Its points lie a standard deviation away, some stick while others slip: the mean
-    glides where the capsule jumps.
+    """A cubature Kalman filter with the control model as its process. After a late measurement the ticks since are
+    computed again: their number is bounded. Its points lie a standard deviation away, some stick while others slip: the
+    mean glides where the capsule jumps.
     """
 
     process: ClassVar[type[Process]] = Process

@@ -1,6 +1,4 @@
-"""The filter's arithmetic as machine code: points around a belief, their moments, one scalar measurement. Nothing here
-can fail.
-"""
+"""The filter's machine code: points around a belief, their moments, one measurement. Nothing here can fail."""
 
 import math
 
@@ -8,17 +6,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 Indices = NDArray[np.int64]
 LEAST_SHARE = 1e-12  # of a variance: below it a pivot counts as rounding
 
 
 @njit(cache=True)
 def root(P: Array, L: Array) -> None:
-    """Lower Cholesky factor `L` (n, n) of the symmetric `P` (n, n), whose lower half is read.
-
-    A pivot that rounding made negative or too small becomes `LEAST_SHARE` of its diagonal and its column empty, so that
-    any symmetric matrix gets one.
+    """Lower Cholesky factor `L` (n, n) of any symmetric `P` (n, n), whose lower half is read: a pivot that rounding
+    made too small becomes `LEAST_SHARE` of its diagonal and its column empty.
     """
     n = P.shape[0]
     for j in range(n):
@@ -52,12 +49,9 @@ def place_points(
     learned: Array,
 ) -> None:
     """Fill `states` (2 n + 1, model states), `d` and `level` (2 n + 1,) with the points `z`, `z +- scale L_j` of the
-    belief `z`, `P`.
-
-    `z` (n,) holds the model's continuous states, which stand at `where` in a state, then the disturbance, then the
-    level; every point gets the switches `modes` (model states,) of the belief. `bounds` (3,) are the least and the
-    greatest level, and the value of the learned parameter at level 0; `learned` (2 n + 1,) becomes its value at each
-    point's level.
+    belief `z` (n,), `P`: the continuous states, which stand at `where`, disturbance and level; switches are `modes`.
+    `bounds` (3,): least and greatest level, the learned parameter at level 0; `learned` (2 n + 1,) becomes its value at
+    each level.
     """
     root(P, L)
     n = z.shape[0]
@@ -81,11 +75,9 @@ def place_points(
 def take_moments(
     states: Array, d: Array, level: Array, where: Indices, scale: float, Q: Array, z: Array, P: Array, modes: Array
 ) -> None:
-    """The belief after the points moved: `z` (n,), `P` (n, n) with the noise `Q` (n,) of the step, `modes` of the
-    middle point.
-
-    `z` is the mean of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`: weights of cubature, all positive, so
-    that `P` cannot lose its sign.
+    """The belief after the points moved: the mean `z` (n,) of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`
+    and the noise `Q` (n,) of the step, `modes` of the middle one. Weights of cubature are positive: `P` cannot lose its
+    sign.
     """
     n = z.shape[0]
     points = np.empty((2 * n + 1, n))
@@ -113,10 +105,9 @@ def take_moments(
 
 @njit(cache=True)
 def fuse(z: Array, P: Array, H: Array, difference: float, R: float, gate: float, K: Array) -> float:
-    """Take in one measurement: `difference` = measured - expected, `H` (n,) its slopes, `R` its variance. In place.
-
-    Returns the normalised difference `|difference|/sqrt(H P H' + R)`; beyond `gate`, or where it is no number, nothing
-    is changed. Joseph's form keeps `P` symmetric and positive.
+    """Take in, in place, `difference` = measured - expected with slopes `H` (n,) and variance `R`; returns the
+    normalised `|difference|/sqrt(H P H' + R)`. Beyond `gate`, or where it is no number, nothing is changed. Joseph's
+    form.
     """
     n = z.shape[0]
     S = R

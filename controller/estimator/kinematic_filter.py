@@ -1,10 +1,7 @@
-"""The filter that a laboratory without a friction model has: position and speed from localisation alone, no force, no
-wall.
-"""
+"""What a laboratory without a friction model has: position and speed from localisation, no force, no wall."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,33 +13,18 @@ from controller.tuned import FilterNoise
 _START_SPEED_M_S = 5e-3  # standard deviation before anything was measured
 
 
-@dataclass(frozen=True)
-class Kinematics:
-    """`jerkiness` in m/s per root s: how far the speed walks in a second. The larger, the quicker and the noisier the
-    filter.
-    """
-
-    jerkiness: float = 5e-3
-
-    def __post_init__(self) -> None:
-        if not 0 < self.jerkiness < math.inf:
-            raise ValueError(f"jerkiness must be a positive number; got {self.jerkiness!r}")
-
-
 class KinematicFilter:
     """Kalman filter of `x' = v, v' = w` (w white), corrected at the stamp of each position and run on to now by `x + v
-    (now - stamp)`.
-
-    The wall and the drive's own states stay where the model starts them. Outliers, lost estimate and faults as
-    `Estimator`. A position older than the last one is not used. Never raises.
+    (now - stamp)`; wall and drive stay where the model starts them. Outliers, lost estimate and faults as `Estimator`;
+    a position older than the last one is not used. `jerkiness`: how far the speed walks in a second, in m/s per root s,
+    the larger, the quicker and the noisier. Raises ValueError on making where that is not positive, later never.
     """
 
-    def __init__(
-        self, model: ControlModel, kinematics: Kinematics | None = None, noise: FilterNoise | None = None
-    ) -> None:
-        self.model = model
+    def __init__(self, model: ControlModel, jerkiness: float = 5e-3, noise: FilterNoise | None = None) -> None:
+        if not 0 < jerkiness < math.inf:
+            raise ValueError(f"jerkiness must be a positive number; got {jerkiness!r}")
+        self.model, self.jerkiness = model, jerkiness
         self.noise = FilterNoise() if noise is None else noise
-        self.kinematics = Kinematics() if kinematics is None else kinematics
         self._blank = model.initial()
         self._watch = Watch(self.noise)
         self.reset(0.0, 0.0)
@@ -80,7 +62,7 @@ class KinematicFilter:
         if math.isnan(self._x):
             self._begin(value, stamp, now)
             return
-        dt, q = stamp - self._stamp, self.kinematics.jerkiness**2
+        dt, q = stamp - self._stamp, self.jerkiness**2
         pxx = self._pxx + dt * (2 * self._pxv + dt * self._pvv) + q * dt**3 / 3
         pxv, pvv = self._pxv + dt * self._pvv + q * dt * dt / 2, self._pvv + q * dt
         innovation, spread = value - self._x - self._v * dt, pxx + self.noise.position_std_m**2

@@ -20,19 +20,16 @@ _REDRAWN_1_S: Final = 0.3  # how often a particle draws anew whether its level i
 
 
 class ParticleEstimator(Estimator):
-    """A particle filter with the control model as its process: `count` particles with `_states` (P, n) in the model's
-    order, `_levels`, `_forces`, whether the level is `_brisk` (P,) and `_weights` (P,). Nothing but position, level and
-    force walks: whatever else the model has follows from its past.
-
-    `_past` (kept, P) holds what the sensor would have shown of each particle in the ticks before, so that a late
-    position weighs each by where it was then and nothing is computed again. Particles of little weight give way to
+    """A particle filter with the control model as its process: `count` particles with `_states` (P, n), `_levels`,
+    `_forces`, whether the level is `_brisk` (P,) and `_weights` (P,). Only position, level and force walk: whatever
+    else the model has follows from its past. `_past` (kept, P) holds what the sensor would have shown of each in the
+    ticks before, so that a late position weighs each by where it was then. Particles of little weight give way to
     copies of heavier ones. The draws begin with `reset`: the same measurements, the same estimate.
 
-    The position is the mean of all; wall, slip and drive are those of one particle that leads, as one particle sticks
-    and slips as a capsule does, which no mean does. It leads until it is given up, or is far off the mean; then the one
-    nearest to the mean takes over. A coil's current is the same for all: its reading moves every particle by what it
-    differs from their mean, as it was when it was read. With 150 particles a coil's capsule was lost for a moment over
-    folds in two of eight runs, with 300 in none; behind a magnet 100 do as well.
+    The position is the mean of all; wall, slip and drive are those of one particle that leads, as it sticks and slips
+    as a capsule does, which no mean does, until it is far off the mean. A reading of a coil's current moves every
+    particle by what it differs from their mean then. With 150 particles a coil's capsule was lost over folds in two of
+    eight runs, with 300 in none; behind a magnet 100 do as well.
     """
 
     def __init__(self, model: ControlModel, noise: FilterNoise | None = None, *, count: int = 300) -> None:

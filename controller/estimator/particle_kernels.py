@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 Indices = NDArray[np.int64]
 
 

@@ -1,6 +1,4 @@
-"""filterpy's unscented Kalman filter on the same process: the textbook's estimator, selectable beside the fast ones,
-and what those are tested against.
-"""
+"""filterpy's unscented filter on the same process: selectable, and what the fast ones are tested against."""
 
 import math
 from typing import Any, ClassVar
@@ -18,7 +16,6 @@ from models.parameter import Name
 
 def safe_root(P: Array) -> Array:
     """Upper Cholesky factor (n, n) of `P`, symmetrised first and lifted where rounding made it indefinite: `P = U' U`.
-
     filterpy takes SciPy's Cholesky as it is, which raises for a covariance that lost its sign by rounding.
     """
     L = np.zeros_like(P)
@@ -27,9 +24,7 @@ def safe_root(P: Array) -> Array:
 
 
 class FilterpyProcess(Process):
-    """`Process` with prediction and measurement by filterpy: 2 n points at `sqrt(n)` standard deviations, all of one
-    weight, one of them a call of the model's step.
-    """
+    """`Process` by filterpy: 2 n points at `sqrt(n)` standard deviations, all of one weight."""
 
     def __init__(self, model: ControlModel, noise: FilterNoise) -> None:
         super().__init__(model, noise)

@@ -1,6 +1,4 @@
-"""The model that estimator, feedforward and MPC predict with: surface, drive and effects of one stage of a model file,
-smoothed.
-"""
+"""The model that estimator, feedforward and MPC predict with: one stage of a model file, smoothed."""
 
 from __future__ import annotations
 
@@ -11,10 +9,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
+from controller.signals import Array
 from models.assembly.model import followed_by
 from models.drives.drive import Drive
 from models.effects import Catalogue
@@ -26,8 +24,6 @@ from models.parameter import Name, nearest
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
-
-Array = NDArray[np.float64]
 
 # m/s over which sticking passes into slipping: of plans, and where it must be as good as exact
 SMOOTHING, SHARP_M_S = 2e-5, 1e-6
@@ -116,9 +112,7 @@ class ControlModel:
         return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
     def left(self, before: float, command: float) -> float:
-        """From where the command goes in a tick that `command` ends: a carriage from the one `before`, all others are
-        held.
-        """
+        """From where a tick's command goes to `command`: a carriage from the one `before`, others are held."""
         return before if self.drive.anchored else command
 
     def index(self, name: Name) -> int:
@@ -166,17 +160,13 @@ class ControlModel:
 
     @cached_property
     def kernels(self) -> Kernels:
-        """The step compiled to machine code, by a C compiler or by numba; kept on disk, so only the first use of a kind
-        of model waits.
-        """
+        """The step as machine code, kept on disk: only the first use of a kind of model waits."""
         return compile_kernels(self.symbols, self.values, self.tick_s, self.substeps)
 
     @cached_property
     def sharp(self) -> ControlModel:
-        """This model with friction as sharp as it is: for estimating and inverting, which need no derivatives of it.
-
-        Rounded over 50 um/s, friction at 1 mm/s is 5 % too low, and the path runs 0.5 mm ahead of the exact stick and
-        slip; over 1 um/s by 0.04 mm.
+        """This model with friction as sharp as it is, for estimating and inverting: rounded over 50 um/s, friction at 1
+        mm/s is 5 % too low and the path runs 0.5 mm ahead of the exact stick and slip, over 1 um/s by 0.04 mm.
         """
         sharp = control_model(self.rig, self.theta, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
         return replace(sharp, held_out_error=self.held_out_error)
@@ -205,13 +195,11 @@ def checked_tick(tick_s: float) -> float:
 def control_model(
     rig: Rig, values: Mapping[Name, float], tick_s: float, smoothing: float = SMOOTHING, driven: str = ""
 ) -> ControlModel:
-    """The model of `rig` with `values`, one stage of a model file.
-
-    `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column
-    that is commanded where the rig has several (`coil_voltage_V`). `values` may hold the stage's `HELD_OUT` error. What
-    they lack keeps the rig file's number; an effect with the amplitude 0 is left out, and so are how late a record's
-    switch was logged and a free curve over speed. Raises ValueError for a rig without a free capsule, an unknown name,
-    a value that is no finite number.
+    """The model of `rig` with `values`, one stage of a model file; `tick_s` in s is the controller's, `smoothing` in
+    m/s what friction is rounded over, `driven` the column that is commanded where there are several. What `values` lack
+    keeps the rig file's number; an effect of amplitude 0 is left out, as are `HELD_OUT`, how late a switch was logged
+    and a free curve over speed. Raises ValueError for a rig without a free capsule, an unknown name, a value that is no
+    finite number.
     """
     drive = drive_of(rig, driven)
     if drive.imposed:

@@ -8,9 +8,7 @@ AT_FIRST = 5.0  # times what it proved off that it may be off at the start
 
 
 def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
-    """What a tanh feedforward takes friction to be, in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate
-    Coulomb's.
-    """
+    """Friction in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate Coulomb's."""
     p = model.theta.base
     surface = surface_of(model.rig)
     pressing = model.drive.pressing(0.0, 0.0, p)
@@ -19,11 +17,8 @@ def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
 
 
 def proved_off(model: ControlModel) -> float | None:
-    """By how much in N the forces of `model` were off on records that it had not seen, at least `LEAST_OFF_N`; None
-    where that is not known.
-
-    Behind a magnet a force that is off by f shows as a position that is off by f over its stiffness. Other drives show
-    it in ways that hang on the motion.
+    """By how much in N the forces of `model` were off on records that it had not seen, at least `LEAST_OFF_N`: behind a
+    magnet the position's error times its stiffness, of other drives None as where nothing is known.
     """
     if model.held_out_error is None or model.gap_limit_m is None:
         return None

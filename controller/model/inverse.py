@@ -4,12 +4,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
+from controller.signals import Array
 
-Array = NDArray[np.float64]
 _EVALUATIONS: Final = 30  # of the model at most, to find a command
 _SHARE: Final = 1e-4  # of the commands that come into question, to which one is found
 _JUMP_S: Final = 1e-7  # step in which the command in force goes over to one that is tried
@@ -20,12 +19,10 @@ class Inverse:
     """`command(x, d, v)` such that the model goes from the state `x` under the disturbance `d` to the speed `v` within
     `reach_s`.
 
-    The model's own step is inverted, so whatever it holds is: friction in stick and in slip, inertia, the magnet on the
-    stable branch of its force (gap up to that of the greatest one), a coil's resistance, inductance and back-EMF, and
-    what effects put between command and force (lag, play, dead zone, saturation, gravity). What remembers where a
-    carriage came from, as play does, is first taken along from the command in force to the one that is tried, at once.
-    The speed grows with the command there, so a bracket closes on it (regula falsi, Illinois): at most `_EVALUATIONS`
-    steps of the model. `sense` -1 is a drive whose command pushes backwards.
+    The model's own step is inverted with whatever it holds: stick, slip, inertia, the stable branch of a magnet, a
+    coil's circuit, what effects put between command and force. What remembers where a carriage came from, as play does,
+    is first taken along at once from the command in force. The speed grows with the command, so a bracket closes on it
+    (regula falsi, Illinois), by at most `_EVALUATIONS` steps of the model.
     """
 
     def __init__(self, model: ControlModel, envelope: Envelope, reach_s: float = 4e-3) -> None:
@@ -47,10 +44,8 @@ class Inverse:
         before: float = math.nan,
     ) -> float:
         """The command in the drive's unit, at the end of its range where none is enough; NaN where something is no
-        number.
-
-        `parameters` (p,) stand in for the model's own; `before` is the command in force (NaN: the one that is tried,
-        for long).
+        number. `parameters` (p,) stand in for the model's own; `before` is the command in force (NaN: as tried, for
+        long).
         """
         self._before = before if self._remembers else math.nan
         self._parameters = self._kernels.parameters if parameters is None else parameters

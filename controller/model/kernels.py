@@ -6,13 +6,12 @@ from functools import partial
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from controller.model.symbols import Symbols
+from controller.signals import Array
 from models.compiled.kernel import LANES
 from models.compiled.machine_code import Code, addresses, call
 
-Array = NDArray[np.float64]
 compiled = njit(cache=True, error_model="numpy")
 
 
@@ -218,9 +217,7 @@ class Kernels:
 
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
-    """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same
-    model reuse it.
-    """
+    """The functions of `symbols`; the code holds no parameter, so other `values` of the model reuse it."""
     n, m = len(symbols.states), len(symbols.parameters)
     end = n + m + 1
     codes = [

@@ -1,6 +1,4 @@
-"""The control model linearised while the capsule slides: once with the wall stuck to it, once with the wall
-slipping.
-"""
+"""The control model linearised while the capsule slides, with the wall stuck to it and with the wall slipping."""
 
 from __future__ import annotations
 
@@ -12,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
+from controller.signals import Array
 from models.parameter import Name
 from models.theta import bare
 
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 Phase = Literal["stick", "slip", "averaged"]
 PHASES: tuple[Phase, ...] = ("stick", "slip")
 _MEMORIES = ("direction", "travelled", "slip")
@@ -27,12 +25,9 @@ _WIDEST = 1e3  # largest command, in its unit, at which a sliding capsule is loo
 
 @dataclass(frozen=True)
 class Linear:
-    """Deviations from sliding at `speed_m_s` under `command` with the wall in `phase`: `z+ = A z + B u + E d`, one tick
-    of `tick_s`.
-
-    `states` are the model's without its memories and without the wall: a stuck wall moves with the capsule, so its pull
-    stands in A's column of x; a slipping one draws back by itself. A (n, n), B (n, 1), E (n, 1) for the disturbance
-    force in N; x and v come first.
+    """Deviations from sliding at `speed_m_s` under `command` with the wall in `phase`: `z+ = A z + B u + E d`, one
+    tick. `states` are the model's without its memories and without the wall: the pull of a stuck one stands in A's
+    column of x, a slipping one draws back by itself. A (n, n), B (n, 1), E (n, 1) for a force in N; x and v come first.
     """
 
     phase: Phase
@@ -57,9 +52,7 @@ class Linear:
         return np.asarray(found[..., 0].T, dtype=np.complex128)
 
     def rates(self) -> Array:
-        """Poles as continuous rates in 1/s, `log(eigenvalue)/tick`, slowest first; a pole at 0 of the discrete system
-        is left out.
-        """
+        """Poles as continuous rates in 1/s, `log(eigenvalue)/tick`, slowest first, without poles at 0."""
         poles = np.linalg.eigvals(self.A)
         rates = np.log(poles[np.abs(poles) > 1e-12].astype(complex)) / self.tick_s
         return np.asarray(rates[np.argsort(np.abs(rates))])
@@ -73,12 +66,9 @@ class Linear:
 
 
 def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Linear:
-    """Linearise one tick of `model` while the capsule slides at `speed_m_s` with the wall's pull at half its slip
-    limit.
-
-    The command is the one that keeps that speed. Friction that is set-valued at rest has no slope there: at rest
-    nothing small moves the capsule, so only sliding is linear. Raises ValueError for an inner-mass drive, whose body
-    turns in every cycle, and where no command within 1000 of the command's units keeps the speed.
+    """Linearise one tick of `model` while the capsule slides at `speed_m_s`, under the command that keeps it, with the
+    wall's pull at half its slip limit: at rest friction is set-valued and nothing small moves the capsule. Raises
+    ValueError for an inner-mass drive, whose body turns in every cycle, and where no command keeps the speed.
     """
     if model.drive.turning:
         raise ValueError(

@@ -105,9 +105,7 @@ class _Model:
         return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
 
     def pursuit(self, speed: Any, t: Any) -> Any:
-        """Command whose force moves the capsule at `speed` against the wall as it stands, speed error and other forces
-        included.
-        """
+        """Command that moves the capsule at `speed` against the wall as it stands and all other forces."""
         v = self.now["v"]
         moving = replace(self, now={**self.now, "v": speed, "direction": np.sign(speed)})
         stepper = moving.stepper()
@@ -118,9 +116,7 @@ class _Model:
 
 
 def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], smoothing: float) -> Symbols:
-    """The functions of a body on `surface` under `drive` with `effects`, its states cut down to those that anything
-    depends on.
-    """
+    """The functions of a body on `surface` under `drive` with `effects`, cut down to states that matter."""
     parameters = surface.parameters() + drive.parameters() + effect_parameters(effects)
     q = ca.SX.sym("q", len(parameters))
     c0, c1, d, t, h = (ca.SX.sym(name) for name in ("c0", "c1", "d", "t", "h"))

@@ -8,6 +8,8 @@ import numpy as np
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate
 
+SPAN_S = 1.0
+"""How far ahead is foretold."""
 LEAST_READINGS = 5
 """Positions that must have come in a second for it to be judged."""
 REMEMBERED = 2000
@@ -41,34 +43,30 @@ class Second:
 
 
 class Forecast:
-    """Runs the model, with the friction level and force that the estimator has come to believe, for `span_s` from an
-    estimate on, under the commands in force: so far ahead no filter corrects it. `noise_m` is the standard deviation of
-    a localisation as the estimator believes it.
-
-    A second in which the estimate was lost, as it is without positions and after a new start, is no second: sensors are
-    not judged here. One state a tick; nothing is allocated but numbers.
+    """Runs the model, with the friction level and force that the estimator believes, for `SPAN_S` from an estimate on
+    under the commands in force: so far ahead no filter corrects it. `noise_m` is a localisation's standard deviation. A
+    second in which the estimate was lost is none: sensors are not judged here. One state a tick.
     """
 
-    def __init__(self, model: ControlModel, noise_m: float, span_s: float = 1.0) -> None:
-        self.model, self.span_s, self._noise_m = model, span_s, noise_m
-        self._ticks = max(1, round(span_s / model.tick_s))
+    def __init__(self, model: ControlModel, noise_m: float) -> None:
+        self.model, self._noise_m = model, noise_m
+        self._ticks = max(1, round(SPAN_S / model.tick_s))
         self._state, self._numbers = np.zeros((1, len(model.states))), model.values.copy()
         self._force = np.zeros(1)
-        self._from = self._std = self._sum = self._lacking = self._score = self._weight = 0.0
-        self._readings = self._heard = 0
-        self._square = 1.0
+        self._heard, self._square = 0, 1.0
+        self._clear()
         self._share, self._speed = model.tick_s / (STEADY_S + model.tick_s), model.states.index("v")
         self.drop()
 
     def drop(self) -> None:
         """Forget the second that is under way."""
-        self._k, self._time, self._command = -1, math.nan, math.nan
-        self._steady_m_s = 0.0
+        self._k, self._time, self._command, self._steady_m_s = -1, math.nan, math.nan, 0.0
+
+    def _clear(self) -> None:
+        self._readings, self._sum, self._lacking, self._score, self._weight = 0, 0.0, 0.0, 0.0, 0.0
 
     def step(self, now: float, command: float, estimate: Estimate) -> Second | None:
-        """A tick on, to the `estimate` at `now` which `command` led to; the second that this tick ends, None within
-        one.
-        """
+        """A tick on, to the `estimate` at `now` which `command` led to; the second that it ends, or None."""
         if estimate.lost or not math.isfinite(command + float(estimate.state[0])):
             self.drop()
             return None
@@ -100,16 +98,14 @@ class Forecast:
         self._force[0] = estimate.disturbance_N if adapted is None else adapted.disturbance_N
         self._k, self._time, self._command = 0, now, command
         self._from, self._std = float(estimate.state[0]), float(estimate.std[0])
-        self._sum, self._readings, self._lacking = 0.0, 0, 0.0
-        self._score, self._weight = 0.0, 0.0
+        self._clear()
 
     def _over(self, estimate: Estimate) -> Second | None:
         at = float(estimate.state[0])
         miss, std = at - float(self._state[0, 0]), math.hypot(self._std, float(estimate.std[0]))
         if not math.isfinite(miss + std):
             return None
-        mean, lacking = self._sum / self._readings, self._lacking / self._k
-        rms = math.sqrt(self._square)
+        mean, lacking, rms = self._sum / self._readings, self._lacking / self._k, math.sqrt(self._square)
         ahead = self._score / (rms * math.sqrt(self._weight) or 1.0)
         telling = SHIFT_S * math.sqrt(self._weight) / (rms * self._noise_m or 1.0)
         return Second(miss, std, mean, self._readings, at - self._from, lacking, ahead, telling)

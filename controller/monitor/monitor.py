@@ -7,10 +7,8 @@ from typing import Final, Literal
 from controller.drives import driven_of
 from controller.estimator.base import Estimator
 from controller.model.friction import mean_friction
-from controller.monitor.forecast import Forecast, Second
-from controller.monitor.sums import ABOUT_S, Sum, shifted, wider
+from controller.monitor.forecast import SPAN_S, Forecast, Second
 from controller.signals import Estimate
-from controller.tuned import Expected
 
 State = Literal["holds", "doubtful", "broken", "not watched"]
 Change = Literal["", "sudden", "slow"]
@@ -28,6 +26,13 @@ SURPRISE: Final = 2.3
 """Standard deviations by which forecast or innovations of a second about the beginning of a drift are off where the
 change is a sudden one: a slow one surprises nobody.
 """
+
+WIDER = 2.5
+"""Of a model that has stopped to hold, by how many times what it predicts is further off than before."""
+MOST = 6.0
+"""Of one second's evidence, so that no single one raises an alarm."""
+ABOUT_S = 3.0
+"""Seconds before and after the beginning of a sum that count as about it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +52,41 @@ NOT_WATCHED: Final = Health("not watched")
 """Of a controller that uses no friction model."""
 
 
+@dataclass(slots=True)
+class Sum:
+    """`value` of the evidence so far, since when in s it has not been none, and the greatest `surprise` of the seconds
+    about that time.
+    """
+
+    value: float = 0.0
+    since_s: float = 0.0
+    surprise: float = 0.0
+
+    def add(self, evidence: float, began_s: float, surprise: float = 0.0) -> None:
+        """Add what a stretch that began at `began_s` says: more than 0 speaks for a change. `surprise` is the greatest
+        size of a second about then.
+        """
+        if not math.isfinite(evidence):
+            return
+        if self.value <= 0:
+            self.since_s, self.surprise = began_s, surprise
+        elif began_s - self.since_s <= ABOUT_S:
+            self.surprise = max(self.surprise, surprise)
+        self.value = max(self.value + min(evidence, MOST), 0.0)
+
+
+def wider(size: float) -> float:
+    """Logarithm of how much likelier `size`, in standard deviations, is where these are `WIDER` times as large."""
+    return 0.5 * size * size * (1 - 1 / WIDER**2) - math.log(WIDER)
+
+
+def shifted(size: float, shift: float) -> float:
+    """The same where the mean is `shift` standard deviations above 0."""
+    return shift * (size - 0.5 * shift)
+
+
 class Monitor:
-    """Cumulative sums over seconds in which the capsule moved, all with thresholds of `expected`:
+    """Cumulative sums (Page 1954) over seconds in which the capsule moved, all with thresholds of `expected`:
 
     - forecast: how far off the position was that the model, adapted as it was a second before, foretold;
     - innovations: how far off the estimator's own expectations were on average;
@@ -61,10 +99,10 @@ class Monitor:
     never raises, takes bounded time and allocates nothing that grows.
     """
 
-    def __init__(self, estimator: Estimator, expected: Expected | None = None) -> None:
+    def __init__(self, estimator: Estimator) -> None:
         model = estimator.model
         self._estimator = estimator
-        self._expected = expected or driven_of(model.drive).expected
+        self._expected = driven_of(model.drive).expected
         self._forecast = Forecast(model, estimator.noise.position_std_m)
         self._friction_N = max(mean_friction(model), 1e-3)
         self.begin(0.0)
@@ -90,7 +128,7 @@ class Monitor:
 
     def judge(self, now: float, second: Second) -> None:
         """Add what a `second` that is over at `now` says."""
-        e, began = self._expected, now - self._forecast.span_s
+        e, began = self._expected, now - SPAN_S
         if not abs(second.moved_m) >= e.least_m:
             return
         sizes = (second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation)
@@ -116,16 +154,14 @@ class Monitor:
 
     def _say(self, now: float) -> None:
         """The state that the sums come to."""
-        limits = self._expected
-        sums = (*self._off, *self._shifted, *self._slow)
-        fast = [s.value / limits.alarm for s in (*self._off, *self._shifted)]
-        slow = [s.value / limits.drift for s in self._slow]
-        evidence = max(*fast, *slow)
-        before = self.health
+        fast, before = (*self._off, *self._shifted), self.health
+        shares = [s.value / self._expected.alarm for s in fast] + [s.value / self._expected.drift for s in self._slow]
+        evidence = max(shares)
         if evidence >= 1:
-            first = sums[[*fast, *slow].index(evidence)]
-            since, slowly = first.since_s, any(first is one for one in self._slow) and first.surprise < SURPRISE
-            self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
+            place = shares.index(evidence)
+            first = (*fast, *self._slow)[place]
+            change: Change = "slow" if place >= len(fast) and first.surprise < SURPRISE else "sudden"
+            self.health = Health("broken", first.since_s, change, before.alarms + 1, evidence)
             return
         state: State = "doubtful" if evidence >= DOUBTFUL else "holds"
         since = before.since_s if state == before.state else now

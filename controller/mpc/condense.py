@@ -11,11 +11,8 @@ compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"co
 
 @compiled
 def keep_feasible(commands: Array, last_rate: float, stage: float, first: float, bounds: Array) -> None:
-    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold; the first one
-    stays.
-
-    `first` in s is the time within which the rate may change from `last_rate` to the first one. The rate stays low
-    enough to stop within the range.
+    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold and they can
+    stop within the range; the first one stays, the rate may change from `last_rate` within `first` s.
     """
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
     rate = min(max(last_rate, -most), most)
@@ -43,9 +40,7 @@ def cost(
     soft: Array,
     penalty: Array,
 ) -> float:
-    """The plan's cost; `reference` (3, N + 1) holds position, speed and command rate, `scales` position, speed, rate,
-    jump, final.
-    """
+    """A plan's cost; `reference` (3, N + 1): position, speed, rate; `scales`: position, speed, rate, jump, final."""
     total, n, rate = 0.0, commands.shape[0] - 1, last_rate
     for j in range(3):
         worst = 0.0
@@ -65,9 +60,7 @@ def cost(
 
 @compiled
 def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
-    """Fill `Z` (N + 1, n, N) with the states' derivatives by the command's rates, each rate scaled so that it moves the
-    command by `step`.
-    """
+    """Fill `Z` (N + 1, n, N): the states' derivatives by the command's rates, each moving the command by `step`."""
     n = Z.shape[1]
     Z[0] = 0.0
     for k in range(A.shape[0]):
@@ -97,9 +90,7 @@ def quadratic(
     H: Array,
     f: Array,
 ) -> None:
-    """Gauss-Newton Hessian `H` and gradient `f` of the cost by the rates in multiples of `unit`, soft bounds aside;
-    fills the leading (N, N) and (N,) of them.
-    """
+    """Fill the leading (N, N) Hessian (Gauss-Newton) and (N,) gradient of the cost by the rates over `unit`."""
     n = commands.shape[0] - 1
     H[:n, :n] = 0.0
     f[:n] = 0.0

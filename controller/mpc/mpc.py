@@ -26,11 +26,10 @@ class MPC(Controller):
     disturbance.
 
     `act` gives the command at the end of the tick, the path expected (N + 1 positions) and the s that each phase took.
-    Status: "ok"; "late" where the deadline left no time for a step (the plan still holds the hard bounds); "lost" where
-    the estimate is lost, "failed" where something was not finite or unsolvable: then the last command is kept. A plan
-    that still gained by its last step, or was cut after it, goes on in the next tick. Bounded by `horizon.iterations`
-    and `horizon.deadline_s`; never raises. Raises ValueError on making, for a drive that it cannot lead (an inner
-    mass).
+    Status: "late" where the deadline left no time for a step (the plan still holds the hard bounds); "lost" with the
+    estimate, "failed" where something was not finite or unsolvable: then the last command is kept. A plan that still
+    gained by its last step goes on in the next tick. Bounded by `horizon.iterations` and `horizon.deadline_s`; never
+    raises but on making, ValueError for an inner mass.
     """
 
     name = "mpc"
@@ -123,8 +122,7 @@ class MPC(Controller):
 
     def _calm(self, commands: Array) -> bool:
         """Whether the rates of all stages that a plan may be followed in, and of the next one, differ by less than a
-        tick's acceleration makes up for; a plan that changes faster is made anew each tick, which keeps the
-        acceleration's bound exactly.
+        tick's acceleration makes up for: a plan that changes faster is made anew each tick.
         """
         stage, before = self.horizon.stage_s, self._rate
         ahead = commands[: math.ceil(self.horizon.hold_s / stage) + 2].tolist()
@@ -136,9 +134,7 @@ class MPC(Controller):
         return True
 
     def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
-        """The disturbance to count on, with the parameters that it goes with where the estimator has learned some or
-        slips come late.
-        """
+        """The disturbance to count on, and the parameters that it goes with where they are not the model's."""
         force, parameters = estimate.disturbance_N, None
         learned = estimate.adapted
         if learned is not None:
@@ -171,9 +167,7 @@ class MPC(Controller):
         return np.asarray(commands)
 
     def _rests(self, state: Array, std_m: float, targets: Array) -> bool:
-        """Whether the capsule is to be left alone where it stands: as near as the estimate, sure to `std_m`, can
-        tell.
-        """
+        """Whether the capsule is to be left alone: as near as the estimate, sure to `std_m`, can tell."""
         band = max(self.horizon.rest_m, min(REST_STDS * std_m, _WIDEST * self.horizon.rest_m))
         near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * band
         slow = targets[1, 0] == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m

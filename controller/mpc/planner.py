@@ -39,10 +39,8 @@ class MpcPlan:
 
 
 class Planner:
-    """Plans over a horizon of one model; all arrays of the size of the horizon are made here, once.
-
-    `force_per_command` in N per unit of command turns the weights' N/s into the command's rate; `follows` is 1 where a
-    command in step with the reference costs nothing (a carriage), else 0.
+    """Plans over a horizon of one model; arrays are made here, once. `force_per_command` turns the weights' N/s into
+    the command's rate; `follows` is 1 where a command in step with the reference costs nothing (a carriage), else 0.
     """
 
     def __init__(

@@ -64,11 +64,9 @@ def hard_rows(
     simple: int,
     count: int,
 ) -> int:
-    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates in multiples of `unit`; returns
-    the rows in use.
-
-    The rates' own bounds are the first N entries of `upper` and `lower`, row k's are at `simple + k`; `count` rows are
-    in use already. Rows of the acceleration and of the command's range are there only while the plan comes near them.
+    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates over `unit`; returns the rows
+    in use, `count` before. The rates' own bounds are the first N of `upper` and `lower`, row k's at `simple + k`; rows
+    of acceleration and range are there only while the plan comes near them.
     """
     n = commands.shape[0] - 1
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
@@ -103,10 +101,9 @@ def hard_rows(
 
 
 class Program:
-    """`min 1/2 y'Hy + f'y` over changes y of the N rates, in multiples of `unit`, and three slacks; holds its arrays.
-
-    `hard` holds low, high, rate, acceleration, `soft` (3,) the bounds of gap, speed and wall force, `penalty` (3,) what
-    their slacks cost. H and f are filled from outside, their leading N entries.
+    """`min 1/2 y'Hy + f'y` over changes y of the N rates over `unit`, and three slacks. `hard`: low, high, rate,
+    acceleration; `soft` (3,) bounds of gap, speed and wall force, `penalty` (3,) of their slacks. H and f are filled
+    from outside.
     """
 
     def __init__(
@@ -122,9 +119,7 @@ class Program:
     def solve(
         self, path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, last_rate: float
     ) -> Array | None:
-        """Changes (N,) of the rates, or None where daqp finds no finite solution. The changes may break an acceleration
-        or range that the plan before was far from.
-        """
+        """Changes (N,) of the rates within the bounds that the plan is near to; None without a finite solution."""
         n, upper, lower = self.stages, self._upper, self._lower
         step = self.unit * self.stage_s
         count = soft_rows(path, commands, forces, slopes, Z, step, self._soft, self._rows, upper[n + 3 :])

@@ -29,10 +29,8 @@ _APART_S: Final = 0.04  # of two readings that tell a speed
 
 @dataclass(slots=True)
 class Corridor:
-    """The envelope around the wanted position: a place may be `half_m` from it and `slack_m` farther than it was.
-
-    A reference that jumps, or begins elsewhere, gives as much room as it jumps; the room shrinks as the place comes
-    nearer. `pace_m_s` is how fast the wanted position may go without having jumped.
+    """The envelope around the wanted position: a place may be `half_m` from it and `slack_m` farther than it was. A
+    reference that jumps, faster than `pace_m_s`, gives as much room as it jumps; it shrinks as the place comes nearer.
     """
 
     half_m: float

@@ -3,8 +3,10 @@
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
+
+from controller.tuned import check_numbers
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,7 @@ class Rules:
     swings: int = 4
 
     def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"rule {name} must be zero or more; got {getattr(self, name)!r}")
+        check_numbers(self, "rule", finite=False)
 
 
 @dataclass(frozen=True)

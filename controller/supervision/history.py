@@ -13,49 +13,30 @@ ROOM: Final = 1 << 18
 _FIRST_LOOK: Final = 256  # rows that are looked back through first
 
 
-class _Ring:
-    """The newest readings of one channel."""
-
-    def __init__(self, room: int) -> None:
-        self.times, self.values, self.count = np.full(room, np.nan), np.full(room, np.nan), 0
-
-    def since(self, begin_s: float) -> tuple[Array, Array]:
-        reach, end = self._reach(begin_s), self.count % self.times.size
-        times, values = (
-            np.concatenate((a[end - reach :], a[:end])) if reach > end else a[end - reach : end]
-            for a in (self.times, self.values)
-        )
-        kept = (times >= begin_s) & np.isfinite(values)
-        later = np.maximum.accumulate(np.append(-np.inf, times[kept]))[:-1]
-        new = times[kept] > later
-        return times[kept][new], values[kept][new]
-
-    def _reach(self, begin_s: float) -> int:
-        """How many of the newest readings hold all from `begin_s` on; those before them are not looked at."""
-        there = min(self.count, self.times.size)
-        reach = min(_FIRST_LOOK, there)
-        while reach < there and self.times[(self.count - reach) % self.times.size] >= begin_s:
-            reach = min(2 * reach, there)
-        return reach
-
-
 class History:
     """Keeps the newest `room` readings of each of `channels`; room is there from the start. `add` never raises."""
 
     def __init__(self, channels: Sequence[str], room: int = ROOM) -> None:
-        self._rings = {name: _Ring(room) for name in channels}
+        self._rows = {name: np.full((2, room), np.nan) for name in channels}  # times and values, in a ring
+        self._counts, self._room = dict.fromkeys(channels, 0), room
 
     def add(self, measurements: Sequence[Measurement]) -> None:
         """Keep what came in; other channels are left out."""
         for m in measurements:
-            ring = self._rings.get(m.channel)
-            if ring is not None:
-                at = ring.count % ring.times.size
-                ring.times[at], ring.values[at] = m.stamp_s, m.value
-                ring.count += 1
+            if m.channel in self._rows:
+                self._rows[m.channel][:, self._counts[m.channel] % self._room] = m.stamp_s, m.value
+                self._counts[m.channel] += 1
 
     def since(self, channel: str, begin_s: float) -> tuple[Array, Array]:
         """Times from `begin_s` on, increasing, and values of a channel, (n,) each; readings out of order are left out.
         It takes as long as those readings are many, not as the room is large: a tick may ask.
         """
-        return self._rings[channel].since(begin_s)
+        rows, count = self._rows[channel], self._counts[channel]
+        there, end = min(count, self._room), count % self._room
+        reach = min(_FIRST_LOOK, there)
+        while reach < there and rows[0, (count - reach) % self._room] >= begin_s:
+            reach = min(2 * reach, there)
+        newest = np.hstack((rows[:, end - reach :], rows[:, :end])) if reach > end else rows[:, end - reach : end]
+        times, values = newest[:, (newest[0] >= begin_s) & np.isfinite(newest[1])]
+        new = times > np.maximum.accumulate(np.append(-np.inf, times))[:-1]
+        return times[new], values[new]

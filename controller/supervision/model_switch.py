@@ -1,6 +1,4 @@
-"""A new model's way in: its estimator looks on from the offer, and takes over together with its controllers, at a
-rest.
-"""
+"""A new model's way in: its estimator looks on from the offer, both take over with its controllers at a rest."""
 
 from __future__ import annotations
 
@@ -21,9 +19,7 @@ from controller.supervision.supervisor import Supervisor
 
 @dataclass(frozen=True)
 class Offer:
-    """A `model` of the rig in use that is to take over from `at_s` on, in s of the reference's time, if its `verdict`
-    passed.
-    """
+    """A `model` that is to take over from `at_s` on, in s of the reference's time, if its `verdict` passed."""
 
     model: ControlModel
     verdict: Acceptance
@@ -45,13 +41,10 @@ class Prepared:
 
 
 class ModelSwitch:
-    """The estimator in use, and the one of an offered model beside it.
-
-    `observe` answers with the one in use. From `begin` + `offer.at_s` on the offered one sees the same measurements;
-    once it is not lost and the supervisor has seen the capsule at rest long enough, it and the controllers of its model
-    take over in one tick, `taken_at` in s of the reference's time; `switches` counts how often. A model that is offered
-    later waits until those before it have taken over. An offer's controllers and estimator are built when it is made,
-    that of the constructor before the first tick. `history`, where there is one, keeps what was measured.
+    """The estimator in use, and the one of an offered model beside it. From `begin` + `offer.at_s` on the offered one
+    sees the same measurements; once it is not lost and capsule and reference have been at rest, it and the controllers
+    of its model take over in one tick, `taken_at` in s of the reference's time. Offers wait for each other and are
+    built when made; `history`, where there is one, keeps what was measured.
     """
 
     def __init__(
@@ -63,9 +56,7 @@ class ModelSwitch:
         deadline_s: float = math.inf,
         estimator: str = "default",
     ):
-        """Raises ValueError for a model that this controller cannot use, and for one of another tick than the one in
-        use.
-        """
+        """Raises ValueError for a model that this controller cannot use, or one of another tick."""
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
         self._estimator = estimator
         self._age_s = supervisor.envelope.limits.age_s

@@ -24,11 +24,10 @@ _MOST: Final = 8192  # readings that are kept
 
 
 class Probe:
-    """`path` leads from where the capsule is to one side, to the other and back: 5 mm behind a magnet, 3 mm else.
-
-    `saw` takes what was told on the way. Told positions `y` must follow the wanted ones `w`: the slope of `y` over `w`
-    is at least `_LEAST`. A capsule that is dragged is behind its carriage `c` by a gap that friction sets,
-    `c = a + s y + g sign(w')`: the slope `s` lies within `_GAIN`, or one of the two is told wrongly.
+    """`path` leads from where the capsule is to one side, to the other and back: 5 mm behind a magnet, 3 mm else. `saw`
+    takes what was told on the way. Told positions `y` must follow the wanted ones `w`: the slope of `y` over `w` is at
+    least `_LEAST`. A capsule that is dragged is behind its carriage `c` by a gap that friction sets, `c = a + s y + g
+    sign(w')`: the slope `s` lies within `_GAIN`, or one of the two is told wrongly.
     """
 
     def __init__(self, envelope: Envelope) -> None:

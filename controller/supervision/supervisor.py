@@ -1,6 +1,4 @@
-"""The supervisor: the best controller that works, else the next one, else a controlled stop; every command passes the
-limits last.
-"""
+"""The best controller that works, else the next, else a controlled stop; every command passes the limits last."""
 
 import math
 import time
@@ -24,15 +22,12 @@ _NO_ACTION = Action(math.nan, "failed")
 class Supervisor:
     """A controller made of a `chain` of controllers, best first, and a controlled stop below them.
 
-    Each tick the best one that is not suspended is asked. One that raises, answers with a command that is no finite
-    number, with `failed`, `lost` or `stopped`, or `late` more than `late_allowed` times in a row, is suspended and the
-    next one is asked in the same tick. With nobody left, or while the estimate is lost, the drive stops: carriage at
-    rest where it is (it is not drawn back unasked), current and inner mass to 0. Whoever takes over is reset to the
-    command in force and what is left of a step between them fades. Nothing here raises; a controller that never returns
-    cannot be stopped from inside, the drive's time to live does that.
-
-    `place` and `pace` are the indices of position and speed in the estimate's state. `temperature_C` is what the drive
-    last said, `most` what a command may be either way for now.
+    Each tick the best one that is not suspended is asked. One that raises, answers with no finite number, `failed`,
+    `lost` or `stopped`, or `late` more than `late_allowed` times in a row, is suspended and the next one is asked in
+    the same tick. With nobody left, or while the estimate is lost, the drive stops: carriage at rest where it is,
+    current and inner mass to 0. Whoever takes over is reset to the command in force and what is left of a step between
+    them fades. Nothing here raises; against a controller that never returns stands the drive's time to live.
+    `temperature_C` is what the drive last said, `most` what a command may be either way for now.
     """
 
     name = "supervised"
@@ -117,9 +112,7 @@ class Supervisor:
         self._allowed = steps
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
-        """The command for the tick that begins at `now` in s, within the limits; status and path are those of whoever
-        gave it.
-        """
+        """The command for the tick at `now` in s, within the limits, with status and path of whoever gave it."""
         dt = number(now) - self._now
         self._now = number(now) if math.isfinite(number(now)) else self._now
         tick = min(max(dt, 0.0), self.envelope.limits.longest_tick_s) if math.isfinite(dt) else 0.0
@@ -204,9 +197,7 @@ class Supervisor:
         return Action(left * self._stop_from, "stopped")
 
     def _watch_limits(self, broken: Sequence[str]) -> None:
-        """Serious limits in force too long count as a failure of whoever is in charge; so do commands that no carriage
-        can follow.
-        """
+        """Serious limits in force too long are a failure, so are commands that no carriage can follow."""
         if self._active < 0 or not SERIOUS.intersection(broken):
             self._limited_since = math.inf
         elif self._limited_since == math.inf:
@@ -226,9 +217,7 @@ class Supervisor:
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 
     def _watch_swings(self, seen: Seen, reference: Reference) -> None:
-        """Whoever swings about the reference, far and often, is to calm down; one that cannot does not lead again
-        with this model.
-        """
+        """Whoever swings, far and often, is to calm down; one that cannot leads no more with this model."""
         error_m = math.nan if seen.lost else seen.position_m - _at(lambda t: reference.position(t), self._now)
         if self._active < 0 or self._swings.see(self._elapsed, error_m) < self.rules.swings:
             return

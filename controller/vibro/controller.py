@@ -1,6 +1,4 @@
-"""The vibro drive's controller: a waveform for the commanded mean speed, changed at the ends of cycles only, and a slow
-loop about it.
-"""
+"""The vibro drive's controller: a waveform for the mean speed, changed at cycles' ends, a slow loop about it."""
 
 import math
 import time
@@ -22,11 +20,10 @@ _REGEAR = 0.2  # share by which the wanted speed must change for the choice of t
 
 
 class VibroController(Controller):
-    """`act` gives the level (0 to 1 of the coil's force) of the tick from the phase of the present cycle.
-
-    At a cycle's end: the filter's state of the averaged motion, a plan of mean speeds from the MPC, its first one
-    through the map to the next cycle's waveform. Where the map has two gears or directions, each keeps the bias that
-    was learnt in it. The status is `limited` while the map's reach holds the command back.
+    """`act` gives the level (0 to 1 of the coil's force) of the tick from the phase of the present cycle. At a cycle's
+    end: the filter's state of the averaged motion, a plan of mean speeds from the MPC, its first one through the map to
+    the next cycle's waveform. Where the map has two gears or directions, each keeps the bias that was learnt in it. The
+    status is `limited` while the map's reach holds the command back.
     """
 
     name = INNER_MASS.leading
@@ -48,9 +45,7 @@ class VibroController(Controller):
         self._solve_s = 0.0
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin at `now` in s at rest where `estimate` says, with what was learnt before; the first cycle begins with
-        the next tick.
-        """
+        """Begin at `now` in s at rest where `estimate` says, with what was learnt before."""
         position = self._position(estimate)
         self._begin(now, 0.0 if position is None else position)
 
@@ -156,11 +151,9 @@ class VibroController(Controller):
 
 
 def vibro_controller(model: ControlModel, optimise: bool = True, feedback: bool = True) -> VibroController:
-    """The controller that moves `model`'s capsule by its inner mass, with the drive map designed on that model (kept on
-    disk).
-
-    `optimise` False keeps to square waves, `feedback` False to the map alone. Raises ValueError for a rig without an
-    inner mass on a spring.
+    """The controller of `model`'s inner mass, its drive map designed on that model and kept on disk; `optimise` False
+    keeps to square waves, `feedback` False to the map alone. Raises ValueError for a rig without an inner mass on a
+    spring.
     """
     drive = designed(VibroModel.from_rig(model.rig, model.theta), optimise)
     return VibroController(drive, Tuning(tick_s=model.tick_s, feedback=feedback))

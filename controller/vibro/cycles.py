@@ -1,6 +1,4 @@
-"""The control model of a vibro rig run through many cycles of a waveform: mean speed, energy, travel of the inner
-mass.
-"""
+"""The control model of a vibro rig run through many cycles of a waveform: speed, energy, travel."""
 
 from __future__ import annotations
 
@@ -11,9 +9,9 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.drives import INNER_MASS
+from controller.signals import Array
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel, lower
@@ -27,7 +25,6 @@ from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta, spelled
 
-Array = NDArray[np.float64]
 STEP_S = 6e-5  # longest step of a cycle's integration
 SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a pace is measured, and s for which it is
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
@@ -59,7 +56,6 @@ class Gait:
 @dataclass(frozen=True)
 class VibroModel:
     """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model.
-
     `mirror` -1 turns speeds round, as a `vibro_table` record may count them.
     """
 
@@ -72,9 +68,7 @@ class VibroModel:
     @classmethod
     def from_rig(cls, rig: Rig, values: Mapping[Name, float] | None = None) -> VibroModel:
         """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes
-        them.
-
-        Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
+        them. Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
         """
         if rig.drive is None or rig.kind not in INNER_MASS.models:
             kinds = " or ".join(map(repr, INNER_MASS.models))
@@ -166,9 +160,7 @@ class Cycles:
         return np.array(rows)
 
     def _run(self, state: Array, levels: Array, cycles: int, period: float) -> Array:
-        """Steps through `cycles`, changing `state`; the path begins after one step more, which the compiled loop does
-        first.
-        """
+        """Steps through `cycles`, changing `state`; the path begins one step more after, which comes first."""
         command = np.concatenate((np.tile(levels, cycles), levels[:1]))
         output = np.zeros(command.size)
         self._kernel.one(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
@@ -181,9 +173,7 @@ def _sampled(waveform: Waveform) -> Array:
 
 
 def _metered(assembly: Assembly, on_board: bool) -> Kernel:
-    """The step with four more states: work of the coil on the inner mass in J, integral of the squared command,
-    furthest swings in m.
-    """
+    """The step with four more states: coil's work in J, integral of the squared command, furthest swings in m."""
     state, c0, c1, t, h, q = assembly.step.sx_in()
     meter = ca.SX.sym("meter", 4)
     new, _ = assembly.step(state, c0, c1, t, h, q)
@@ -214,11 +204,9 @@ def impact_of(model: VibroModel, pace: Gait) -> Impact:
 
 
 def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
-    """The `vibro` rig with the table's masses in kg, and the values that its control model takes.
-
-    `load_scale` multiplies force and friction alike. `mirror` says how the record counted speeds and is left to whoever
-    compares with that record; here +x is where the drive's force pushes the inner mass. Raises ValueError for a rig
-    without an inner mass, or masses that are not positive.
+    """The `vibro` rig with the table's masses, and the values that its control model takes: `load_scale` multiplies
+    force and friction, `mirror` is left to whoever compares with the record. Raises ValueError without an inner mass,
+    or for masses that are not positive.
     """
     if rig.drive is None:
         raise ValueError(f"rig must have an inner mass for the values of a vibro_table; got a {rig.kind} rig")

@@ -1,6 +1,4 @@
-"""Families of waveforms, each a path along which the mean speed only grows: from a commanded mean speed to a
-waveform.
-"""
+"""Families of waveforms along which the mean speed only grows: from a commanded mean speed to a waveform."""
 
 import math
 from bisect import bisect_left
@@ -100,9 +98,7 @@ def _longest_rise(values: Sequence[float]) -> list[int]:
 
 @dataclass(frozen=True)
 class Choice:
-    """A waveform for a commanded mean speed: which gear (None at rest), the `speed_m_s` it has on the model, and
-    whether that is what was commanded (`reachable`).
-    """
+    """A waveform, its gear (None at rest) and the speed that it has on the model; `reachable` where as commanded."""
 
     waveform: Waveform
     gear: int | None
@@ -129,7 +125,6 @@ class DriveMap:
 
     def choose(self, speed_m_s: float, gear: int | None = None) -> Choice:
         """The waveform for `speed_m_s`: in the given `gear` as long as that reaches it, else in the nearest that does.
-
         A speed beyond reach gives that direction's fastest waveform and is marked as not reachable, as is one that is
         no number.
         """

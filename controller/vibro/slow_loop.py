@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 _LONGEST_STEP_S = 1.0  # after a longer pause the filter goes on as if this had passed
 _ENOUGH = 1e-6  # m/s, change of the commands below which a plan is done
 _GATE = 6.0  # standard deviations beyond which a reading is put down to an outlier
@@ -38,10 +38,9 @@ class Tuning:
 
 @dataclass
 class ProgressFilter:
-    """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions.
-
-    `wander` in m/s per root second and `wander_share` of the commanded speed say how fast b may change by itself,
-    `slope_doubt` by which share of a change of command; `ripple_m` is what a cycle moves the body to and fro.
+    """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions. `wander` in m/s per
+    root second and `wander_share` of the commanded speed say how fast b may change by itself, `slope_doubt` by which
+    share of a change of command; `ripple_m` is what a cycle moves the body to and fro.
     """
 
     lag_s: float
@@ -115,9 +114,8 @@ _PROGRESS_M, _SPEED_M_S, _CHANGE_M_S = 1.0e-3, 2.0e-3, 4.0e-3
 
 class AveragedMpc:
     """Over `horizon` steps of `step_s`: least squares of progress, speed and change of command, the command within
-    bounds.
-
-    Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the commands.
+    bounds. Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the
+    commands.
     """
 
     def __init__(self, lag_s: float, step_s: float = 0.1, horizon: int = 12) -> None:
@@ -154,9 +152,7 @@ class AveragedMpc:
         high_m_s: float,
         sweeps: int = 20,
     ) -> Array:
-        """Commands (horizon,) in m/s from the state `z` = (p, s, b), for progress and speed wanted at the steps'
-        ends.
-        """
+        """Commands (horizon,) in m/s from `z` = (p, s, b), for what is wanted at the steps' ends."""
         wanted = np.concatenate((places_m, speeds_m_s)) * self._scale - self._free @ z
         gradient = self._forced.T @ wanted + self._change.T @ (self._first * last_m_s)
         u = self._inverse @ gradient

@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.signals import Array
+
 _TINY = 1e-12  # of a cycle: a part as short as rounding is none
 
 
 @dataclass(frozen=True)
 class Waveform:
     """The command `levels[i]` (0 to 1, share of the full force) from the turn `edges[i]` to `edges[i + 1]` of each
-    `period_s`.
-
-    `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that do not rise
-    from 0 to 1 or levels outside [0, 1].
+    `period_s`. `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that
+    do not rise from 0 to 1 or levels outside [0, 1].
     """
 
     period_s: float
@@ -53,9 +51,7 @@ class Waveform:
         return cls(period_s, (*(i / inside.size for i in range(inside.size)), 1.0), tuple(inside.tolist()))
 
     def mean(self, start: float, end: float) -> float:
-        """Mean level between the turns `start` < `end` within one cycle, so that an edge inside a tick keeps its
-        impulse.
-        """
+        """Mean level between two turns within a cycle: an edge inside a tick keeps its impulse."""
         if end - start < _TINY:
             return self.levels[min(int(np.searchsorted(self.edges, start, side="right")) - 1, len(self.levels) - 1)]
         total = 0.0

@@ -40,13 +40,10 @@ MAKERS: Final = {
     )
 }
 ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = {name: maker.table for name, maker in MAKERS.items()}
-"""The tables by their name in a file."""
 
 
 def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> ActuatorTable | None:
-    """The drive that a file's tables name for a rig of `kind`, led within `limits`, None where it is the catalogue's
-    own. Raises ValueError of one sentence.
-    """
+    """The drive that a file names for a rig of `kind`, None: the catalogue's own. Raises ValueError of one sentence."""
     named = [name for name in ACTUATORS if name in raw]
     if not named:
         return None

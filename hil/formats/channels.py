@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.csv_reader import MOST_CELLS
 from models.files.source import opened
-from models.records.record import MOST_CELLS
 from models.rigs.columns import TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
@@ -79,8 +79,8 @@ def library(name: str, extra: str) -> Any:
 
 @contextmanager
 def alone(path: Path) -> Iterator[BinaryIO]:
-    """The record `path`, open; within it no further file can be opened, by whatever library: what a record names
-    outside itself is refused by the system, a pipe before it is waited for. Modules must be loaded before.
+    """The record `path`, open; within it the system refuses to open a further file, whatever the record names. Modules
+    must be loaded before.
     """
     with opened(path, "record") as file:
         fence = os.dup(file.fileno())
@@ -113,10 +113,10 @@ def check_size(samples: Mapping[str, int]) -> None:
         )
 
 
-def own_names(grouped: Sequence[tuple[str, str]], separator: str = "/") -> list[str]:
+def own_names(grouped: Sequence[tuple[str, str]]) -> list[str]:
     """A name of its own for each (group, name): the name, with its group before it where others have it, too."""
     count = Counter(name for _, name in grouped)
-    full = [f"{group}{separator}{name}" if count[name] > 1 and group else name for group, name in grouped]
+    full = [f"{group}/{name}" if count[name] > 1 and group else name for group, name in grouped]
     again, seen = Counter(full), Counter[str]()
     for k, name in enumerate(full):
         seen[name] += 1

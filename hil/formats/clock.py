@@ -16,9 +16,7 @@ def increasing(times: Array) -> np.ndarray:
 
 
 def mean_before(rows: Array, times: Array, levels: Array) -> Array:
-    """Mean of the held `levels` from each row's predecessor to the row; the first row's interval is as long as the
-    second's.
-    """
+    """Mean of the held `levels` since each row's predecessor; the first interval is as long as the second."""
     area = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(times))])
     last = np.array([rows[0] - (rows[1] - rows[0]), *rows[:-1]]) if len(rows) > 1 else rows - 1e-3
     upto = np.interp(rows, times, area) + np.maximum(rows - times[-1], 0.0) * levels[-1]
@@ -86,8 +84,8 @@ def one_clock(
 
 
 def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
-    """Channels by group and clock: (group, times (n,), channels), but for the channel `t_s`. Those without a clock get
-    what that one holds, else the number of the sample.
+    """(group, times (n,), channels) but for the channel `t_s`. Those without a clock get what that one holds, else the
+    number of the sample.
     """
     clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
     found: list[tuple[str, Array, list[Channel]]] = []
@@ -104,9 +102,7 @@ def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel
 
 
 def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
-    """All channels as columns of one length: those with clocks beside the column `t_s` of all times, NaN where a
-    channel has no sample.
-    """
+    """All channels as columns of one length at all their times `t_s`, NaN where a channel has no sample."""
     if all(channel.time_s is None for channel in channels):
         lengths = {channel.heading.name: len(channel.values) for channel in channels}
         if len(set(lengths.values())) > 1:

@@ -8,8 +8,7 @@ import numpy as np
 
 from hil.formats.channels import Channel, Heading, Pick, check_size
 
-MOST_ELEMENTS: Final = 64
-"""Longest list whose elements are channels; longer ones are images, clouds and the like."""
+MOST_ELEMENTS: Final = 64  # longest list whose elements are channels; longer ones are images, clouds and the like
 _DEEPEST: Final = 12  # nesting of a message
 _CHECKED_EVERY: Final = 10_000  # messages, the memory that they take
 

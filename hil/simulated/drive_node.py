@@ -8,14 +8,12 @@ from typing import Final
 import can
 
 from controller.limits import Limits
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver, Reception
+from hil.bus.codec import NOT_MEASURED_C, Refusal
+from hil.bus.protection import FrameTransmitter, Receiver, Reception
 from hil.nodes import frame_map as wire
 from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
 from hil.nodes.listening import waiting
-from hil.nodes.transmit import FrameTransmitter
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
@@ -30,20 +28,18 @@ _WARMTH_C: Final = 8.0  # by which it is warmer at full load
 
 
 class DriveNode:
-    """Listens, steps its state machine each time its firmware runs, and moves its power stage only while enabled and
-    its command lives.
+    """Listens, steps its state machine, and moves its power stage only while enabled and its command lives.
 
-    A command counts from its arrival for its time to live, as long as which the next one may count on from it, but from
-    no more than a tick after the begin of its own tick: one that comes late lives shorter, one that comes too late is
-    refused as `stale`. It is taken over with the next SYNC, without one at the drive's own pace. A temperature above
-    `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for
-    60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step
-    only. A controller that has begun anew (its uptime has fallen) is told of it again.
+    A command counts from its arrival for its time to live, but from no more than a tick after the begin of its own
+    tick: one that comes late lives shorter, one that comes too late is refused as `stale`. It is taken over with the
+    next SYNC, without one at the drive's own pace. A temperature above `derate_C` halves the limits, above
+    `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for 60 ms, and to be off the bus. A
+    fault is latched: after a reset the drive is enabled step by step only. A controller that has begun anew is told of
+    it again.
 
-    Whenever it comes to stand by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that
-    has been answered: what was recorded before cannot enable it. Frames of another type than classic data with an
-    11-bit identifier are counted (`strange`) and ignored; a bus that raises is a slot in which nothing is heard
-    (`deaf`).
+    Standing by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that has been answered:
+    what was recorded before cannot enable it. Frames of other types are counted (`strange`) and ignored; a bus that
+    raises is a slot in which nothing is heard (`deaf`).
     """
 
     def __init__(
@@ -54,7 +50,6 @@ class DriveNode:
         power: Power,
         limits: Limits,
         tick_s: float,
-        now: float = 0.0,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         self._draw = draw
@@ -68,7 +63,7 @@ class DriveNode:
             catalogue[n].id: n
             for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
         }
-        self.boot(now)
+        self.boot(0.0)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
@@ -93,8 +88,7 @@ class DriveNode:
 
     @property
     def rejected(self) -> int:
-        """Frames refused so far."""
-        return self.stale + self.strange + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+        return self.stale + self.strange + self.reception.refused
 
     @property
     def safe(self) -> bool:
@@ -102,9 +96,7 @@ class DriveNode:
         return not states.may_move(self.stage) and self.power.at_rest
 
     def listen(self, now: float, slots: int) -> None:
-        """One run of the firmware at `now`, `slots` of which make a tick: take frames in, step the state machine,
-        report.
-        """
+        """One run of the firmware, `slots` of which make a tick: take frames in, step the state machine, report."""
         synced = self._hear(now)
         self._phase = 0 if synced else (self._phase + 1) % slots
         if self._phase == 0 and not synced:
@@ -121,7 +113,6 @@ class DriveNode:
         self._report(now, self._phase == 0)
 
     def output(self, dt: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s."""
         share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == wire.DERATED else 1.0
         load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (AMBIENT_C + _WARMTH_C * load - self.temperature_C)
@@ -185,7 +176,6 @@ class DriveNode:
             self.power.aim(self._setpoint, self.tick_s)
 
     def _cause(self, now: float) -> int:
-        """What is wrong at this moment."""
         if self.bus.state == can.BusState.ERROR:
             return wire.BUS_OFF
         self._hot_since = min(self._hot_since, now) if self.temperature_C > self.limits.temperature_C else math.inf

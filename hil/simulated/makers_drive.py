@@ -12,8 +12,7 @@ from hil.nodes.listening import waiting
 from hil.simulated.power_stage import CarriagePower
 from hil.simulated.state_machine import Stage
 
-MOST: Final = 256
-"""Frames that a firmware takes in at once."""
+MOST: Final = 256  # frames that a firmware takes in at once
 AMBIENT_C: Final = 25.0  # of a laboratory
 
 
@@ -45,7 +44,6 @@ class MakersDrive(ABC):
 
     @property
     def led(self) -> bool:
-        """Whether it follows commands."""
         return self.state == self.LED
 
     @property
@@ -55,7 +53,6 @@ class MakersDrive(ABC):
 
     @property
     def temperature_C(self) -> float:
-        """Its temperature."""
         return max(AMBIENT_C, self.heated_to_C)
 
     @property

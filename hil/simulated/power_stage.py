@@ -22,8 +22,8 @@ class Power(Protocol):
         ...
 
     def step(self, dt: float, share: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s; `share` of the limits may be used, 0 leads to the safe state.
-        `sensed` is what the drive's own sensor shows.
+        """The plant's command for the next `dt` s by `share` of the limits, 0: to the safe state; `sensed` is the
+        sensor's.
         """
         ...
 

@@ -12,9 +12,7 @@ SELF_TEST_S: Final = 0.03  # the same
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Where a drive stands since `since_s`: `state`, the `fault` it has latched, and whether it is `armed`: has been
-    told "off" in standby, without which it does not become ready.
-    """
+    """Where a drive stands since `since_s`; `armed`: it has been told "off" in standby, and may become ready."""
 
     state: int = wire.BOOT
     since_s: float = 0.0
@@ -24,10 +22,9 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What a drive knows in one step: the newest command's `mode`, whether that command is still `alive` (time to
-    live), `safe_stop` while one is in force, the code of a `reset` (0: none), a present `cause` for a fault (0: none),
-    `hot` from its derating temperature on, whether it is `at_rest` in its safe state, and whether its challenge has
-    been `answered`.
+    """What a drive knows in one step: the newest command's `mode`, whether it is still `alive`, `safe_stop` while one
+    is in force, codes of a `reset` and of a present `cause` (0: none), `hot` from its derating temperature on, whether
+    it is `at_rest` in its safe state, and whether its challenge has been `answered`.
     """
 
     mode: int = wire.OFF

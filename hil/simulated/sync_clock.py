@@ -7,8 +7,7 @@ from hil.bus.protection import COUNTS
 
 DRIFT: Final = 5e-4
 """Share by which two clocks may go apart; what comes later by less than that each second is not told from them."""
-SILENCE_S: Final = 0.06
-"""A controller without SYNC for so long counts as another one."""
+SILENCE_S: Final = 0.06  # A controller without SYNC for so long counts as another one
 
 
 class SyncClock:
@@ -37,9 +36,7 @@ class SyncClock:
         return True
 
     def begin(self, counter: int, stamp: float) -> float:
-        """When the tick began whose command, with this `counter`, came at `stamp`: the newest one of which SYNC may be
-        missing, else one before. `stamp` where there was no SYNC yet.
-        """
+        """When the tick began of the command with this `counter` that came at `stamp`."""
         if self._tick < 0:
             return stamp
         ahead = (counter - self._counter) % COUNTS

@@ -67,6 +67,11 @@ class Kind(ABC):
     def measure(self) -> str:
         """What `error` is, in words."""
 
+    @property
+    def free_run(self) -> int:
+        """The criterion on which models are fitted and compared: the free run, or a kind's only one."""
+        return self.criteria - 1
+
     def nominal(self) -> Theta:
         """The base parameters as believed."""
         return Theta.declared(self.base)

@@ -12,10 +12,8 @@ import numpy as np
 
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hoop import blend_weight
-from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
-from models.laws.resistance import pressure_integrals
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, wall_tension
+from models.laws.resistance import mucus_drag, pressure_integrals
 from models.parameter import Parameter
 from models.surfaces.surface import FULL, Held, Levels, Surface, Values
 

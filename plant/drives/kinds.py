@@ -201,7 +201,6 @@ class Force(TrueDrive):
 @dataclass(frozen=True)
 class TrueVibro(TrueDrive):
     """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
-
     `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the
     inner mass alone.
     """

@@ -197,13 +197,12 @@ def advance(
     out: Floats,
 ) -> int:
     """Steps of `dt` under `drive[0], drive[1], ...`, one more value than steps, a row of `out` each `every` steps; `s`
-    is changed in place. Returns the rows written.
+    is changed in place. Returns the rows written. Steps that cannot change anything are passed over.
 
     `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped
     to what R can give. First order in `dt`. An inner mass, `M_m X_m'' = -F_i + F`, pushes with `F_act = F_i - a F`, a =
-    1 with the reaction on the body, 0 for a field from outside: second order while nothing sticks or hits, and exact
-    for a PWM edge inside a step. Steps that cannot change anything (a resting body under the same drive as before) are
-    passed over. A pull: `_advance_pull`.
+    1 with the reaction on the body, 0 for a field from outside: second order while nothing sticks or hits, exact for
+    PWM edges.
     """
     if kind == PULL:
         return _advance_pull(s, p, h, tab, profile, drive, dt, every, out)

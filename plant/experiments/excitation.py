@@ -9,9 +9,7 @@ _RAMP_S = 0.02  # time in which a stage comes to speed
 
 
 def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:
-    """Positions in m, one a step of `dt`, of runs `(speed in m/s, duration in s)` one after the other; speed ramps take
-    `ramp_s`.
-    """
+    """Positions in m, one a step, of runs (m/s, s) one after the other; speed ramps take `ramp_s`."""
     speed = np.concatenate([np.full(max(1, round(duration / dt)), v) for v, duration in segments])
     width = max(1, round(ramp_s / dt))
     sums = np.cumsum(np.concatenate([np.zeros(width), speed]))
@@ -20,11 +18,8 @@ def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float
 
 
 def random_runs(rng: np.random.Generator, duration_s: float, dt: float) -> Floats:
-    """A pull programme: out and back at the speeds of `RUN_SPEEDS_M_S` in random order, with rests of 0.05 to 1.5 s
-    between.
-
-    Runs take 1.5 to 6 s and about 12 mm. It stops with the pair that reaches `duration_s`, so it may last a few seconds
-    longer.
+    """A pull programme: out and back at `RUN_SPEEDS_M_S` in random order, each run 1.5 to 6 s and about 12 mm, rests of
+    0.05 to 1.5 s between. It stops with the pair that reaches `duration_s`, so it may last a few seconds longer.
     """
     segments, total = [(0.0, 0.5)], 0.5
     while total < duration_s:
@@ -39,10 +34,8 @@ def random_runs(rng: np.random.Generator, duration_s: float, dt: float) -> Float
 
 
 def random_wander(rng: np.random.Generator, duration_s: float, dt: float) -> Floats:
-    """A carriage path in m from zero: seven sines of 0.03 to 0.9 Hz, the slow ones wide, faded in over half a second;
-    speeds up to some 30 mm/s.
-
-    It goes further forward than back, so that what sits a little way down the lumen is met.
+    """A carriage path in m from zero, further forward than back: seven sines of 0.03 to 0.9 Hz, the slow ones wide,
+    faded in over half a second; up to some 30 mm/s.
     """
     t = np.arange(round(duration_s / dt) + 1) * dt
     x = np.zeros_like(t)
@@ -56,10 +49,8 @@ def random_wander(rng: np.random.Generator, duration_s: float, dt: float) -> Flo
 
 
 def pulse_width(period_s: float, duty: float, duration_s: float, dt: float) -> Floats:
-    """Share of each step of `dt` in which a PWM drive is on, one value a step and one more: on for `duty` of each
-    period, first.
-
-    Exact for edges inside a step. Raises `ValueError` for a period that is not positive or a duty outside [0, 1].
+    """Share of each step in which a PWM drive is on, first for `duty` of each period, exact for edges inside a step;
+    one value more than steps. Raises `ValueError` for a period that is not positive or a duty outside [0, 1].
     """
     if not period_s > 0 or not 0 <= duty <= 1:
         raise ValueError(f"period_s must be positive and duty lie in [0, 1]; got {period_s:g} and {duty:g}")

@@ -12,11 +12,9 @@ _FASTEST_ROWS = 10  # steps between the truth's samples at most
 
 
 def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) -> dict[str, Floats]:
-    """Columns of interfaces.md for the rig's kind: time, what is driven, what is measured.
-
-    `drive_on` is the share of the time since the last sample in which the drive was on, so that no edge is lost between
-    samples. The same scenario gives the same numbers: profile and sensor draw from streams of its seed, or from
-    `rng` where that is given. Raises `ValueError` when the drive's values are not usable.
+    """Columns of interfaces.md for the rig's kind: time, what is driven, what is measured; `drive_on` is the share of
+    the time since the last sample. Profile and sensor draw from streams of the scenario's seed, or from `rng` where
+    given. Raises `ValueError` when the drive's values are not usable.
     """
     dt, seeds = scenario.rig.step_s, np.random.SeedSequence(scenario.run.seed).spawn(2)
     first, second = (rng or np.random.default_rng(seed) for seed in seeds)

@@ -27,21 +27,16 @@ from plant.sensing.sensors import Sensor
 
 Table = Mapping[str, Any]
 TABLES: Final = (
-    "scenario",
-    "capsule",
-    "tissue",
-    "rig",
-    "drive",
-    "surface",
-    "profile",
-    "sensor",
-    "noise",
-    "anatomy",
-    "effects",
+    *("scenario", "capsule", "tissue", "rig", "drive", "surface"),
+    *("profile", "sensor", "noise", "anatomy", "effects"),
 )
 MOST_STEPS: Final = 50_000_000  # of a simulation: a thousand seconds at the usual step
 SHORTEST_STEP_S: Final = 1e-6  # of the compiled step
 LONGEST_STEP_S: Final = 1e-2  # of the compiled step
+_DRIVE_TABLES: Final[dict[type[TrueDrive], dict[str, type[RigTable]]]] = {
+    TrueMagnet: {"rig": MagnetTable},
+    TrueVibro: {"drive": DriveTable, "rig": DriveTable},
+}
 ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 
@@ -86,9 +81,7 @@ class Scenario:
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file. `ValueError` says which key, what it must be, what it is, and the nearest known
-    name.
-    """
+    """Read and check a scenario file; a `ValueError` says which key, what it must be and what it is."""
     raw, _ = read_toml(path, "scenario")
     try:
         return parse_scenario(raw, path.parent)
@@ -108,9 +101,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
-    """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as
-    `load_scenario`.
-    """
+    """How long a scenario runs, its kind of rig and all that is true of it. Errors as `load_scenario`."""
     run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")
@@ -121,18 +112,12 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
         )
     kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
     body = BodyTable if raw.get("surface", {}).get("kind", "gut") != "gut" else CapsuleTable
-    models: dict[str, type[RigTable]] = {
-        "capsule": body,
-        "tissue": TissueTable,
-        "noise": NoiseTable,
-        "surface": SurfaceTable,
-    }
-    if DRIVES[kind] is TrueMagnet:
-        models |= {"rig": MagnetTable}
-    if DRIVES[kind] is TrueVibro:
-        models |= {"drive": DriveTable, "rig": DriveTable}
+    models: dict[str, type[RigTable]] = {"capsule": body, "tissue": TissueTable, "noise": NoiseTable}
+    models |= {"surface": SurfaceTable, **_DRIVE_TABLES.get(DRIVES[kind], {})}
     for name, model in models.items():
-        _in_range(raw.get(name, {}), model, name)
+        for key, value in raw.get(name, {}).items():
+            if key in model.model_fields and is_number(value) and value:  # what is switched off with 0 is left alone
+                check_range(model, key, value, name)
     capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
     tissue, hoop = _tissue(raw.get("tissue", {}), capsule)
     rig = Truth(
@@ -148,23 +133,12 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
     return run, kind, rig
 
 
-def _in_range(table: Table, model: type[RigTable], where: str) -> None:
-    """The truth within the ranges that a rig file has; what is switched off with 0 is left alone."""
-    for key, value in table.items():
-        if key in model.model_fields and is_number(value) and value:
-            check_range(model, key, value, where)
-
-
 def _drive(kind: str, raw: Table) -> TrueDrive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
-    if DRIVES[kind] is TrueMagnet and "magnet" in rig:
-        return _magnets(rig)
-    where = "drive" if DRIVES[kind] in (TrueCoil, TrueVibro) else "rig"
-    table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
-    return from_table(DRIVES[kind], table, where)
-
-
-def _magnets(rig: Table) -> TrueMagnetPair:
+    if DRIVES[kind] is not TrueMagnet or "magnet" not in rig:
+        where = "drive" if DRIVES[kind] in (TrueCoil, TrueVibro) else "rig"
+        table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
+        return from_table(DRIVES[kind], table, where)
     further = next((key for key in rig if key not in ("kind", "magnet")), None)
     if further is not None:
         raise ValueError(f"[rig] with a table [rig.magnet] must have no further key but kind; got {further!r}")
@@ -232,9 +206,7 @@ def _profile(table: Table, folder: Path) -> Profile:
 def _sensor(raw: Table, kind: str) -> Sensor:
     sampling = from_table(Sampling, raw.get("sensor", {}), "sensor")
     noise = from_table(SensorNoise, raw.get("noise", {}), "noise")
-    std, quantum = (
-        (noise.force_std_N, noise.force_quantum_N)
-        if DRIVES[kind] is TruePull
-        else (noise.position_std_m, noise.position_quantum_m)
-    )
+    std, quantum = noise.position_std_m, noise.position_quantum_m
+    if DRIVES[kind] is TruePull:
+        std, quantum = noise.force_std_N, noise.force_quantum_N
     return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)

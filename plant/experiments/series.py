@@ -1,6 +1,4 @@
-"""A made-up experiment: three training records and a hold-out of one rig whose numbers are off and which may have one
-hidden effect.
-"""
+"""A made-up experiment: training records and a hold-out of a rig that is off nominal, maybe with a hidden effect."""
 
 import gzip
 import io
@@ -38,17 +36,14 @@ def make_series(
     noise: float = 1.0,
     rate_Hz: float = 500.0,
 ) -> Path:
-    """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to the
-    folder `out`.
+    """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to `out`.
 
-    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
-    a coil's or inner mass's force and spring (a magnet's on a plate too) by up to 7 %; `coil` logs the coil's current,
-    `coil_voltage` the voltage alone, where what acts before the current shows; `vibro` is a capsule in the gut,
-    `vibro_plate` the capsubot on a plate, `magnetic_plate` and `coil_plate` a capsule on one. `effect` is a hidden
-    effect's id, or several joined by "+", with numbers drawn from their ranges, or None. Samples at `rate_Hz`; noise
-    `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed gives the same
-    bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown kind or
-    effect, or one that the drive cannot have.
+    The truth differs from nominal by up to 15 % in hoop stress and friction, 5 % in a magnet's stiffness, 7 % in a
+    coil's or inner mass's force and spring (a magnet's on a plate too). `coil` logs the current, `coil_voltage` the
+    voltage alone; `vibro` is in the gut, `vibro_plate` the capsubot on a plate. `effect` is a hidden effect's id, or
+    several joined by "+", with numbers drawn from their ranges. `noise` times 1 mN on a pull's force, 50 um on a
+    position. The same seed gives the same bytes; its rig, drive and noise stay the same with another effect. Raises
+    `ValueError` for an unknown kind or effect, or one that the drive cannot have.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
@@ -61,35 +56,25 @@ def make_series(
             )
     truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
     effect_stream, *record_streams = streams
-    rig = replace(BELIEVED[kind].truth(truth), hidden={name: draw(name, effect_stream) for name in ids})
+    belief = BELIEVED[kind]
+    rig = replace(belief.truth(truth), hidden={name: draw(name, effect_stream) for name in ids})
+    std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
+    sensor = Sensor(rate_Hz, noise * std, span=span)
     out.mkdir(parents=True, exist_ok=True)
-    for name, stream in zip(RECORDS, record_streams, strict=True):
-        columns = _record(kind, rig, stream, duration_s, noise, rate_Hz)
-        write_record(out / f"{name}.csv.gz", columns)
+    for name, rng in zip(RECORDS, record_streams, strict=True):
+        run = RunTable("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
+        scenario = Scenario(run, belief.kind, rig, belief.profile, sensor)
+        columns = record_scenario(scenario, rng if belief.plain else None)
+        write_record(out / f"{name}.csv.gz", {n: v for n, v in columns.items() if n not in belief.unlogged})
     write_text(out / "rig.toml", rig_text(kind, noise))
     write_text(out / "answer.toml", _answer_text(rig, effect, seed))
     return out
 
 
-def _record(
-    kind: str, rig: Truth, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
-) -> dict[str, Floats]:
-    belief = BELIEVED[kind]
-    std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
-    run = RunTable("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
-    scenario = Scenario(run, belief.kind, rig, belief.profile, Sensor(rate_Hz, noise * std, span=span))
-    columns = record_scenario(scenario, rng if belief.plain else None)
-    return {name: values for name, values in columns.items() if name not in belief.unlogged}
-
-
 def write_record(path: Path, columns: dict[str, Floats]) -> None:
-    """Write columns as CSV (gzipped for `.gz`), complete or not at all: a temporary file beside `path` takes its name
-    at the end.
-    """
-    table = io.StringIO()
-    np.savetxt(
-        table, np.column_stack(list(columns.values())), delimiter=",", fmt="%.9g", header=",".join(columns), comments=""
-    )
+    """Write columns as CSV (gzipped for `.gz`), complete or not at all."""
+    table, rows = io.StringIO(), np.column_stack(list(columns.values()))
+    np.savetxt(table, rows, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
     data = table.getvalue().encode()
     _replace(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
 
@@ -108,9 +93,7 @@ def _replace(path: Path, data: bytes) -> None:
 
 
 def rig_text(kind: str, noise: float = 1.0) -> str:
-    """The rig file that the experimenter believes: nominal values in the keys of interfaces.md, `noise` times the usual
-    noise.
-    """
+    """The rig file that the experimenter believes: nominal values, `noise` times the usual noise."""
     belief = BELIEVED[kind]
     capsule, tissue = belief.nominal.capsule, Tissue()
     lines = ["# rig of one experiment series; SI units", "[capsule]"]

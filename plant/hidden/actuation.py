@@ -1,6 +1,4 @@
-"""Hidden effects between the drive and the body: grip that fades, saturates or remembers, a dead zone, a load that
-pulls sideways.
-"""
+"""Hidden effects between drive and body: fading, saturating or remembering grip, dead zone, sideways load."""
 
 import math
 
@@ -67,9 +65,7 @@ def sideways_load(gap: float, h: Floats) -> float:
 
 @compiled
 def dipole_load(gap: float, h: Floats) -> float:
-    """Force in N with which a magnet presses the capsule on its surface: `a (1 - 3/2 q)/(1 + q)^(7/2)`, no less than
-    0.
-    """
+    """Force in N with which a magnet presses the capsule down: `a (1 - 3/2 q)/(1 + q)^(7/2)`, at least 0."""
     if h[ROW.dipole_load, 0] == 0.0:
         return 0.0
     q = (gap / h[ROW.dipole_load, 1]) ** 2

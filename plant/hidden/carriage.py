@@ -34,10 +34,9 @@ def rounded_play(values: Floats, width: float, memory: Floats) -> None:
 
 
 def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
-    """What arrives of the commanded drive `values`, one a step of `dt` s: lags in a row, then play of width `a`.
-
-    In the play the carriage follows with the third power of the distance to its end. `memory` (`CARRIAGE_NUMBERS`, the
-    first values at rest) carries over from call to call and is changed in place.
+    """What arrives of the commanded drive `values`, one a step of `dt` s: lags in a row, then play of width `a`. In the
+    play the carriage follows with the third power of the distance to its end. `memory` (`CARRIAGE_NUMBERS`, the first
+    values at rest) carries over from call to call and is changed in place.
     """
     arrived = values.copy()
     time = h[ROW.actuator_lag, 0] + h[ROW.driver_lag, 0]  # a drive has one of them

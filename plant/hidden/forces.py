@@ -12,9 +12,7 @@ _LOSS = 1.5  # s/m, Hunt-Crossley damping of the hidden stops
 
 @compiled
 def suspension_force(r: float, rate: float, h: Floats) -> float:
-    """Force in N that the hidden suspension puts on the inner mass against its offset `r` in m and `r'` in m/s,
-    positive inwards.
-    """
+    """Force in N of the hidden suspension on the inner mass at `r` in m and `r'` in m/s, positive inwards."""
     force = 0.0
     if h[ROW.spring_damping, 0] != 0.0:
         force += h[ROW.spring_damping, 0] * rate * (1 + 2.0 * abs(rate))
@@ -38,9 +36,7 @@ def field_reach(r: float, h: Floats) -> float:
 
 @compiled
 def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) -> float:
-    """Sum of the hidden forces in N at place `x` in m, speed `v` in m/s, time `t` in s; the forms stand in the
-    registry.
-    """
+    """Sum of the hidden forces in N at `x` in m, `v` in m/s, `t` in s; the forms stand in the registry."""
     force = 0.0
     if h[ROW.viscous_drag, 0] != 0.0 and v != 0.0:
         force -= math.copysign(h[ROW.viscous_drag, 0] * (abs(v) * 100.0) ** 0.85, v)

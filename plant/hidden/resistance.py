@@ -1,6 +1,4 @@
-"""Hidden effects on resistance: a factor on the hoop stress, so on F_e and on what presses on the wall, or a change of
-F_e or of the slip limit alone.
-"""
+"""Hidden effects on resistance: a factor on the hoop stress, or a change of F_e or of the slip limit alone."""
 
 import math
 

@@ -45,9 +45,8 @@ ONSET_KEY: Final = "onset_s"
 
 def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
     """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others
-    off. `onset_s` among the numbers is when an effect begins; what passes with time counts from there.
-
-    Raises `ValueError` for an unknown effect or number, naming the nearest, and for an impossible number.
+    off. `onset_s` among the numbers is when an effect begins; what passes with time counts from there. Raises
+    `ValueError` for an unknown effect or number, naming the nearest, and for an impossible number.
     """
     table = np.zeros((len(HIDDEN), SLOTS))
     for row, effect in enumerate(HIDDEN):

@@ -1,14 +1,12 @@
-"""Instruments that report while the plant runs: rate, latency, noise, drop-outs, outliers; each reading says when it
-was true.
-"""
+"""Instruments that report while the plant runs; each reading says when it was true."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
-from plant.hidden.table import begun
+from plant.hidden.registry import LAG_SHARES, ONSET, ROW, ROWS
+from plant.hidden.table import begun, effect_table
 from plant.sensing.sensors import with_hidden_errors
 from plant.tables import Floats
 
@@ -30,7 +28,6 @@ class Reading:
 @dataclass(frozen=True)
 class Instrument:
     """Samples at `rate_Hz`, at hand `latency_s` later, with white noise of `std`, rounded to `quantum` (0: not at all).
-
     A share `missing_share` of the readings never comes and `outlier_share` is off by up to `outlier_size` either way.
     Within each pair of `gaps_s` (start, length, start, length, ...) nothing comes; within `nan_s` NaN does. Hidden
     offsets of the sensor count in `span`, the range in which it works. `std`, `quantum`, `outlier_size` and `span` are
@@ -51,22 +48,17 @@ class Instrument:
     def __post_init__(self) -> None:
         if not self.rate_Hz > 0:
             raise ValueError(f"instrument rate_Hz must be positive; got {self.rate_Hz:g}")
-        for name in ("std", "latency_s", "quantum", "outlier_size", "span"):
-            if not 0 <= getattr(self, name) <= MOST:
-                raise ValueError(f"instrument {name} must lie in [0, {MOST:g}]; got {getattr(self, name):g}")
-        for name in ("missing_share", "outlier_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"instrument {name} must lie in [0, 1]; got {getattr(self, name):g}")
-        for name in ("gaps_s", "nan_s"):
-            if len(getattr(self, name)) % 2:
-                raise ValueError(
-                    f"instrument {name} must be pairs of start and length; got {len(getattr(self, name))} numbers"
-                )
+        for name, value in vars(self).items():
+            most = 1.0 if name.endswith("share") else MOST
+            if isinstance(value, tuple):
+                if len(value) % 2:
+                    raise ValueError(f"instrument {name} must be pairs of start and length; got {len(value)} numbers")
+            elif name != "rate_Hz" and not 0 <= value <= most:
+                raise ValueError(f"instrument {name} must lie in [0, {most:g}]; got {value:g}")
 
 
 class Stream:
     """One instrument at work. The same truth gives the same readings, in however many pieces it is handed over.
-
     `truth_rate_Hz` is how often `take` sees the truth; a sample is the newest truth at its time.
     """
 
@@ -78,28 +70,20 @@ class Stream:
         truth_rate_Hz: float,
         hidden: Floats | None,
     ) -> None:
-        self.channel, self.instrument, self._rng, self._hidden = channel, instrument, rng, hidden
-        self._shares: tuple[float, ...] = ()
-        late = 0.0
-        if hidden is not None:
-            time = float(hidden[ROWS["sensor_lowpass"], 0])
-            self._shares = (
-                tuple(1 - math.exp(-1 / (truth_rate_Hz * share * time)) for share in LAG_SHARES) if time > 0 else ()
-            )
-            late = float(hidden[ROWS["sensor_delay"], 0])
-        self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
+        self.channel, self.instrument, self._rng = channel, instrument, rng
+        self._hidden = h = effect_table({}) if hidden is None else hidden
+        time, late = float(h[ROW.sensor_lowpass, 0]), float(h[ROW.sensor_delay, 0])
+        stages = LAG_SHARES if time > 0 else ()
+        self._shares = tuple(1 - math.exp(-1 / (truth_rate_Hz * share * time)) for share in stages)
+        self._offset = any(h[ROWS[name], 0] != 0.0 for name in _OFFSETS)
         self._late = round(late * truth_rate_Hz)
-        rows = [ROWS[name] for name in ("sensor_delay", "sensor_lowpass")]
-        onsets = [0.0, 0.0] if hidden is None else [float(hidden[row, ONSET]) for row in rows]
-        self._late_from, self._smooth_from = onsets
+        self._late_from, self._smooth_from = float(h[ROW.sensor_delay, ONSET]), float(h[ROW.sensor_lowpass, ONSET])
         self._past: list[float] = []
         self._smooth: list[float] = []
         self._samples = 0
 
     def take(self, t: Floats, y: Floats) -> list[Reading]:
-        """Readings of the samples that fall into the stretch of truth `y` at the times `t` in s; both 1-D of one
-        length.
-        """
+        """Readings of the samples that fall into the truth `y` at the times `t` in s, (n,) both."""
         if not t.size:
             return []
         values = y.tolist()
@@ -107,21 +91,12 @@ class Stream:
             smooth = [self._smoothed(value) for value in values]
             values = [s if when >= self._smooth_from else v for s, v, when in zip(smooth, values, t, strict=True)]
         seen = (self._past or [values[0]] * self._late) + values if self._late else values
-        readings: list[Reading] = []
-        k = int(t.searchsorted(self._due))
-        while k < len(values):
+        readings, k = [], -1
+        while (k := max(int(t.searchsorted(self._samples / self.instrument.rate_Hz - 1e-9)), k + 1)) < len(values):
             self._samples += 1
-            reading = self._sample(float(t[k]), seen[k] if t[k] >= self._late_from else values[k])
-            if reading is not None:
-                readings.append(reading)
-            k = max(int(t.searchsorted(self._due)), k + 1)
+            readings.append(self._sample(float(t[k]), seen[k] if t[k] >= self._late_from else values[k]))
         self._past = seen[len(values) :]
-        return readings
-
-    @property
-    def _due(self) -> float:
-        """When the next sample is due, but for rounding."""
-        return self._samples / self.instrument.rate_Hz - 1e-9
+        return [reading for reading in readings if reading is not None]
 
     def _smoothed(self, value: float) -> float:
         self._smooth = self._smooth or [value] * len(self._shares)
@@ -134,7 +109,7 @@ class Stream:
         """One reading; every sample draws the same random numbers, so that faults do not shift the noise."""
         i = self.instrument
         noise, missing, wild, size = self._rng.standard_normal(), *self._rng.random(3)
-        if self._hidden is not None and self._offset:
+        if self._offset:
             there = begun(self._hidden, t)
             value = float(with_hidden_errors(np.array([t]), np.array([value]), there, i.span)[0])
         value += i.std * noise

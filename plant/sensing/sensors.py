@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
+from plant.hidden.registry import LAG_SHARES, ONSET, ROW
 from plant.tables import Floats
 
 FASTEST_HZ = 1e6  # sampling rate
@@ -30,23 +30,22 @@ class Sensor:
     def __post_init__(self) -> None:
         if not 0 < self.rate_Hz <= FASTEST_HZ:
             raise ValueError(f"sensor rate_Hz must be positive and at most {FASTEST_HZ:g}; got {self.rate_Hz:g}")
-        for name in ("noise_std", "quantum", "delay_s", "lowpass_s", "span"):
-            if not 0 <= getattr(self, name) <= MOST:
-                raise ValueError(f"sensor {name} must lie in [0, {MOST:g}]; got {getattr(self, name):g}")
+        for name, value in vars(self).items():
+            if name != "rate_Hz" and not 0 <= value <= MOST:
+                raise ValueError(f"sensor {name} must lie in [0, {MOST:g}]; got {value:g}")
 
     def measure(self, t: Floats, y: Floats, rng: np.random.Generator, h: Floats | None = None) -> tuple[Floats, Floats]:
         """Sample times in s and readings of the truth `y` over the even grid `t`; `h` is the table of hidden effects.
-
         Order: low-pass, delay (before the start the first value holds), hidden gain and offsets, noise, rounding.
         """
         if t.size < 2:
             raise ValueError(f"a sensor must see two or more samples of the truth; got {t.size}")
         step = float(t[1] - t[0])
-        if h is not None and h[ROWS["sensor_lowpass"], 0] > 0:
+        if h is not None and h[ROW.sensor_lowpass, 0] > 0:
             for share in LAG_SHARES:
-                y = _lowpassed(y, step, share * float(h[ROWS["sensor_lowpass"], 0]))
+                y = _lowpassed(y, step, share * float(h[ROW.sensor_lowpass, 0]))
         y = _lowpassed(y, step, self.lowpass_s)
-        late = self.delay_s + (0.0 if h is None else float(h[ROWS["sensor_delay"], 0]))
+        late = self.delay_s + (0.0 if h is None else float(h[ROW.sensor_delay, 0]))
         when = t[0] + np.arange(math.floor((t[-1] - t[0]) * self.rate_Hz + 1e-9) + 1) / self.rate_Hz
         reading = np.interp(when - late, t, y)
         if h is not None:
@@ -69,7 +68,7 @@ def _lowpassed(y: Floats, step: float, time: float) -> Floats:
 
 def with_hidden_errors(t: Floats, y: Floats, h: Floats, span: float) -> Floats:
     """Readings `y` at the times `t` in s with hidden gain and offsets; offsets count in `span`."""
-    y = y * (1 + h[ROWS["sensor_scale"], 0]) + h[ROWS["sensor_bias"], 0] * span
-    drift, hum = h[ROWS["sensor_drift"]], h[ROWS["mains_hum"], 0]
+    y = y * (1 + h[ROW.sensor_scale, 0]) + h[ROW.sensor_bias, 0] * span
+    drift, hum = h[ROW.sensor_drift], h[ROW.mains_hum, 0]
     y = y + drift[0] * span * np.log1p((t - drift[ONSET]) / drift[1])
     return np.asarray(y + hum * span * (np.sin(2 * np.pi * 50 * t) + 0.3 * np.sin(2 * np.pi * 150 * t)))

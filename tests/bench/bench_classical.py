@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 
 from controller.baselines.pid import PID
-from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
+from controller.estimator.kinematic_filter import KinematicFilter
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.model.friction import mean_friction
@@ -52,7 +52,7 @@ def tried(numbers: dict[str, float], friction: bool, runs: list[tuple[TrackScena
         return (PID(model, envelope, gains, mean_friction(model) if friction else 0.0),)
 
     def seeing(_: str, model: ControlModel) -> KinematicFilter:
-        return KinematicFilter(model, Kinematics(numbers["jerkiness"]))
+        return KinematicFilter(model, numbers["jerkiness"])
 
     with patch.object(track_loop, "build", chain), patch.object(track_loop, "estimator_for", seeing):
         errors = [score(s, track_loop.run_loop(s, m, "pid", 7)).tracking_rmse_m for s, m in runs]

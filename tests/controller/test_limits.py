@@ -9,8 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from controller.actuators import gap_of_force
-from controller.drives import envelope_of
+from controller.drives import envelope_of, gap_of_force
 from controller.limits import Envelope, Issued, Limits, Seen, limited, number
 from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.magnetic import Magnetic

@@ -1,6 +1,4 @@
-"""The drive map of a model: seeds from its speed map, checked against wrong parameters, made cheap by the optimiser,
-put in gears.
-"""
+"""The drive map of a model: seeds from its speed map, checked against wrong parameters, optimised, in gears."""
 
 import hashlib
 import json
@@ -100,10 +98,9 @@ def lag(cycles: Cycles, waveform: Waveform) -> float:
 
 def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = None) -> DriveMap:
     """The drive map of `model`; `optimise` False keeps to scaled square waves (seconds instead of a minute). `table` is
-    its speed map where there is one already.
-
-    A direction that the model does not reach has no gear. Every kind of impact that a square wave has at a gear's speed
-    is among the guesses from which its cycle is optimised, so which stop it strikes, if any, is a matter of energy.
+    its speed map where there is one already. A direction that the model does not reach has no gear. Every kind of
+    impact that a square wave has at a gear's speed is among the guesses from which its cycle is optimised, so which
+    stop it strikes, if any, is a matter of energy.
     """
     cycles = Cycles(model)
     wrong = [Cycles(m) for m in wrong_models(model)]

@@ -18,14 +18,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.signals import Array
 from controller.vibro.cycles import COPPER_N2_PER_W, Cycles, Gait, VibroModel
 from controller.vibro.design.smooth_cycle import SCALE, CyclePart, smooth_part
 from controller.vibro.waveform import Waveform
 from models.parameter import Name
 
-Array = NDArray[np.float64]
 PARTS, STEPS = 32, 6  # of a cycle, and integration steps of each
 SHORTEST_S, LONGEST_S = 0.008, 0.25  # least and most period
 ROUNDS = 6  # of the solver from ever better guesses
@@ -68,10 +67,8 @@ class Optimum:
 def optimal_cycle(
     cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = ROUNDS, close: float = CLOSE
 ) -> Optimum:
-    """The least-energy cycle at the mean `speed_m_s`, not 0, found from `guess`; the exact model's may be off by
-    the share `close`.
-
-    Local: it keeps to the order of events that `guess` begins with. Raises ValueError for a speed of 0.
+    """The least-energy cycle at the mean `speed_m_s`, not 0, found from `guess`; the exact model's may be off by the
+    share `close`. Local: it keeps to the order of events that `guess` begins with. Raises ValueError for a speed of 0.
     """
     if speed_m_s == 0 or not np.isfinite(speed_m_s):
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")

@@ -1,6 +1,4 @@
-"""One part of a cycle of the smooth model as a CasADi function, with the wall's stick and slip given: what the
-optimiser shoots through.
-"""
+"""One part of a smooth model's cycle with the wall's stick and slip given: what the optimiser shoots through."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,8 +6,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.signals import Array
 from controller.vibro.cycles import VibroModel
 from models.assembly.effects import Active
 from models.assembly.step import Grip, Stepper
@@ -19,7 +17,6 @@ from models.parameter import Name
 from models.surfaces.gut import Drag
 from models.theta import Theta
 
-Array = NDArray[np.float64]
 NODES: tuple[Name, ...] = ("x", "v", (Vibro.name, "stretch_m"), (Vibro.name, "rate_m_s"), "u")
 SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
 """What every node holds (m, m/s, m, m/s, m) and the size of 1 in it."""
@@ -27,9 +24,7 @@ SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
 
 @dataclass(frozen=True)
 class KnownSlip(Stepper):
-    """A step whose wall keeps the slip that it is told: `u' = v` while it sticks, `-s v_i` while it slips, nothing
-    switches.
-    """
+    """A step whose wall keeps the slip that it is told: `u' = v` in stick, `-s v_i` in slip, nothing switches."""
 
     def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
         if not self.surface.dragged:

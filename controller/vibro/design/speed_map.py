@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.signals import Array
 from controller.vibro.cycles import IMPACTS, Cycles, Gait, Impact, VibroModel, impact_of
 from controller.vibro.waveform import Waveform
 
-Array = NDArray[np.float64]
 # period over the inner mass's own, dense about the resonance
 PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
 # of the square waves; at a half they move nothing
@@ -42,9 +42,7 @@ class SpeedMap:
     impact: NDArray[np.int8]
 
     def squares(self, low_m_s: float, high_m_s: float, impact: Impact | None = None) -> list[Waveform]:
-        """The square waves whose speed lies in [`low_m_s`, `high_m_s`], the cheapest first; of those that hit `impact`
-        alone where given.
-        """
+        """The square waves with speeds between the two, the cheapest first, of those that hit `impact`."""
         fits = (self.speed >= low_m_s) & (self.speed <= high_m_s)
         inside = np.argwhere(fits if impact is None else fits & (self.impact == IMPACTS.index(impact)))
         inside = inside[np.argsort(self.energy[tuple(inside.T)], kind="stable")] if len(inside) else inside
@@ -104,9 +102,7 @@ Shape = Literal["square", "optimal", "map"]
 
 @dataclass(frozen=True)
 class Alternative:
-    """One way to go at a mean speed: the `waveform` with what it does, the stop that it strikes and where it comes
-    from: a square wave, the optimiser, or the drive map that a controller runs on.
-    """
+    """One way to go at a mean speed, what it does, the stop that it strikes and where it comes from."""
 
     waveform: Waveform
     pace: Gait

@@ -1,6 +1,4 @@
-"""What a vibro rig's drive map and slow loop are worth on paper: resonances, gears, cost by impact, the averaged loop's
-poles and margins.
-"""
+"""What a drive map and the slow loop are worth on paper: resonances, gears, cost by impact, margins."""
 
 import math
 from collections.abc import Sequence
@@ -8,18 +6,17 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from controller.design.margins import OpenLoop, closed_loop
 from controller.model.linear import Linear
+from controller.signals import Array
 from controller.vibro.cycles import Cycles, VibroModel, impact_of
 from controller.vibro.design.drive_map import wrong_models
 from controller.vibro.design.speed_map import Alternative, SpeedMap, free_period, squares
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
 
-Array = NDArray[np.float64]
 SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))
 _ABOUT = 0.2  # share of the speed over which the map's slope is taken
 _BOUNDLESS = 1e6  # m/s
@@ -74,9 +71,7 @@ class VibroStudy:
 
 
 def vibro_study(model: VibroModel, drive: DriveMap, table: SpeedMap, delay_s: float = 0.015) -> VibroStudy:
-    """Study `model` under its `drive` map; speeds that it does not reach are left out. Raises ValueError for a delay
-    outside [0, 0.2] s.
-    """
+    """Study `model` under its `drive` map at the speeds reached. Raises ValueError for a delay outside [0, 0.2] s."""
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
     cycles, wrong = Cycles(model), [Cycles(m) for m in wrong_models(model)]
@@ -117,10 +112,8 @@ def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_
 
 def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSpace:
     """From progress to minus the commanded mean speed: the filter at its steady gain and the unbounded plan, once a
-    period.
-
-    With the filter's z = (p, s, b), `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`; readings within a
-    period count as one of as much less variance.
+    period: `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`; a period's readings count as one of less
+    variance.
     """
     F, g = transition(period_s, lag_s)
     K = _steady_gain(ProgressFilter(lag_s), F, period_s, speed_m_s)

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from hil.app.cockpit.watch import grade_of, words
 from hil.app.scenario.model_use import model_facts
-from hil.bus.absent import without_absent
 from hil.bus.catalogue import Catalogue
+from hil.bus.codec import without_absent
 from hil.nodes.controller.node import Task
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.app.quantities import DASH, fixed, quantity
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Refusal
+from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS
@@ -108,11 +107,7 @@ class FrameWatch:
             "readings": readings(self),
             "model": self._model(),
             "bus": self._bus(),
-            "refused": [
-                [r.frame.name, str(why), n]
-                for r in self._receivers()
-                for why, n in sorted(r.statistics.refused.items())
-            ],
+            "refused": [[r.frame.name, str(why), n] for r in self._receivers() for why, n in sorted(r.refused.items())],
         }
 
     def _by_source(self, data: bytes) -> Receiver:
@@ -173,7 +168,7 @@ class FrameWatch:
         span = sum(s for s, _, _ in self._seconds)
         frames, bits = (sum(one[k] for one in self._seconds) for k in (1, 2))
         rate, load = (frames / span, bits / span / self.catalogue.bit_rate) if span else (0.0, 0.0)
-        statistics = [r.statistics for r in self._receivers()]
+        statistics = list(self._receivers())
         return {
             "rate": f"{fixed(rate, 0)} /s",
             "load": f"{fixed(100 * load, 1)} %",

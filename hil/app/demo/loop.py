@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from controller.supervision.acceptance import Acceptance, AcceptanceTest
+from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
 from hil.app.demo.story import RIG, Learned, Mission, Progress, Told, found_in
 from hil.app.learn.identify import answer_at_once
@@ -106,7 +106,7 @@ def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Ac
     """
     current = STAGES[0]
     for stage in STAGES[1:]:
-        verdict = AcceptanceTest().judge(report_json(finding), model, rig, stage=stage, current=current)
+        verdict = judge(report_json(finding), model, rig, stage=stage, current=current)
         current = stage if verdict.passed else current
         yield stage, verdict
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from controller.design.margins import Complex, OpenLoop
 from controller.design.study import Study
 from controller.model.control_model import ControlModel
-from controller.model.linear import Array
+from controller.signals import Array
 from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
 from hil.app.report.document import document, heading, mixed_table
 from hil.app.report.theme import INK, MUTED, axes, figure_html, line_colour, line_look, styled

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.drives import CARRIAGE
 from controller.signals import Array
-from controller.supervision.acceptance import AcceptanceTest
+from controller.supervision.acceptance import BETTER, judge
 from hil.app.learn.experiment import Motion, motion_of
 from hil.app.learn.left_over import LeftOver
 from hil.app.quantities import quantity
@@ -23,7 +23,6 @@ from models.identification.kinds import AnyKind, Known, kind_for, ready
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
-from models.identification.search.validation import free_run
 from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -125,8 +124,8 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
     error = kind.error(records, [kind.predict(r, used) for r in records])
     report = {"error": finding.error}
     stage = STAGES[2] if effects else STAGES[1]
-    test = AcceptanceTest(share=PARTLY) if finding.verdict == "unknown" else AcceptanceTest()
-    verdict = test.judge(report, model, rig, stage=stage, current=float(error))
+    share = PARTLY if finding.verdict == "unknown" else BETTER
+    verdict = judge(report, model, rig, stage=stage, current=float(error), share=share)
     unfounded = question.base_holds and not effects
     if unfounded or not verdict.passed:
         wanted = finding.next_experiment or ""
@@ -194,7 +193,7 @@ def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
     for _ in range(_ROUNDS):
         kind = kind_for(rig, [record])
         assert isinstance(kind, SeriesKind)
-        left = evaluate(kind, [record], theta, free_run(kind))
+        left = evaluate(kind, [record], theta, kind.free_run)
         ratio = float(np.sqrt(left @ left / left.size))
         if ratio <= _AS_STATED:
             break

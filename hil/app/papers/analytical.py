@@ -11,7 +11,7 @@ from hil.app.papers.row import Row, Verdict, row
 from models.laws.elastic_nose import elastic_coulomb_limit, initial_resistance
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
+from models.laws.resistance import mucus_drag
 from models.laws.stick_slip import (
     Tension,
     Tooth,

@@ -13,9 +13,9 @@ from hil.app.run import machine
 from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import Catalogue
+from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import FrameReceiver
@@ -54,7 +54,7 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     while clock.now() - began < LISTEN_S:
         receiver.listen(clock.now())
         time.sleep(0.002)
-    got = {r.frame.name: r.statistics for r in receiver.reception.receivers.values()}
+    got = {r.frame.name: r for r in receiver.reception.receivers.values()}
     good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
     others = receiver.reception.unknown.total()
     words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{receiver.error_words}"

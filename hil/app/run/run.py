@@ -46,8 +46,7 @@ from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.controller.node import ControllerNode, Task
-from hil.nodes.controller.receive import controllers_frames
-from hil.nodes.frame_map import plain
+from hil.nodes.frame_map import controllers_frames, plain
 from hil.nodes.listening import heard_for
 from models.effects import Catalogue
 from models.parameter import nearest

@@ -11,7 +11,7 @@ from pydantic import Field
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, leads
-from controller.supervision.acceptance import Acceptance, AcceptanceTest
+from controller.supervision.acceptance import Acceptance, judge
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
@@ -338,5 +338,5 @@ def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Th
         return Theta(), None
     table, rig = ModelTable.read(raw), known.given_to(_rig(raw))
     model = read_model(folder / table.file, rig.kind, catalogue=known)
-    verdict = AcceptanceTest().judge(read_report(folder / table.report), model, rig, stage=table.stage)
+    verdict = judge(read_report(folder / table.report), model, rig, stage=table.stage)
     return model.believed(table.stage), verdict

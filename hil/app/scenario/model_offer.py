@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from controller.model.control_model import ControlModel
-from controller.supervision.acceptance import Acceptance, AcceptanceTest
+from controller.supervision.acceptance import Acceptance, judge
 from controller.supervision.model_switch import Offer
 from models.effects import Catalogue
 from models.identification.finding import STAGES
@@ -57,7 +57,7 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) 
     model = read_model(folder / table.file, rig.kind, catalogue=Catalogue.of(rig))
     report = read_report(folder / table.report)
     used = next((stage for stage in STAGES if model.believed(stage) == values), "" if values else STAGES[0])
-    verdict = AcceptanceTest().judge(report, model, rig, stage=table.stage, current=used or math.nan)
+    verdict = judge(report, model, rig, stage=table.stage, current=used or math.nan)
     if not verdict.passed:
         raise ValueError(f"{folder / table.file}: offered model must pass the gate; got: {verdict.sentence}")
     return Offered(model.believed(table.stage), table.at_s)

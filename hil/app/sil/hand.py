@@ -10,11 +10,10 @@ import can
 from hil.app.scenario.bus_scenario import JogTable
 from hil.app.scenario.jog_script import Step
 from hil.bus.catalogue import Catalogue
+from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import SETPOINT
-from hil.nodes.controller.receive import controllers_frames
-from hil.nodes.frame_map import ENABLE, FrameMap, frames, heartbeat
+from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, frames, heartbeat
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
-from hil.nodes.transmit import FrameTransmitter
 from hil.simulated.medium import Medium, SimulatedBus
 
 _AFTER_S: Final = 7e-3  # by which a person comes later than a node

@@ -21,12 +21,11 @@ that has followed is believed that it does not."""
 
 
 class Cia402Bus(CarriageBus):
-    """Commands leave as RPDO 1, the drive's TPDOs and heartbeat come in as feedback, heartbeat and, where a fault
-    begins, fault frames.
+    """Commands leave as RPDO 1; TPDOs and heartbeat come in as feedback, heartbeat and, where a fault begins, faults.
 
-    A CiA 402 drive has no time to live in its commands: RPDO 1 has a deadline instead (`hil.drives.cia402.setup`),
-    which the same frames feed. Its warning, and a limit of its own, show as "derated". Where it says while it is led
-    that it does not follow its target (bit 12), or that it is too far off (bit 13), that is a fault, latched here.
+    A CiA 402 drive has no time to live in its commands: RPDO 1 has a deadline instead. Its warning, and a limit of its
+    own, show as "derated". Where it says while it is led that it does not follow its target (bit 12), or that it is too
+    far off (bit 13), that is a fault, latched here.
     """
 
     maker = "CiA 402"
@@ -70,24 +69,19 @@ class Cia402Bus(CarriageBus):
         self._command(word, round(target * self.table.counts_per_m), timeout)
 
     def synchronise(self, timeout: float | None) -> None:
-        """CANopen's own SYNC beside the catalogue's."""
         self.say(p402.SYNC_ID, b"", timeout)
 
     def live(self, timeout: float | None) -> None:
-        """The heartbeat that the drive watches."""
         self.say(0x700 + p402.MASTER_NODE, _ALIVE, timeout)
 
     def acknowledge(self, timeout: float | None) -> None:
-        """With the next command."""
         self._reset, self._doubt = True, ""
 
     def halt(self, timeout: float | None) -> None:
-        """Brake where it moves."""
         if p402.state_of(self._statusword) == p402.OPERATION:
             self._command(p402.HALT_QUICKLY, 0 if self.table.mode == "velocity" else self._place, timeout)
 
     def take(self, message: can.Message) -> bool:
-        """TPDOs and heartbeat of the node."""
         taker = self._takers.get(message.arbitration_id)
         if taker is None or not plain(message):
             return False

@@ -1,6 +1,4 @@
-"""CiA 402 for the carriage: the drive's states, which words lead through them, and what is on the wire. Standard: IEC
-61800-7-201.
-"""
+"""CiA 402 for the carriage: states, the words between, what is on the wire. Standard: IEC 61800-7-201."""
 
 import struct
 from collections.abc import Mapping
@@ -19,11 +17,9 @@ NOT_READY: Final = 0  # state of any other statusword
 _MASKS: Final = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)  # of the statusword, CiA 402 state by state
 _WORDS: Final = (0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08)
 """Masks and values of the statusword's bits that tell each state."""
-WARNING: Final = 0x80
-"""Bit of the statusword: the drive does not do all it is asked for."""
+WARNING: Final = 0x80  # bit of the statusword: the drive does not do all it is asked for
 VOLTAGE, REMOTE, LIMITED = 1 << 4, 1 << 9, 1 << 11
-"""Further bits of the statusword: the power stage has its voltage, controlwords of the bus are obeyed, a limit of the
-drive's own is active."""
+"""Further bits: voltage is there, the bus's controlwords are obeyed, a limit of the drive's own is active."""
 FOLLOWS, DEVIATES = 1 << 12, 1 << 13
 """In a cyclic mode: the target is followed; and, led by places, it is further off than 0x6065 for longer than
 0x6066."""
@@ -32,16 +28,12 @@ REACHED, ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13
 DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAULT = 0x00, 0x06, 0x07, 0x0F, 0x02, 0x80
 """Controlwords."""
 START_HOMING: Final = 1 << 4  # bit of the controlword
-HOMES_HERE: Final = (35, 37)
-"""Homing methods that take the place where the drive stands."""
-SYNC_ID: Final = 0x6A0
-"""CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes."""
+HOMES_HERE: Final = (35, 37)  # homing methods that take the place where the drive stands
+SYNC_ID: Final = 0x6A0  # CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes
 MASTER_NODE: Final = 127  # the last node id
-_SDO_WRITES: Final = (0, 1, 6)
-"""Client commands of an SDO download: a segment, its begin, a block."""
+_SDO_WRITES: Final = (0, 1, 6)  # client commands of an SDO download: a segment, its begin, a block
 OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
-HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
-"""Modes of operation."""
+HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9  # modes of operation
 MODE_NAMES: Final[Mapping[int, str]] = {
     0: "none",
     1: "profile position",
@@ -56,12 +48,9 @@ MODE_NAMES: Final[Mapping[int, str]] = {
 }
 """Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 says that a drive knows one."""
 MODES: Final[Mapping[str, int]] = {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
-RPDO: Final = struct.Struct("<Hi")
-"""Controlword 0x6040, target position 0x607A or target velocity 0x60FF."""
-TPDO_STATE: Final = struct.Struct("<Hi")
-"""Statusword 0x6041, actual position 0x6064."""
-TPDO_MORE: Final = struct.Struct("<iH")
-"""Actual velocity 0x606C, error code 0x603F."""
+RPDO: Final = struct.Struct("<Hi")  # controlword 0x6040, target position 0x607A or target velocity 0x60FF
+TPDO_STATE: Final = struct.Struct("<Hi")  # statusword 0x6041, actual position 0x6064
+TPDO_MORE: Final = struct.Struct("<iH")  # actual velocity 0x606C, error code 0x603F
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300  # CiA 301 and 402
 _ERRORS: Final[Mapping[int, int]] = {
     0x2300: our.OVER_CURRENT,
@@ -152,7 +141,6 @@ def state_of(statusword: int) -> int:
 
 
 def statusword_of(state: int, *, warning: bool = False) -> int:
-    """The statusword of a state."""
     return _WORDS[state] | (WARNING if warning else 0)
 
 
@@ -163,7 +151,6 @@ def shown(statusword: int) -> int:
 
 
 def mode_words(mode: int) -> str:
-    """A mode of operation by number and name."""
     return f"{mode} ({MODE_NAMES.get(mode, 'of the maker')})"
 
 
@@ -195,11 +182,9 @@ def controlword(mode: int, state: int, *, reset: bool = False) -> int:
 
 
 def next_state(state: int, word: int, before: int, *, cause: bool, at_rest: bool) -> int:
-    """The drive's state after controlword `word` came where `before` was the last one; `cause` is a present reason for
-    a fault.
+    """The state after controlword `word`, `before` being the last one; `cause`: a present reason for a fault.
 
-    Quick stop option 2: brake, then disabled. A fault ends by the rising edge of bit 7 once its cause is gone, in
-    "disabled".
+    Quick stop option 2: brake, then disabled. A fault ends by the rising edge of bit 7 once its cause is gone.
     """
     if cause and state not in (REACTING, FAULTED):
         return REACTING

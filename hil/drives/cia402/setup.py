@@ -1,6 +1,4 @@
-"""Sets a CiA 402 drive up over SDO before anything moves: what it is doing, what it maps, how long a command lives, how
-it stops. Needs the package canopen.
-"""
+"""Sets a CiA 402 drive up over SDO before anything moves. Needs the package canopen."""
 
 import logging
 import time
@@ -23,8 +21,7 @@ _SYNCHRONOUS: Final = 1  # transmission type, CiA 301
 # objects of each mapping: index, sub, bits
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
 _BY_VELOCITY: Final = (0x60400010, 0x60FF0020)  # the same of a drive led by velocity
-_LOOK_S: Final = 0.1
-"""For how long a drive is looked at to see that it rests."""
+_LOOK_S: Final = 0.1  # for how long a drive is looked at to see that it rests
 ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)
 """Objects, beside the table's options, that a drive may hold rounded: off by one, or by a thousandth."""
 
@@ -40,7 +37,6 @@ class Entry:
 
     @property
     def data(self) -> bytes:
-        """The value on the wire."""
         return self.value.to_bytes(self.size, "little", signed=self.value < 0)
 
 
@@ -171,9 +167,7 @@ def _rests_where_known(node: Any, table: Cia402Table, limits: Limits) -> None:
 
 
 def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) -> str:
-    """Write an object and read it back; a sentence where the drive holds it rounded and may. Raises ValueError where it
-    holds another value.
-    """
+    """Write an object and read it back; a sentence where it is held rounded and may be. Raises ValueError."""
     where = f"0x{entry.index:04X}:{entry.sub:02X}"
     try:
         node.sdo.download(entry.index, entry.sub, entry.data)

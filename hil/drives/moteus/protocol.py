@@ -1,6 +1,4 @@
-"""The table `[moteus]` and a moteus' frames: subframes that write, read and tell registers, lines of its diagnostic
-stream, faults. Source: the maker's description of its CAN protocol, registers and modes.
-"""
+"""The table `[moteus]`, a moteus' frames and faults. Source: the maker's reference of CAN protocol and registers."""
 
 import struct
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,12 +28,10 @@ STOPPED, FAULTED, ENABLING, POSITION_MODE, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 
 WRITE, READ, REPLY = 0x00, 0x10, 0x20  # first byte of a subframe, without form and count
 WRITE_ERROR, READ_ERROR = 0x30, 0x31  # the whole of it
 STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL, NOP = 0x40, 0x41, 0x42, 0x50  # the same; the last one fills a frame
-INT8, INT16, INT32, FLOAT = range(4)
-"""Forms of a register's value."""
+INT8, INT16, INT32, FLOAT = range(4)  # forms of a register's value
 _FORMS: Final = "bhif"  # as struct has them
 REPLY_WANTED: Final = 0x8000  # bit of the identifier
-HOST: Final = 0x7A
-"""The controller's number as a source: no reply to it has an identifier of the catalogue."""
+HOST: Final = 0x7A  # the controller's number as a source: no reply to it has an identifier of the catalogue
 BROADCAST: Final = 0x7F  # node id
 SESSION: Final = 202
 """The can.prefix of a drive that is led. It is set in the drive's memory alone, so one that has booted anew has its own
@@ -127,7 +123,6 @@ def varuint(number: int) -> bytes:
 
 
 def values_in(form: int, values: Sequence[float]) -> bytes:
-    """Values of registers on the wire."""
     return struct.pack(f"<{len(values)}{_FORMS[form]}", *values)
 
 
@@ -142,7 +137,6 @@ def write(first: int, values: Sequence[float]) -> bytes:
 
 
 def read(first: int, count: int = 1) -> bytes:
-    """Read registers from `first` on as floats."""
     return head(READ, FLOAT, first, count)
 
 
@@ -162,7 +156,6 @@ def command(place_turns: float, rate_turns_s: float, torque_Nm: float, watchdog_
 
 
 def stream(line: str) -> bytes:
-    """A line for the drive's diagnostic stream."""
     text = f"{line}\n".encode()
     return bytes((STREAM_TO_SERVO, 1, len(text))) + text
 
@@ -226,9 +219,7 @@ def _varuint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def told(data: bytes) -> dict[int, float]:
-    """The registers that a reply tells, as far as it can be read; integers unscaled. Registers that the drive does not
-    know are not there. Never raises.
-    """
+    """The registers that a reply tells, as far as it can be read; integers unscaled. Never raises."""
     found: dict[int, float] = {}
     with suppress(IndexError, ValueError, struct.error):
         for part in parts(data):

@@ -43,7 +43,6 @@ class OdriveBus(TurningBus):
 
     @property
     def wrong(self) -> str:
-        """Errors by name, a reboot, or other nodes that speak while this one is silent."""
         silent = self._others_at - self._heard_at > 5 * wire.HEARTBEAT_S
         others = f"silent, but node {', '.join(map(str, sorted(self._others)))} speaks" if silent else ""
         return "; ".join(words for words in (wire.words_of(self._latched), self._left, others) if words)
@@ -55,7 +54,6 @@ class OdriveBus(TurningBus):
 
     @property
     def shown(self) -> int:
-        """The axis' state in the catalogue's numbers."""
         if self._latched:
             return FAULT
         if self._axis == wire.CLOSED_LOOP:

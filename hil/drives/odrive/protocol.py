@@ -1,6 +1,4 @@
-"""The table `[odrive]` and CANSimple of firmware 0.6: frames, states, results, errors. Source: the maker's CAN protocol
-page, DBC and enumerations.
-"""
+"""The table `[odrive]` and CANSimple of firmware 0.6. Source: the maker's CAN protocol page, DBC and enumerations."""
 
 import struct
 from collections.abc import Callable, Mapping
@@ -10,6 +8,7 @@ from typing import Annotated, Any, Final
 import can
 from pydantic import BeforeValidator, Field
 
+from hil.bus.wrapping import classic_frame
 from hil.drives.table import NODE, TurningTable
 from hil.nodes.frame_map import (
     INTERNAL,
@@ -40,7 +39,7 @@ class Command:
         """The frame with these values, `more` following them; without any it is a question, where it has some."""
         asks = not values and self.layout != "<"
         data = b"" if asks else (struct.pack(self.layout, *values) + more).ljust(self.length, b"\0")
-        return can.Message(arbitration_id=node << 5 | self.number, is_extended_id=False, data=data, is_rx=False)
+        return classic_frame(node << 5 | self.number, data)
 
     def read(self, data: bytes) -> tuple[Any, ...] | None:
         """The values of a frame, None for one that is shorter than they are."""
@@ -62,8 +61,7 @@ SET_ABSOLUTE_POSITION = Command(0x19, "<f", 8)
 _SPOKEN: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, ADDRESS, GET_ENCODER_ESTIMATES)
 TOLD: Final = (*(one.number for one in _SPOKEN), 0x14, 0x15, 0x17, 0x1C, 0x1D)
 """Those by which the drive speaks, asked or unasked."""
-BROADCAST: Final = 63
-"""The node by which every drive is spoken to, and at which one without an address stands."""
+BROADCAST: Final = 63  # the node by which every drive is spoken to, and at which one without an address stands
 UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
 AXIS_STATES: Final[Mapping[int, str]] = {
     UNDEFINED: "undefined (it boots)",
@@ -104,8 +102,7 @@ RESULTS: Final[tuple[str, ...]] = (
 )
 """Procedure_Result of the heartbeat: what became of the axis state that was asked for last."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1  # control and input mode
-VEL_FF_SCALE: Final = 1000
-"""Vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped."""
+VEL_FF_SCALE: Final = 1000  # vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped
 LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
 HEARTBEAT_S: Final = 0.02  # period that is set
 INITIALIZING: Final = 1  # bit of ODrive.Error
@@ -136,19 +133,16 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = {
 
 
 def words_of(errors: int) -> str:
-    """The names of the bits of an axis error."""
     known = [name for bit, (name, _) in ERRORS.items() if errors & bit]
     rest = errors & ~(INITIALIZING | sum(ERRORS))
     return ", ".join([*known, *([f"error 0x{rest:X}"] if rest else [])])
 
 
 def code_of(errors: int) -> int:
-    """The catalogue's code of a fault."""
     return next((code for bit, (_, code) in ERRORS.items() if errors & bit), INTERNAL)
 
 
 def result_of(result: int) -> str:
-    """The name of a procedure's result."""
     return RESULTS[result] if result < len(RESULTS) else f"result {result}"
 
 
@@ -218,7 +212,6 @@ class OdriveTable(TurningTable):
         return command != RX_SDO.number or bytes(message.data[:1]) != b"\0"
 
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
-        """All of its node, either way."""
         both = frozenset(self.node_id << 5 | command for command in range(32))
         return both, both
 

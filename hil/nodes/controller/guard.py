@@ -1,6 +1,4 @@
-"""The guard between controller and bus: what leaves is allowed, finite, within range and slew, fresh and in time,
-whatever is asked for.
-"""
+"""The guard between controller and bus: what leaves is allowed, finite, within range and slew, and in time."""
 
 from __future__ import annotations
 
@@ -15,7 +13,8 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.nodes.frame_map import ENABLE, MOVING, QUICK_STOP, WAITING, FrameMap, Observer
+from hil.bus.wrapping import classic_frame
+from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer, controllers_frames
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
 GUARD_REASON: Final = 2  # `Reason` of the guard's stop
@@ -46,7 +45,6 @@ class Fence:
 
     @classmethod
     def of(cls, envelope: Envelope, wiring: FrameMap, tick_s: float) -> Fence:
-        """The fence that a drive's limits set."""
         e, limits, speed = envelope, envelope.limits, envelope.limits.carriage_speed_m_s
         held = (e.low, e.high, e.rate, e.placed, tick_s, wiring.feedback_s, wiring.braking_m_s2)
         first, growth = limits.first_speed_m_s / speed, limits.first_acceleration_m_s2 / speed
@@ -64,9 +62,7 @@ class Fence:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """How old in s the newest good localisation and drive feedback are (inf: none), and the `state` the drive
-    reports.
-    """
+    """Ages in s of the newest good localisation and drive feedback (inf: none), and the drive's `state`."""
 
     localisation_s: float
     feedback_s: float
@@ -75,9 +71,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Passed:
-    """What the guard lets out: a command, its change a second, a mode; commands missing in a row; why it is not what
-    was asked for.
-    """
+    """What the guard lets out; commands missing in a row; why it is not what was asked for."""
 
     value: float
     rate: float
@@ -87,7 +81,7 @@ class Passed:
 
 
 def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: float, fence: Fence) -> Passed:
-    """The command that may leave `dt` s after `before`, when `wanted` is asked for in `mode`. Never raises.
+    """The command that may leave `dt` s after `before`. Never raises.
 
     Any mode but `ENABLE` moves nothing and passes. A stop holds until another mode than `ENABLE` has been asked for. A
     `wanted` that is no finite number is a missing command.
@@ -160,25 +154,14 @@ class Guard:
         self.unsent = 0
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
-        allowed = (
-            "SafeStop",
-            "DriveReset",
-            "EnableAnswer",
-            "Sync",
-            "ControllerHeartbeat",
-            "ModelHealth",
-            "BelievedMotion",
-            "BelievedForces",
-            "WantedMotion",
-            "OperatorStatus",
-            wiring.command,
-        )
-        self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}
+        others = {one.command for one in FRAME_MAPS.values()} - {wiring.command}
+        own = {name: number for number, name in controllers_frames(catalogue).items() if name not in others}
+        self._senders = {name: (number, Sender(catalogue[name])) for name, number in own.items()}
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
-        """Send the drive's command for `wanted`, `since_s` s after it was enabled, and a safe stop beside one that the
-        guard had to make of it.
+        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside a stop of the
+        guard's.
         """
         fence = self.fence.after(since_s)
         out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)
@@ -202,7 +185,7 @@ class Guard:
         except ValueError:
             self.refused[name] += 1
             return False
-        message = can.Message(timestamp=now, arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False)
+        message = classic_frame(identifier, data, now)
         if not self.dry:
             try:
                 self._bus.send(message, timeout=0)

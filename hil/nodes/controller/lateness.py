@@ -36,9 +36,7 @@ class Lateness:
         self._counter, self._stamp, self.late_s = 0, -math.inf, 0.0
 
     def heard(self, counter: int, stamp: float, longest_s: float) -> float:
-        """`late_s` with the frame that has this `counter` and came at `stamp` in s; it begins anew after a silence of
-        more than `longest_s`.
-        """
+        """`late_s` with the frame that came at `stamp` in s; it begins anew after a silence of `longest_s`."""
         passed = stamp - self._stamp
         if 0 <= passed <= longest_s:
             counted = (counter - self._counter) % COUNTS * self._cycle_s

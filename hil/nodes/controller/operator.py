@@ -1,6 +1,4 @@
-"""Setpoints that a person or a program sends while the controller leads: who is in charge, and what that makes of the
-reference.
-"""
+"""Setpoints sent while the controller leads: who is in charge, and what that makes of the reference."""
 
 import math
 from collections import Counter
@@ -21,16 +19,14 @@ from models.rigs.schema import NamedTable, Words, key
 SETPOINT: Final = "OperatorSetpoint"
 STATUS: Final = "OperatorStatus"
 STATUS_S: Final = 0.05  # period
-AHEAD_M: Final = 2e-3
-"""A reference that is held is at most this far from where the capsule is believed to be."""
+AHEAD_M: Final = 2e-3  # A reference that is held is at most this far from where the capsule is believed to be
 _TOLD_S: Final = 0.2  # for which a refusal is told
 RELEASED_S: Final = 0.05
 """A switch that was held counts again once it has been heard released, for so long after it was last heard held."""
 _UNREADABLE: Final = ("length", "crc")
 """Reasons of the protection for a frame of which nothing can be believed, not even its dead-man switch."""
 NOBODY: Final = 0  # `Source` where nobody steers
-OFF, READY, MOVING, HELD, STOPPED = range(5)
-"""What the controller makes of setpoints, in the numbers of OperatorStatus."""
+OFF, READY, MOVING, HELD, STOPPED = range(5)  # what the controller makes of setpoints, in the numbers of OperatorStatus
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
 
 
@@ -182,9 +178,7 @@ class Operator:
         return rest(place_m)
 
     def follow(self, now: float, reference: Reference, place_m: float) -> Reference:
-        """The reference from `now` on after `reference`, the capsule being believed at `place_m`; the same object where
-        nothing has changed.
-        """
+        """The reference from `now` on; the same object where nothing has changed."""
         if not self.taken:
             return reference
         wanted = self._wanted if self.source != NOBODY else None
@@ -198,7 +192,6 @@ class Operator:
         return reference
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
-        """The signals of OperatorStatus at `now`."""
         at = np.array([now])
         state = HELD if self.taken else READY
         state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
@@ -215,7 +208,7 @@ class Operator:
 
     def document(self) -> dict[str, object]:
         """What became of setpoints, for the document of a run."""
-        accepted = sum(receiver.statistics.accepted for receiver in self._receivers.values())
+        accepted = sum(receiver.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
 
@@ -255,5 +248,4 @@ class Operator:
 
 
 def _held(place: float, believed: float) -> float:
-    """Where a reference at `place` is held."""
     return min(max(place, believed - AHEAD_M), believed + AHEAD_M) if math.isfinite(believed) else place

@@ -13,19 +13,17 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception, crc8
 from hil.nodes.controller.guard import Evidence
 from hil.nodes.controller.operator import SETPOINT, Operator
-from hil.nodes.frame_map import BOOT, FrameMap, Observer, plain
+from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, plain
 from hil.nodes.listening import waiting
 
-BACK_S: Final = 0.5
-"""By how much an uptime must go back: further than frames that a link swaps or repeats."""
-BACKS: Final = 3
-"""How often; a node that boots anew goes back once, and not again within `WITHIN_S`."""
+BACK_S: Final = 0.5  # by how much an uptime must go back: further than frames that a link swaps or repeats
+BACKS: Final = 3  # how often; a node that boots anew goes back once, and not again within `WITHIN_S`
 WITHIN_S: Final = 0.5  # in which these come from two nodes
 
 
 class Twins:
-    """Hears every frame of one heartbeat whose CRC is right, also those whose counter is refused, as one of two
-    senders' always is. Two that began within `BACK_S` of each other are not told apart.
+    """Hears every frame of one heartbeat whose CRC is right, its counter refused or not, as one of two senders' always
+    is. Two that began within `BACK_S` of each other are not told apart.
     """
 
     __slots__ = ("_backs", "_data_id", "_length", "_mask", "_shift", "_step_s", "_up_s", "heard_at", "name")
@@ -38,7 +36,6 @@ class Twins:
         self._up_s, self.heard_at = 0.0, -math.inf
 
     def hear(self, data: bytes | bytearray, stamp: float) -> None:
-        """A frame of this heartbeat came at `stamp`."""
         if len(data) != self._length or crc8(memoryview(data)[1:], self._data_id) != data[0]:
             return
         up_s = (int.from_bytes(data, "little") >> self._shift & self._mask) * self._step_s
@@ -55,27 +52,20 @@ MOST: Final = 256  # frames of a tick
 SKIPPED: Final = 20_000  # frames that waited before the node began
 HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
-CONTROLLER: Final = "Controller"
-"""The node of the catalogue that this one is."""
-
-
-def controllers_frames(catalogue: Catalogue) -> dict[int, str]:
-    """Identifiers and names of the frames that a controller alone sends."""
-    return {frame.id: frame.name for frame in catalogue.frames.values() if frame.sender == CONTROLLER}
 
 
 class FrameReceiver:
     """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
 
-    `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
-    `fault` the code that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen`
-    took in, of all good `frames`; `full` counts the ticks in which more were waiting than one takes. `told_s` is how
-    old the newest localisation was when it was read. `still` is what must rest while the drive is not enabled: position
-    in m, current in A. `challenge` is the drive's newest number that has not been answered, -1 for none.
+    `state`, `report` (position in m, current in A, level; 0 before the first one) and `temperature_C` are the drive's
+    last good feedback; `fault` the code that it has latched. `feedbacks` is how many the last `listen` took in, of all
+    good `frames`; `full` counts the ticks in which more were waiting than one takes. `told_s` is how old the newest
+    localisation was when it was read, `still` what must rest while the drive is not enabled, `challenge` the drive's
+    newest number that has not been answered (-1: none).
 
-    `foreign` counts the frames that only a controller sends, by name, whatever their bytes: another one speaks on this
-    bus. `strange` counts, by type, what is no classic data frame with an 11-bit identifier; `deaf` the ticks in which
-    the bus raised, `deaf_words` what it said last. `operator`, where there is one, takes its setpoints in.
+    `foreign` counts frames that only a controller sends, by name: another one speaks. `strange` counts, by type, what
+    is no classic data frame with an 11-bit identifier; `deaf` the ticks in which the bus raised, `deaf_words` what it
+    said last.
     """
 
     def __init__(
@@ -110,19 +100,16 @@ class FrameReceiver:
 
     @property
     def rejected(self) -> int:
-        """Frames refused so far, unknown ones included."""
-        refused = sum(r.statistics.refused.total() for r in self.reception.receivers.values())
         operator = 0 if self.operator is None else self.operator.refused.total()
-        return refused + operator + self.reception.unknown.total() + self.foreign.total()
+        return self.reception.refused + operator + self.reception.unknown.total() + self.foreign.total()
 
     @property
     def errors(self) -> int:
-        """Error frames so far."""
         return self.strange["error"]
 
     def skip(self) -> None:
         """Let go what has been waiting since the bus was opened: a queue that ran over has a gap, behind which good
-        frames would be refused until their counters are known again. Never raises, takes bounded time.
+        frames would be refused for their counters. Never raises, takes bounded time.
         """
         for _ in waiting(self._bus, SKIPPED):
             pass
@@ -174,18 +161,13 @@ class FrameReceiver:
 
     @property
     def refused(self) -> dict[str, dict[str, int]]:
-        """How many frames were refused, by name and reason."""
-        found: dict[str, Mapping[str, int]] = {
-            r.frame.name: {str(why): n for why, n in r.statistics.refused.items()}
-            for r in self.reception.receivers.values()
-        }
+        found: dict[str, Counter[Any]] = {r.frame.name: r.refused for r in self.reception.receivers.values()}
         if self.operator is not None:
             found[SETPOINT] = self.operator.refused
         return {name: {str(why): n for why, n in whys.items()} for name, whys in found.items() if whys}
 
     @property
     def refused_words(self) -> str:
-        """The same in words, "" where none was."""
         told = [f"{sum(whys.values())} {name} refused ({_listed(whys)})" for name, whys in self.refused.items()]
         told += [f"{self.strange.total()} frames of other types ({_listed(self.strange)})"] if self.strange else []
         told += [f"{self.deaf} times the bus could not be read ({self.deaf_words})"] if self.deaf else []

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.identification.fitting.confidence import memory
-from models.identification.fitting.fit import Axis, Fit, Problem, axes, descend, evaluate
+from models.identification.fitting.fit import Axis, Fit, Problem, axes, evaluate
 from models.identification.kind import Array, Kind
-from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -51,7 +50,7 @@ def question(
     likely = [_moved(kind, truth, own.theta, moves @ rng.standard_normal(len(moves))) for _ in range(SET.truths)]
     apart = {}
     for record in records:
-        left = [evaluate(kind, [record], fit.theta, free_run(kind)) for fit in (own, other)]
+        left = [evaluate(kind, [record], fit.theta, kind.free_run) for fit in (own, other)]
         more = float(left[1] @ left[1]) - float(left[0] @ left[0])
         apart[record.name] = float(np.sqrt(max(more, 0.0) / told))
     return Question(
@@ -65,7 +64,7 @@ def question(
 
 
 def _fitted(kind: Kind, records: Sequence[Record], model: Candidate) -> Fit:
-    return descend(Problem.of(kind, records, model.effects, free_run(kind)), model.theta, SET.fine[0], SET.its_rounds)
+    return Problem.of(kind, records, model.effects).descend(model.theta, SET.fine[0], SET.its_rounds)
 
 
 def separation(kind: Kind, asked: Question, motion: Record) -> float:
@@ -78,7 +77,7 @@ def separation(kind: Kind, asked: Question, motion: Record) -> float:
     seen, variance = _expected(kind, asked, motion)
     base = asked.rival.theta
     thetas = [_moved(kind, asked.rival, base, step) for step in asked.root.T]
-    wrong, *moved = kind.residuals(seen, [base, *thetas], free_run(kind))
+    wrong, *moved = kind.residuals(seen, [base, *thetas], kind.free_run)
     slopes = np.array([row - wrong for row in moved]).reshape(len(moved), len(wrong)).T
     step = np.linalg.solve(slopes.T @ slopes / variance + np.eye(len(moved)), -slopes.T @ wrong / variance)
     left = wrong + slopes @ step
@@ -89,10 +88,10 @@ def refitted(kind: Kind, asked: Question, records: Sequence[Record], motion: Rec
     """`separation` with the rival truly fitted to `records` and to what the truth would show on `motion`, or to first
     order where that is less.
     """
-    criterion = free_run(kind)
+    criterion = kind.free_run
     seen, variance = _expected(kind, asked, motion)
     problem = Problem.of(kind, [*records, seen], asked.rival.effects, criterion)
-    theta = descend(problem, asked.rival.theta, SET.fine[0], SET.its_rounds).theta
+    theta = problem.descend(asked.rival.theta, SET.fine[0], SET.its_rounds).theta
     before, after = (evaluate(kind, records, values, criterion) for values in (asked.rival.theta, theta))
     left = evaluate(kind, [seen], theta, criterion)
     given_up = max(float(after @ after - before @ before), 0.0) / asked.told
@@ -102,7 +101,7 @@ def refitted(kind: Kind, asked: Question, records: Sequence[Record], motion: Rec
 def _expected(kind: Kind, asked: Question, motion: Record) -> tuple[Record, float]:
     """`motion` with what the truth would show on it, and the variance in which a difference from that counts."""
     seen = motion.with_column(kind.quantity, kind.predict(motion, asked.truth.theta))
-    unsure = kind.residuals(seen, asked.likely, free_run(kind))
+    unsure = kind.residuals(seen, asked.likely, kind.free_run)
     return seen, asked.told + float(np.mean(np.square(unsure)))
 
 

@@ -15,14 +15,13 @@ from models.checks.usable import counted
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Kind
-from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
-from models.identification.search.fitted_model import FittedModel
-from models.identification.search.predictability import predictable, sensitivity_cost
+from models.identification.search.candidates import Trial, best_from, compare_candidates, fair, shared_by, with_each
+from models.identification.search.fitted_model import FittedModel, judged_cost
+from models.identification.search.growing_horizon import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
-from models.identification.search.refit import calibrated, finished, refit, step_on, whole
+from models.identification.search.refit import finished, refit, step_on, whole
 from models.identification.search.rivals import Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
-from models.identification.search.validation import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 
@@ -94,7 +93,7 @@ def search(
     progress("calibrating", 0.02)
     told = kind.searched(train)
     splits = kind.splits(told)
-    base = calibrated(kind, told)
+    base = whole(kind, told, [], kind.nominal(), to_the_end=False)
     parts = [refit(kind, part, [], base.theta, np.inf) for part, _ in splits]
     found = Search(base, base, trained_share=_trained_share(splits))
     task.clock.note("calibration", found)
@@ -188,18 +187,14 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = left, shorter
-            found.known[mended.effects] = list(mended.thetas)
+            found.known[mended.effects] = mended.thetas
     return model
 
 
 def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
     """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
-    finer, fits = [*effects, *beside], []
-    for part, theta in model.parts:
-        starts = with_each(theta.without(dropped), beside)
-        ends = [refit(model.kind, part, finer, start) for start in starts]
-        fits.append(min(ends, key=lambda end: judged_cost(model.kind, part, end)))
-    return model.fitted(fits, finer)
+    starts = (with_each(theta.without(dropped), beside) for theta in model.thetas)
+    return model.refitted(best_from, starts, [*effects, *beside])
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

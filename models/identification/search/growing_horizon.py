@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import chi2, qmc
 
 from models.checks.usable import lead_in_s
-from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of, narrowing
-from models.identification.kind import Kind
-from models.identification.search.validation import free_run
+from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of
+from models.identification.kind import Kind, Split
+from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -63,17 +63,21 @@ class GrowingHorizon:
             points = found + places + self._redrawn(found[: SET.bases])
         else:
             points = places + self._scattered()
-        criterion = free_run(self.kind)
-        costs = costs_of(self.kind, records, points, criterion)
+        costs = costs_of(self.kind, records, points, self.kind.free_run)
         kept = self.effort.kept[number]
         best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
         if self.fits and kept > 1 and points[0] not in best:
             best[-1] = points[0]
         widths, rounds = (SET.narrow, SET.rounds) if number >= SET.telling else (SET.narrow[-1:], self.effort.rounds)
-        fits = [
-            narrowing(Problem.of(self.kind, records, self.effects, criterion), point, widths, rounds) for point in best
-        ]
+        problem = Problem.of(self.kind, records, self.effects)
+        fits = [problem.narrowing(point, widths, rounds) for point in best]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
+
+    def over(self, records: Sequence[Record]) -> Fit:
+        """The best fit on the whole `records`."""
+        for number, length, parts in _lengths(self.kind, records):
+            self.on(number, length, parts)
+        return self.fits[0]
 
     def _scattered(self) -> list[Theta]:
         """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one
@@ -99,22 +103,6 @@ class GrowingHorizon:
             }
             for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
         ]
-
-
-def grow_horizon(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    starts: Sequence[Theta],
-    effort: Effort = THOROUGH,
-    fresh: str = "",
-    seed: int = 0,
-) -> Fit:
-    """The best fit on the whole records."""
-    climb = GrowingHorizon(kind, effects, starts, effort, fresh, seed)
-    for number, length, parts in _lengths(kind, records):
-        climb.on(number, length, parts)
-    return climb.fits[0]
 
 
 def eliminate(
@@ -182,3 +170,34 @@ def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> fl
         reach = min(p.spread, max(SET.near_start * axis.scale, SET.near_start / 10 * abs(value)))
         value += reach * (2 * share - 1)
     return float(np.clip(value, p.lower, p.upper))
+
+
+def sensitivity_cost(kind: Kind, splits: Sequence[Split], theta: Theta, rng: np.random.Generator) -> float:
+    """Validation cost that the model leaves of itself, with noise, where the base's numbers are 0.1 % off: what
+    no fit can do better than.
+    """
+    return max(judged_cost(kind, records, theta) for records in _off(kind, splits[0][1], theta, rng))
+
+
+def predictable(
+    kind: Kind, splits: Sequence[Split], theta: Theta, most: float, rng: np.random.Generator
+) -> tuple[float, list[Split]]:
+    """The longest beginnings of the records, in s (inf: whole ones), over which the model leaves less than `most` of
+    itself, and the splits cut to them: where one slip event that comes a little early moves all that follow, free runs
+    soon tell nothing.
+    """
+    imitated = _off(kind, splits[0][1], theta, rng)
+    for length in (np.inf, *reversed(kind.beginnings_s[1:])):  # the first holds too few slip events to judge by
+        if max(judged_cost(kind, prefixes(records, length), theta) for records in imitated) < most:
+            break
+    return length, [(prefixes(part, length), prefixes(rest, length)) for part, rest in splits]
+
+
+def _off(kind: Kind, held: Sequence[Record], theta: Theta, rng: np.random.Generator) -> list[list[Record]]:
+    """Imitations of the records `held` on the model with each base number 0.1 % up or down."""
+    fitted = {p.key for p in kind.base if p.fit}
+    moved = (
+        theta | {name: theta[name] * (1 + SET.thousandth * rng.choice((-1, 1))) for name in theta if name in fitted}
+        for _ in range(SET.self_imitations)
+    )
+    return [[kind.imitate(record, point, rng) for record in held] for point in moved]

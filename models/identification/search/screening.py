@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
-from models.identification.fitting.fit import Problem, axes, descend, evaluate_all, narrowing
+from models.identification.fitting.fit import Problem, axes, evaluate_all
 from models.identification.kind import Kind
-from models.identification.search.validation import free_run, judged_cost
+from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -52,7 +52,7 @@ class _View:
         x = problem.start(theta)
         jacobian = problem.jacobian(x, SET.screened_secant)
         basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
-        return cls(kind, records, criterion, theta, problem.at(x), basis)
+        return cls(kind, records, criterion, theta, problem.all_at([x])[0], basis)
 
     def cleared(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
@@ -136,8 +136,8 @@ def screen(
     residual show.
     """
     rows: dict[str, Screened] = {}
-    for criterion in (free_run(kind), *((kind.criteria,) if kind.slow_view else ())):
-        fit = descend(Problem.of(kind, records, effects, criterion), theta, SET.screened_secant, 8)
+    for criterion in (kind.free_run, *((kind.criteria,) if kind.slow_view else ())):
+        fit = Problem.of(kind, records, effects, criterion).descend(theta, SET.screened_secant, 8)
         for row in _best(
             _View.at(kind, records, effects, fit.theta, criterion), _candidates(kind, (*effects, *dropped))
         ):
@@ -168,13 +168,13 @@ def null_distribution(
     of each that would stand out from it, and the mean square of their residuals. Where a slip event of an imitation
     hangs on how finely it is computed, the base is fitted to it anew, as it was to the records.
     """
-    criterion = free_run(kind)
+    criterion = kind.free_run
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(SET.imitations):
         imitated = [kind.imitate(record, theta, rng) for record in records]
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > SET.near:
-            again = narrowing(Problem.of(kind, imitated, [], criterion), theta, SET.fine).theta
+            again = Problem.of(kind, imitated, [], criterion).narrowing(theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         view = _View.at(kind, imitated, [], own, criterion)
         cost = max(cost, left)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controller.estimator.base import Estimator
-from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
+from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.ukf import UnscentedEstimator
 from controller.registry import estimator_for
 from controller.signals import Measurement
@@ -54,7 +54,7 @@ def test_lost_without_positions_and_nothing_breaks_it() -> None:
     assert np.isfinite(seen.observe(2.0, math.nan, bad).state).all()
     assert seen.observe(2.5, 0.0).lost
     with pytest.raises(ValueError, match="jerkiness must be a positive number"):
-        Kinematics(0.0)
+        KinematicFilter(MODEL, 0.0)
 
 
 def test_only_the_classical_controllers_get_it() -> None:

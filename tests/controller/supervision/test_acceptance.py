@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from controller.supervision.acceptance import AcceptanceTest
+from controller.supervision.acceptance import judge
 from models.identification.model import Model
 from models.parameter import Name
 from models.rigs.reader import parse_rig
@@ -38,7 +38,7 @@ def rig(rig_text: str) -> Rig:
 
 
 def test_a_better_model_within_bounds_passes(rig: Rig) -> None:
-    verdict = AcceptanceTest().judge(report(), model(FOLDS), rig)
+    verdict = judge(report(), model(FOLDS), rig)
     assert verdict.passed, verdict.sentence
 
 
@@ -56,7 +56,7 @@ def test_a_better_model_within_bounds_passes(rig: Rig) -> None:
     ],
 )
 def test_a_model_that_did_not_show_it_does_not_pass(rig: Rig, numbers: dict[str, Any], words: str) -> None:
-    verdict = AcceptanceTest().judge(numbers, model(), rig)
+    verdict = judge(numbers, model(), rig)
     assert not verdict.passed
     assert words in verdict.sentence
 
@@ -71,16 +71,16 @@ def test_a_model_that_did_not_show_it_does_not_pass(rig: Rig, numbers: dict[str,
     ],
 )
 def test_parameters_out_of_bounds_do_not_pass(rig: Rig, changes: Mapping[Name, float]) -> None:
-    verdict = AcceptanceTest().judge(report(), model(changes), rig)
+    verdict = judge(report(), model(changes), rig)
     assert not verdict.passed
     assert spelled(next(iter(changes))) in verdict.sentence
 
 
 def test_the_current_model_may_be_given_by_its_error_on_the_same_records(rig: Rig) -> None:
-    assert AcceptanceTest().judge(report(), model(), rig, current=1.2).passed
-    assert not AcceptanceTest().judge(report(), model(), rig, current=0.9).passed
+    assert judge(report(), model(), rig, current=1.2).passed
+    assert not judge(report(), model(), rig, current=0.9).passed
 
 
 def test_unknown_stages_are_refused(rig: Rig) -> None:
     with pytest.raises(ValueError, match="did you mean 'augmented'"):
-        AcceptanceTest().judge(report(), model(), rig, stage="augmentd")
+        judge(report(), model(), rig, stage="augmentd")

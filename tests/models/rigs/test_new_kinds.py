@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from controller.actuators import Actuator
 from controller.baselines.pid import PID
 from controller.drives import DRIVES as CONTROLLED
 from controller.drives import Driven, envelope_of
@@ -24,7 +23,7 @@ from hil.app.identify.close_loop import result_files
 from hil.app.init import init
 from models.checks.examine import examine
 from models.drives.drive import Drive
-from models.identification.fitting.fit import Problem, narrowing
+from models.identification.fitting.fit import Problem
 from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record, read_record, record_of
@@ -60,7 +59,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     """A rig of the new kind, which its declaration, the surfaces' table, the controller's and the plant's know of."""
     monkeypatch.setitem(KINDS, THRUSTER.id, THRUSTER)
     monkeypatch.setitem(SURFACES, "plate", lambda rig: Slab(rig.capsule.mass_kg))
-    monkeypatch.setitem(CONTROLLED, THRUSTER.id, Driven(name=THRUSTER.id, bounds=_bounds, actuator=Actuator))
+    monkeypatch.setitem(CONTROLLED, THRUSTER.id, Driven(name=THRUSTER.id, bounds=_bounds))
     monkeypatch.setitem(SIMULATED, THRUSTER.id, Jet)
     return parse_rig(TABLES)
 
@@ -78,7 +77,7 @@ def test_it_is_assembled_predicted_and_calibrated(rig: Rig) -> None:
     place = np.interp(t[::every], rows[:, 0], rows[:, 1])
     record = Record("jet", "thruster", {"t_s": t[::every], "jet": jet[::every], "position_m": place})
     kind = SeriesKind.build(surface_of(rig), drive_of(rig), 1e-5, [record])
-    fit = narrowing(Problem.of(kind, [record], [], kind.final), kind.nominal())
+    fit = Problem.of(kind, [record], [], kind.final).narrowing(kind.nominal())
     assert fit.theta["thrust_N"] == pytest.approx(THRUST, rel=2e-3)
     assert np.std(kind.predict(record, fit.theta) - place) < 0.02 * np.std(place)
 

@@ -17,14 +17,14 @@ import numpy as np
 from models.checks.usable import used
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, Kind, present
+from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
 from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.variant import Range
+from models.identification.kinds.ranges import Range
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -78,52 +78,16 @@ class AxisKind(Kind):
             )
         turns = c.turns or (not records and any(name in TURN.base for name in stated))
         c = TURN if turns else c
-        noise = rig.noise
+        noise, catalogue = rig.noise, Catalogue.of(rig)
         stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         size = size_of(c, known, band) if known else None
-        catalogue = Catalogue.of(rig)
-        made = cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
-        return replace(made, effects=candidates(c, size, catalogue), catalogue=catalogue)
-
-    @classmethod
-    def around(
-        cls,
-        mass_kg: float | None = None,
-        viscous_N_s_per_m: float | None = None,
-        coulomb_N: float | None = None,
-        offset_N: float | None = None,
-        force_std_N: float | None = None,
-    ) -> AxisKind:
-        """A stage with these nominal numbers, all of which a calibration may change."""
-        return cls._of(LINE, (mass_kg, viscous_N_s_per_m, coulomb_N, offset_N), None, force_std_N, None)
-
-    @classmethod
-    def _of(
-        cls,
-        c: Coordinates,
-        given: Sequence[float | None],
-        size: Size | None,
-        force_std: float | None,
-        position_std: float | None,
-        band: float = SET.band_hz,
-    ) -> AxisKind:
-        spans: Sequence[Range] = _SPANS
-        if size is not None:
-            mass, drag = size.force / size.acceleration, size.force / size.speed
-            told = (
-                (0.3 * mass, 1e-4 * mass, 30 * mass),
-                (0.2 * drag, 0.0, 10 * drag),
-                (0.2 * size.force, 0.0, 3 * size.force),
-                (0.0, -3 * size.force, 3 * size.force),
-            )
-            spans = told if c.turns else _both(told)
         rows = []
-        for name, unit, value, (start, lower, upper) in zip(c.base, c.units, given, spans, strict=True):
-            at = start if value is None else value
+        for name, unit, (start, lower, upper) in zip(c.base, c.units, _spans(c, size), strict=True):
+            at = stated.get(name, start)
             rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
-        return cls(tuple(rows), force_std, position_std, c, band, candidates(c, size))
+        return cls(tuple(rows), *stds, c, band, candidates(c, size, catalogue), catalogue=catalogue)
 
     @property
     def quantity(self) -> str:
@@ -149,10 +113,11 @@ class AxisKind(Kind):
         load = c.load_in(record.columns)
         s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, load=record[load] if load else 0.0)
         acting = present(self.effects, theta)
-        friction = theta[c.viscous] * m.v + theta[c.coulomb] * s.direction
+        inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
+        friction = viscous * m.v + coulomb * s.direction
         level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
         extra: Any = sum(e.force(s, p, {}) for e, p in acting)
-        force = theta[c.inertia] * m.a + friction * level + theta[c.offset] - extra
+        force = inertia * m.a + friction * level + offset - extra
         late = sum(float(e.delay(p)) for e, p in acting)
         if late:
             force = np.interp(m.t + late, m.t, force)
@@ -236,7 +201,7 @@ class AxisKind(Kind):
             made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
         return whole.with_column(self.quantity, made)
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
         blocks of each record's cycle of motion, every repeat of a block left out together.
         """
@@ -286,16 +251,25 @@ class AxisKind(Kind):
         return found
 
 
-_SPANS = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
-"""Start, lower and upper bound of the base parameters where no record tells the size of the axis."""
-
-
-def _both(told: Sequence[Range]) -> tuple[Range, ...]:
-    """A stage's ranges where records told theirs: its own starts, and bounds as wide as the wider of the two."""
-    return tuple(
-        (start, min(lower, low), max(upper, high))
-        for (start, lower, upper), (_, low, high) in zip(_SPANS, told, strict=True)
+def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
+    """Start, lower and upper bound of the base parameters; a stage whose records tell their size keeps its own starts,
+    and bounds as wide as the wider of the two.
+    """
+    usual = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
+    if size is None:
+        return usual
+    force, mass, drag = size.force, size.force / size.acceleration, size.force / size.speed
+    told = (
+        (0.3 * mass, 1e-4 * mass, 30 * mass),
+        (0.2 * drag, 0.0, 10 * drag),
+        (0.2 * force, 0.0, 3 * force),
+        (0.0, -3 * force, 3 * force),
     )
+    if c.turns:
+        return told
+    return [
+        (at, min(low, lower), max(high, upper)) for (at, low, high), (_, lower, upper) in zip(usual, told, strict=True)
+    ]
 
 
 def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
@@ -317,7 +291,7 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
     )
 
 
-def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[tuple[list[Record], list[Record]]]:
+def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:
     """Split a record into `count` blocks of its repeating motion (of its length where it does not repeat), each left
     out once.
     """

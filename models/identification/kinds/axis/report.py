@@ -16,13 +16,14 @@ from models.theta import Theta
 def equations(kind: AxisKind, theta: Theta) -> list[str]:
     """The model in words and numbers, SI units: the base, then what each effect adds to it."""
     c = kind.coordinates
-    friction = f"({theta[c.viscous]:.4g} v + {theta[c.coulomb]:.4g} sgn(v))"
+    inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
+    friction = f"({viscous:.4g} v + {coulomb:.4g} sgn(v))"
     effects = lines_of(kind.effects, theta)
     scaled = " times all friction scales" if any("friction scale" in line for line in effects) else ""
     added = f", less all added {c.names[3]}s" if any("added force" in line for line in effects) else ""
     told = [about_axis(line) if c.turns else line for line in effects]
     head = "T" if c.turns else "F"
-    return [f"{head} = {theta[c.inertia]:.5g} a + {friction}{scaled} {theta[c.offset]:+.3g}{added}", *told]
+    return [f"{head} = {inertia:.5g} a + {friction}{scaled} {offset:+.3g}{added}", *told]
 
 
 def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
@@ -61,7 +62,7 @@ def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> 
         )
     if ("viscous_drag", "exponent") in theta:
         wishes.append(
-            f"sweep slowly from 0.1 to 20 m{kind.coordinates.speed_unit} at constant speeds (film friction or an"
+            f"sweep slowly from 0.1 to 20 m{kind.coordinates.length_unit}/s at constant speeds (film friction or an"
             " elastic start of sliding)"
         )
     return "; ".join(wishes) or None
@@ -105,8 +106,9 @@ def _ripples(kind: AxisKind, found: Sequence[Ripple]) -> str:
 
 def _asymmetry(kind: AxisKind, theta: Theta) -> str:
     c = kind.coordinates
-    share, viscous = theta["directional_asymmetry", "asymmetry"], theta[c.viscous]
-    constant = theta[c.offset] + share * theta[c.coulomb]
+    _, viscous, coulomb, offset = (theta[name] for name in c.base)
+    share = theta["directional_asymmetry", "asymmetry"]
+    constant = offset + share * coulomb
     unit = c.units[1]
     return (
         f"A constant offset and a direction-dependent Coulomb friction are the same {c.names[3]} while the axis moves:"

@@ -14,15 +14,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from models.effects import CATALOGUE, Catalogue
-from models.effects.effect import Effect, Signals
+from models.effects.effect import Effect, Signals, by_name
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.identification.kind import Array, Kind, present
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
-from models.laws.hyperelastic import WallConstants
+from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import pressure_integrals
 from models.laws.stick_slip import Tooth, stick_slip_tooth
-from models.laws.tension import wall_tension
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.periods import PERIODS
@@ -35,14 +34,12 @@ EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
 _HELD = "held: one speed cannot tell it"
 
 
-@dataclass(frozen=True)
 class SingleSpeedStiffening(SmallStrainStiffening):
     """`small_strain_stiffening` of which one speed tells the size alone, not the drag over which it fades."""
 
-    grid = MappingProxyType({})
-
-    scale_m: Parameter = replace(SmallStrainStiffening.scale_m, source=_HELD, fit=False)
-    tail: Parameter = replace(SmallStrainStiffening.tail, source=_HELD, fit=False)
+    grid = by_name()
+    scale_m = replace(SmallStrainStiffening.scale_m, source=_HELD, fit=False)
+    tail = replace(SmallStrainStiffening.tail, source=_HELD, fit=False)
 
 
 @dataclass(frozen=True)

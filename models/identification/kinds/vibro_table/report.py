@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
+from models.identification.fitting.fit import Problem
 from models.identification.kind import Array
-from models.identification.kinds.vibro_table.cross_validation import cross_validated
-from models.identification.kinds.vibro_table.numbers import GRAVITY
+from models.identification.kinds.vibro_table.solver import GRAVITY
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -164,3 +164,37 @@ def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record
             "a pull with a spring balance for the friction, which with the force fixes the scale of all speeds"
         )
     return "; ".join(wishes) or None
+
+
+def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> dict[str, float]:
+    """Rms error in m/s over conditions, each predicted by a fit to the parts (`kind.folds`) that do not hold it.
+
+    Keys: "" for the model with every effect of `theta`, and each effect's id for the model refitted without it. Every
+    fit starts from `theta`; which effects there are is not chosen anew in each part. Empty where there are fewer than
+    24 conditions.
+    """
+    splits = kind.splits(records)
+    if sum(len(_pairs(held)) for _, held in splits) < SET.table_fewest:
+        return {}
+    out = {}
+    for left_out in ("", *theta.effects):
+        start = theta.without(left_out)
+        secants = (0.3, 0.1) if left_out else (0.1,)
+        squares = [_squared(kind, held, _fitted(kind, training, start, secants)) for training, held in splits]
+        out[left_out] = float(np.sqrt(np.mean(np.concatenate(squares))))
+    return out
+
+
+def _fitted(kind: VibroTableKind, records: Sequence[Record], theta: Theta, secants: Sequence[float]) -> Theta:
+    for secant in secants:
+        theta = Problem.of(kind, records, list(theta.effects), 0).descend(theta, secant, SET.table_steps).theta
+    return theta
+
+
+def _pairs(records: Sequence[Record]) -> set[tuple[float, float]]:
+    return {(float(p), float(d)) for r in records for p, d in zip(r["period_s"], r["duty"], strict=True)}
+
+
+def _squared(kind: VibroTableKind, held: Sequence[Record], theta: Theta) -> Array:
+    """Squared errors of the conditions of `held`."""
+    return np.concatenate([kind.errors(r, kind.predict(r, theta)) ** 2 for r in held])

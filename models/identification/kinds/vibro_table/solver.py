@@ -4,21 +4,50 @@ All of it is one file on purpose: code that was compiled once is found again by 
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.inner_mass.spring_hardening import AT_M, TRAVEL_M
-from models.identification.kinds.vibro_table.numbers import VibroCycle
 
 Array = NDArray[np.float64]
+GRAVITY: Final = 9.81  # m/s2
+STEP_S = 2.0e-3  # longest step of a run's integration; the solver goes finer by itself
 _DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
 _SHORTEST_LAG_S = 1.0e-3  # of a lag shorter than this only the mean over a step is right
 _FASTEST = 0.2  # m/s that a body may gain in one step
 _EVENTS = 8  # stick and slip changes that one step may hold; the rest of it is a rest
 _PERIODIC = 1.0e-6  # change of the state over a period, in m and m/s, below which the motion is periodic
+
+
+class VibroCycle(NamedTuple):
+    """Numbers of the drive, SI; everything after `coulomb_N` is beyond the base model and absent at its default."""
+
+    body_kg: float
+    inner_kg: float
+    stiffness: float
+    force_N: float
+    coulomb_N: float
+    reaction: float = 1.0
+    damping: float = 0.0
+    dry_N: float = 0.0
+    cubic: float = 0.0
+    cubic_power: float = 3.0
+    stop_stiffness: float = 0.0
+    stop_gap_m: float = 1.0
+    stop_loss_s: float = 0.0
+    current_lag_s: float = 0.0
+    force_lag_s: float = 0.0
+    reach_per_m: float = 0.0
+    asymmetry: float = 0.0
+    incline_N: float = 0.0
+    drag_N: float = 0.0
+    drag_power: float = 1.0
+    stribeck: float = 0.0
+    stribeck_speed: float = 0.003
+    stribeck_power: float = 2.0
 
 
 class Motion(NamedTuple):
@@ -304,3 +333,25 @@ def table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float,
     for i in range(period_s.size):
         speeds[i] = mean_velocity(period_s[i], duty[i], int(cycles[i]), settle, step, q)
     return speeds
+
+
+def mean_velocities(
+    period_s: Any, duty: Any, cycles: Any, q: VibroCycle, settle: int = 0, step: float = STEP_S
+) -> Array:
+    """Mean speeds in m/s, one a condition, of a body started from rest; arrays of one length n, SI.
+
+    `M v' = S(xi, xi') - r F + incline - Coulomb - drag`, `m (v' + xi'') = F - S`, with the suspension's force S, the
+    coil's F and r = 1 where the coil sits on the body; Coulomb friction is set-valued (the body rests while the other
+    forces stay within it). Structure as in Liu, Pavlovskaia and Wiercigroch. Raises ValueError for periods not above 0,
+    duties outside [0, 1] or cycles below 1.
+    """
+    period, share, count = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (period_s, duty, cycles)))
+    if not np.all(period > 0):
+        raise ValueError(f"period_s must be above 0; got {float(np.min(period)):g}")
+    if not np.all((share >= 0) & (share <= 1)):
+        raise ValueError(f"duty must lie in [0, 1]; got {float(share[(share < 0) | (share > 1)][0]):g}")
+    if not np.all(count >= 1):
+        raise ValueError(f"cycles must be at least 1; got {float(np.min(count)):g}")
+    p, d, c = (np.ascontiguousarray(a, dtype=float).ravel() for a in (period, share, count))
+    speeds: Array = table(p, d, c, settle, step, q)
+    return speeds.reshape(period.shape)

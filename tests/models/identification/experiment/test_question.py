@@ -8,7 +8,7 @@ import pytest
 from models.effects import CATALOGUE
 from models.identification.experiment.plan import Move, Plan, Room
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
-from models.identification.fitting.fit import Problem, narrowing
+from models.identification.fitting.fit import Problem
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -36,7 +36,7 @@ def one_pass() -> Record:
 @pytest.fixture(scope="module")
 def asked() -> Question:
     problem = Problem.of(KIND, [one_pass()], DRYING.effects, KIND.criteria - 1)
-    rival = replace(DRYING, theta=narrowing(problem, DRYING.theta, SET.wide).theta)
+    rival = replace(DRYING, theta=problem.narrowing(DRYING.theta, SET.wide).theta)
     return question(KIND, [one_pass()], TAPER, rival, np.random.default_rng(0))
 
 

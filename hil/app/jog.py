@@ -21,6 +21,7 @@ from hil.app.scenario.jog_script import Step, steps
 from hil.app.shared_options import Json, argument, option
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
+from models.files.toml import in_file
 
 HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
@@ -57,10 +58,8 @@ def jog(
     if script is None and not sys.stdin.isatty():
         raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
     planned = [] if script is None else _planned(script)
-    try:
+    with in_file(path):
         bus = ClockedBus(open_bus(table, path.parent), Clock())
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     with bus, Signals().caught() as signals:
         sender = OperatorSender(bus, source, life_ms)
         time.sleep(QUIET_S)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from models.files.tables import choice, converted, is_number, list_of_numbers, shown, with_contact_angle
-from models.files.toml import read_toml
+from models.files.toml import in_file, read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.magnets import Magnet as MagnetTable
@@ -83,10 +83,8 @@ class Scenario:
 def load_scenario(path: Path) -> Scenario:
     """Read and check a scenario file; a `ValueError` says which key, what it must be and what it is."""
     raw, _ = read_toml(path, "scenario")
-    try:
+    with in_file(path):
         return parse_scenario(raw, path.parent)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
 
 
 def parse_scenario(raw: Table, folder: Path) -> Scenario:

@@ -26,6 +26,7 @@ from hil.drives.makers import carriage_bus
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
+from models.files.toml import in_file
 
 OLDEST_S: Final = 5.0
 """A page that the processor was taken from does not say of its late frames that their counters were wrong."""
@@ -101,10 +102,8 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
         models = models_of(deployment.task())
     facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
     clock = Clock()
-    try:
+    with in_file(path):
         bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     if deployment.drive is not None:
         bus = carriage_bus(bus, deployment.drive, load_catalogue(), deployment.control.tick_s)
     source = BusSource(bus, clock, facts)

@@ -49,6 +49,7 @@ from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.frame_map import controllers_frames, plain
 from hil.nodes.listening import heard_for
 from models.effects import Catalogue
+from models.files.toml import in_file
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -131,10 +132,8 @@ class _Asked:
         listens, resets = self.dry_run or self.action == "check", self.action == "reset"
         with output_to_notes():
             task = self.deployment.task()
-            try:
+            with in_file(self.path):
                 bus = ClockedBus(_drives_bus(self.deployment, self.path.parent, listens, resets), Clock())
-            except ValueError as error:
-                raise ValueError(f"{self.path}: {error}") from None
             with bus:
                 yield task, bus
 

@@ -157,6 +157,7 @@ class DeployedPlant:
     bus: BusTable
     priority: int = 0
     drive: ActuatorTable | None = None
+    folder: Path = Path()
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,7 @@ def read_plant(path: Path) -> DeployedPlant:
         table = PlantTable.read(raw)
         bus = BusTable.read(raw)
         drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
-        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
+        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive, path.parent)
 
 
 def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Acceptance | None = None) -> Deployment:

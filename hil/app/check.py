@@ -6,10 +6,9 @@ from rich.console import Console
 
 from hil.app.console import print_json, say, summary
 from hil.app.identify.close_loop import read_series
-from hil.app.report.cards import grouped
-from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
+from hil.report.words import grouped, tidy
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding

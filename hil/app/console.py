@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import math
 import re
 import sys
 import time
@@ -15,6 +14,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
+
+from hil.report.quantities import plain
 
 WIDTH = 110  # characters, where the terminal tells none
 QUIET_S = 10.0
@@ -73,19 +74,6 @@ def print_json(document: Any) -> None:
 
 def json_text(document: Any) -> str:
     return printable(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)) + "\n"
-
-
-def plain(value: Any) -> Any:
-    """Dicts, sequences, NumPy numbers and arrays as JSON knows them; None for a number that is not finite."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 @contextlib.contextmanager

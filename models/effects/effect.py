@@ -125,7 +125,7 @@ class Effect:
         return {p.name: p.value for p in cls.parameters()}
 
     @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, str]]:
+    def further(cls, p: Values) -> list[tuple[str, str, Any]]:
         """Equations (hook, left, right) of what only one kind of rig asks of an effect; those of the hooks below are
         written down from the hooks.
         """

@@ -16,19 +16,18 @@ from hil.app.campaign.folders.answers import document as answers_document
 from hil.app.campaign.folders.page import page_html as answers_html
 from hil.app.campaign.folders.series import find_series
 from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
-from hil.app.campaign.running import Results, check_workers, run_missing
+from hil.app.campaign.running import Results, Workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
-from hil.app.quantities import number
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
 from hil.app.write import own_folder, write_files
+from hil.report.quantities import number
 from models.effects import Catalogue
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5  # worst cases that the terminal shows
 _MARK: Final = "close-loop over folders"
 """What the results of series are known by; a series is known by a hash of its own."""
-Workers = tuple[int | None, str | None]
 Outcome = tuple[str, dict[str, Any], Sequence[str | Table], bool]
 """The page, the numbers, what is said, and whether a run failed."""
 
@@ -62,12 +61,11 @@ def campaign(
         raise ValueError("--effects and --seed must be left out with a campaign file, which has its own seed")
     if over_series and run is not None:
         raise ValueError("--run must be left out with folders: close-loop does one series alone")
-    on = (workers, scheduler)
     with own_folder(out if run is None else None, "--out"):
         plan = None if over_series else load_campaign(paths[0])
         if plan is not None and run is not None:
             return _one(plan, run)
-        check_workers(*on)
+        on = Workers(workers, scheduler)
         if plan is not None:
             page, found, lines, failed = _loops(plan, out, shlex.join(["capsule", "campaign", str(paths[0])]), on)
         else:
@@ -83,13 +81,10 @@ def campaign(
 
 
 def _loops(plan: Campaign, out: Path, repeat: str, on: Workers) -> Outcome:
-    results = Results(out / RESULTS, plan.fingerprint)
-    jobs = [plan.job(number) for number in range(len(plan))]
-    try:
+    with Results(out / RESULTS, plan.fingerprint) as results:
         resumed = len(results.done)
-        rows = run_missing(plan.name, jobs, results, plan.head.chunk, *on)
-    finally:
-        results.close()
+        jobs = [plan.job(number) for number in range(len(plan))]
+        rows = run_missing(plan.name, jobs, results, plan.head.chunk, on)
     metric = plan.head.metric
     found = document(plan, rows, repeat) | {"resumed": resumed}
     heads = ("", "runs", "failed", "unsafe", "hard_violations", "median", "p95", "max")
@@ -134,15 +129,12 @@ def _one(plan: Campaign, number: int) -> int:
 def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers) -> Outcome:
     Catalogue.read(effects)  # refused before any series is begun
     jobs = find_series(paths, out / REPORTS, effects, seed)
-    results = Results(out / RESULTS, _MARK)
-    try:
+    with Results(out / RESULTS, _MARK) as results:
         for job in jobs:
             if not job.reported and "result" in results.done.get(job.number, {}):
                 del results.done[job.number]
         resumed = sum(job.number in results.done for job in jobs)
-        rows = run_missing("campaign", jobs, results, 1, *on, _said)
-    finally:
-        results.close()
+        rows = run_missing("campaign", jobs, results, 1, on, _said)
     answers = with_disagreements(
         [answer_of(job.name, row, f"{REPORTS}/{job.name}") for job, row in zip(jobs, rows, strict=True)]
     )

@@ -21,8 +21,8 @@ import tornado.websocket
 from hil.app.cockpit.hands import Hands
 from hil.app.cockpit.series import BIN_S, KEPT_S
 from hil.app.cockpit.source import BusSource, LogSource
-from hil.app.report.document import STYLE
 from hil.nodes.operator_sender import CYCLE_S
+from hil.report.builder import TEMPLATES
 
 Source = BusSource | LogSource
 _HERE: Final = Path(__file__).parent
@@ -53,7 +53,7 @@ class Cockpit:
     def application(self, loopback: bool, host: str = "") -> tornado.web.Application:
         """Only this machine's own names are answered with `loopback`, else addresses and `host`, too."""
         told = {"cockpit": self, "loopback": loopback, "host": host}
-        named = {"/": "page.html", "/style.css": str(STYLE), **{f"/{name}": name for name in _FILES}}
+        named = {"/": "page.html", "/style.css": str(TEMPLATES / "style.css"), **{f"/{name}": name for name in _FILES}}
         files = [(path, File, {**told, "name": name}) for path, name in named.items()]
         return tornado.web.Application(
             [*files, ("/socket", Page, told)],

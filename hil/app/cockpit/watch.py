@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.app.quantities import DASH, fixed, quantity
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
+from hil.report.quantities import DASH, fixed, quantity
 
 KEPT: Final = 200
 """Events that are kept while a bus is watched, and kinds of refusals that are told apart."""

@@ -10,17 +10,17 @@ from typing import Annotated, Any, Final
 
 from hil.app.console import json_text, print_json, summary, text_table
 from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
-from hil.app.demo.next_record import BEFORE, NEXT_RECORD
+from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import PRINTED, Learned, Story, Told
+from hil.app.demo.story import BEFORE, PRINTED, Learned, Story, Told
 from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
-from hil.app.report import headline, report_json
-from hil.app.report.words import effect_words, listed
 from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
+from hil.report.numbers import report_json
+from hil.report.words import effect_words, headline, listed
 from models.identification.finding import STAGES
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"

@@ -11,14 +11,14 @@ from typing import Annotated, Any
 from rich.table import Table
 
 from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
-from hil.app.report import headline, report_html, report_json
-from hil.app.report.cards import grouped
-from hil.app.report.dependence import story
-from hil.app.report.words import error_cells, error_scale, tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
+from hil.report.closed_loop import report_html
+from hil.report.dependence import story
+from hil.report.numbers import report_json
+from hil.report.words import error_cells, error_scale, grouped, headline, tidy
 from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close

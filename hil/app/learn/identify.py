@@ -12,8 +12,8 @@ from controller.signals import Array
 from controller.supervision.acceptance import BETTER, judge
 from hil.app.learn.experiment import Motion, motion_of
 from hil.app.learn.left_over import LeftOver
-from hil.app.quantities import quantity
 from hil.log.record import SOURCES
+from hil.report.quantities import quantity
 from models.assembly.model import effect_parameters
 from models.checks.usable import from_row
 from models.identification import close

@@ -1,6 +1,5 @@
 """`capsule seeds`: the seed papers' numbers as table or JSON, and a page of their figures."""
 
-from html import escape
 from pathlib import Path
 from typing import Annotated
 
@@ -18,10 +17,9 @@ from hil.app.papers.flat_car import flat_car_drawing, flat_car_rows
 from hil.app.papers.row import Row
 from hil.app.papers.two_speeds import two_speeds_drawing, two_speeds_rows
 from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
-from hil.app.report.document import document, heading
-from hil.app.report.theme import figure_html
 from hil.app.shared_options import Json, option
 from hil.app.write import write_files
+from hil.report.builder import page
 
 _PAGE_WIDTH = 120  # characters of a table in a file
 _COLOURS = {
@@ -31,10 +29,6 @@ _COLOURS = {
     **{"misprint": "yellow", "finding": "cyan"},
 }
 PAGE_NAME = "seeds.html"
-_LEAD = (
-    "What the three seed papers draw, recomputed from their printed equations and parameters. Black and grey marks are "
-    "measurements that the papers print as numbers; everything else is computed when this page is made."
-)
 
 
 def seeds(
@@ -48,16 +42,16 @@ def seeds(
     if plot is not None and plot.exists() and not plot.is_dir():
         raise ValueError(f"--plot must be a folder; got the file {plot}")
     rows = seed_rows()
-    page = None if plot is None else write_page(plot)
+    drawn = None if plot is None else write_page(plot)
     if json_output:
-        print_json({"rows": [r.record() for r in rows], "figures": None if page is None else str(page)})
+        print_json({"rows": [r.record() for r in rows], "figures": None if drawn is None else str(drawn)})
         return
     console = Console()
     if not console.is_terminal:
         console.width = _PAGE_WIDTH
     print_rows(rows, console)
-    if page is not None:
-        console.print(f"figures: {page}", soft_wrap=True)
+    if drawn is not None:
+        console.print(f"figures: {drawn}", soft_wrap=True)
 
 
 def seed_rows() -> list[Row]:
@@ -99,13 +93,7 @@ def drawings() -> list[Drawing]:
 
 def write_page(folder: Path) -> Path:
     """Write `seeds.html` into `folder`, which is made if needed, and return its path."""
-    sections = []
-    for i, drawing in enumerate(drawings(), start=1):
-        content = f'{figure_html(drawing.figure, f"figure-{i}")}<p class="caption">{escape(drawing.caption)}</p>'
-        sections.append((f"figure-{i}-section", drawing.title, content))
-    title = "The seed papers' figures"
-    page = document(title, heading("Computed again from what the papers print", title, _LEAD), sections)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / PAGE_NAME
-    write_files({path: page})
+    write_files({path: page("seeds.html.j2", drawings=drawings())})
     return path

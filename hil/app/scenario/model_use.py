@@ -9,7 +9,7 @@ from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from hil.app.console import note
-from hil.app.quantities import DASH, quantity
+from hil.report.quantities import DASH, quantity
 from models.effects import Catalogue
 from models.files.tables import check_word
 from models.identification.finding import STAGES

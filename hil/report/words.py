@@ -4,12 +4,13 @@ verdict.
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
-from hil.app.quantities import amount, number, percent, scale
+from hil.report.quantities import amount, number, percent, scale
+from models.checks.finding import RecordFinding
 from models.effects import CATALOGUE
 from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding
@@ -139,6 +140,12 @@ def listed(words: Iterable[str], last_word: str = "and") -> str:
     """`a, b and c`."""
     *first, last = list(words) or [""]
     return f"{', '.join(first)} {last_word} {last}" if first else last
+
+
+def grouped(findings: Sequence[RecordFinding]) -> Iterator[list[RecordFinding]]:
+    """Findings of one id and severity together, in their order."""
+    for name, severity in dict.fromkeys((finding.id, finding.severity) for finding in findings):
+        yield [finding for finding in findings if (finding.id, finding.severity) == (name, severity)]
 
 
 def classes_words(finding: Finding) -> str:

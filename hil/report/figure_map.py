@@ -6,9 +6,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.quantities import scale
-from hil.app.report.panels import Array, Panel
-from hil.app.report.theme import INK, MUTED, STAGE_COLOURS, axes, styled
+from hil.report.panels import Array, Panel
+from hil.report.quantities import scale
+from hil.report.theme import INK, MUTED, STAGE_COLOURS, axes, styled
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
@@ -49,7 +49,7 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
     """Predicted against measured for the nominal model and the stage `last`; a right model lies on the line."""
     measured = np.concatenate([panel.measured for panel in drawn])
     factor, unit = scale(measured, drawn[0].unit)
-    figure = go.Figure()
+    figure = axes(f"measured {drawn[0].quantity} in {unit}", f"predicted in {unit}", 420)
     ends = factor * np.array([measured.min(), measured.max()])
     line = {"color": MUTED, "dash": "dash", "width": 1}
     figure.add_scatter(x=ends, y=ends, mode="lines", line=line, showlegend=False, hoverinfo="skip")
@@ -64,7 +64,7 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
                     name=stage + (", held out" if role == "holdout" else ""),
                     marker={"color": STAGE_COLOURS[stage], "symbol": symbol, "size": 8, "opacity": 0.85},
                 )
-    return axes(figure, f"measured {drawn[0].quantity} in {unit}", f"predicted in {unit}", 420)
+    return figure
 
 
 def _by_condition(conditions: Array, columns: dict[str, Array]) -> tuple[Array, dict[str, Array]]:

@@ -8,10 +8,10 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from hil.app.quantities import scale
-from hil.app.report.panels import Array, Panel, binned
-from hil.app.report.theme import QUANTITY_COLOURS, STAGE_COLOURS, styled
-from hil.app.report.words import column_words
+from hil.report.panels import Array, Panel, binned
+from hil.report.quantities import scale
+from hil.report.theme import QUANTITY_COLOURS, STAGE_COLOURS, styled
+from hil.report.words import column_words
 
 MOST_POINTS = 900  # of a panel
 SPEED = "v_m_s"

@@ -1,21 +1,14 @@
-"""What the residual of an `unknown` depends on, and the term that is proposed for it, on the page and in words."""
-
-from collections.abc import Iterator
-from html import escape
+"""What the residual of an `unknown` depends on, and the term that is proposed for it, in words and figures."""
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.quantities import number, percent, scale
-from hil.app.report.document import table
-from hil.app.report.mathml import equations_html
-from hil.app.report.theme import STAGE_COLOURS, styled
-from hil.app.report.words import column_words, listed
-from models.effects.conformance import SIGNALS
-from models.identification.finding import Curve, Dependence, Term
+from hil.report.quantities import number, percent, scale
+from hil.report.theme import STAGE_COLOURS, styled
+from hil.report.words import column_words, listed
+from models.identification.finding import Curve, Dependence
 
-COMMAND = "capsule effects propose REPORT_DIR --out my_effect.py"
 _SHOWN = 4  # curves in the list
 _TELLS = 0.01  # share of the residual from which a curve is in it
 _BAND = "rgba(14, 110, 115, 0.18)"
@@ -104,38 +97,3 @@ def surface_figure(found: Dependence) -> go.Figure | None:
     for update, (_, own), name in zip((figure.update_xaxes, figure.update_yaxes), ends, surface.variables, strict=True):
         update(title=f"{column_words(name)[0]} in {own}")
     return figure
-
-
-def dependence_html(found: Dependence, figures: Iterator[str]) -> str:
-    """The section: sentences, `figures` as HTML, the proposed term with its numbers and the command."""
-    said = "".join(f"<li>{escape(sentence)}</li>" for sentence in story(found))
-    term = "" if found.term is None else _term_html(found.term)
-    return (
-        f"<p>Made on the training records alone, while the capsule moves. Bands are 95 % intervals.</p><ul>{said}</ul>"
-        f"{''.join(figures)}{term}"
-    )
-
-
-def _term_html(term: Term) -> str:
-    symbols = {*SIGNALS, "gap", "f_extra", "q1"}
-    rows = [
-        [
-            escape(name),
-            escape(estimate.unit),
-            number(estimate.value, 3),
-            f"{number(estimate.ci95[0], 3)} … {number(estimate.ci95[1], 3)}",
-            "" if estimate.told else "the curve cannot tell",
-        ]
-        for name, estimate in {"amplitude": term.amplitude, **term.numbers}.items()
-    ]
-    given = "".join(
-        f"<p>{escape(name)}: {escape(', '.join(number(v, 4) for v in np.atleast_1d(value)))}</p>"
-        for name, value in term.given.items()
-    )
-    return (
-        f"<h3>Proposed term</h3>{equations_html([term.text], symbols)}"
-        f"{table(['number', 'unit', 'value', '95 % interval', ''], rows, left=2)}{given}"
-        f"<p>It leaves {percent(term.left)} of the curve. As an effect of your own, which <code>close-loop"
-        f" --effects</code> tries beside the catalogue's: <code>{COMMAND}</code>. It was made on the training records,"
-        " so a search on the same records favours it; held-out records test it.</p>"
-    )

@@ -6,10 +6,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.quantities import scale
-from hil.app.report.panels import Array, Panel, thinned
-from hil.app.report.theme import INK, STAGE_COLOURS, axes, styled
-from hil.app.report.words import column_words
+from hil.report.panels import Array, Panel
+from hil.report.quantities import scale
+from hil.report.theme import INK, STAGE_COLOURS, axes, styled, thinned
+from hil.report.words import column_words
 from models.identification.finding import Proposal
 
 
@@ -41,8 +41,8 @@ def motion_figure(proposal: Proposal) -> go.Figure:
     line = {"color": STAGE_COLOURS["augmented"], "width": 2}
     look: dict[str, Any] = {"mode": "lines+markers", "line": line, "marker": {"size": 5}, "showlegend": False}
     hover = "%{x:.2f} s: %{y:.3f} mm<extra></extra>"
-    figure = go.Figure(go.Scatter(x=proposal.times_s, y=1e3 * proposal.places_m, hovertemplate=hover, **look))
-    return axes(figure, "time in s", f"{column_words(proposal.column)[0]} in mm", 260)
+    figure = axes("time in s", f"{column_words(proposal.column)[0]} in mm", 260)
+    return figure.add_scatter(x=proposal.times_s, y=1e3 * proposal.places_m, hovertemplate=hover, **look)
 
 
 def _line(figure: go.Figure, panel: Panel, values: Array, name: str, colour: str, points: int) -> None:

@@ -6,9 +6,9 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.quantities import number
-from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import effect_words, error_scale
+from hil.report.quantities import number
+from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
+from hil.report.words import effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 DASH: Final = "–"
 _MINUS: Final = "−"
@@ -22,6 +22,21 @@ LEAST_PERCENT: Final = 0.01
 """Per cent below which only that it is less is said."""
 PLAIN: Final = (1e-4, 1e6)
 """Sizes that are written without a power of ten."""
+
+
+def plain(value: Any) -> Any:
+    """A value of dicts, sequences, NumPy numbers and arrays as JSON knows them; numbers that are not finite become
+    None.
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def number(value: float | None, digits: int = 4) -> str:

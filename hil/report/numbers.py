@@ -3,8 +3,8 @@
 from dataclasses import asdict
 from typing import Any
 
-from hil.app.console import plain
-from hil.app.report.words import error_unit
+from hil.report.quantities import plain
+from hil.report.words import error_unit
 from models.identification.finding import NEXT_TOML, STAGES, Estimate, Finding, FoundEffect
 
 

@@ -1,10 +1,16 @@
 """Colours and the common look of the figures on all pages; in the dark the page's style exchanges them."""
 
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
-import plotly.io as pio
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+Array = NDArray[np.float64]
+POINTS = 4000  # of a line
 
 INK, MUTED, GRID, FLOOR = "#1d2733", "#66727f", "#e6eaee", "#8792a0"
 STAGE_COLOURS = MappingProxyType({"nominal": "#a9b4c2", "calibrated": "#e0913a", "augmented": "#0b7a84"})
@@ -52,21 +58,32 @@ def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
     return figure
 
 
-def axes(figure: go.Figure, x: str, y: str, height: int, **layout: Any) -> go.Figure:
-    """The figure in the pages' look, its axes titled."""
-    return styled(figure, height, **layout).update_xaxes(title=x).update_yaxes(title=y)
+def axes(x: str, y: str | Sequence[str], height: int, spacing: float = 0.06, **layout: Any) -> go.Figure:
+    """An empty figure with titled axes in the pages' look: one panel, or one below the other for several `y`."""
+    titles = [y] if isinstance(y, str) else [*y]
+    grid = {"row_heights": layout.pop("row_heights")} if "row_heights" in layout else {}
+    figure = make_subplots(rows=len(titles), cols=1, shared_xaxes=True, vertical_spacing=spacing, **grid)
+    for row, title in enumerate(titles, start=1):
+        figure.update_yaxes(title_text=title, row=row, col=1)
+    figure.update_xaxes(title_text=x, row=len(titles), col=1)
+    return styled(figure, height, **layout)
 
 
-def figure_html(figure: go.Figure, name: str) -> str:
-    """The figure as a piece of a page, drawn once it comes into view; one with panels side by side has a least
-    width.
-    """
-    columns = {trace.xaxis or "x" for trace in figure.data if hasattr(trace, "xaxis")}
-    beside = len({getattr(figure.layout, f"xaxis{axis[1:]}").domain for axis in columns}) if columns else 1
-    wide = ' style="min-width: 640px"' if beside > 1 else ""
-    height = int(figure.layout.height or 420)
-    text = str(pio.to_json(figure, validate=False)).replace("<", "\\u003c")
-    return (
-        f'<div class="figure" tabindex="0"><div{wide}><div class="plot" id="{name}" style="height: {height}px"></div>'
-        f'<script type="application/json">{text}</script></div></div>'
-    )
+def line(figure: go.Figure, x: Array, y: Array, name: str, look: Mapping[str, Any], row: int = 1, **more: Any) -> None:
+    """A line of the panel `row` with one entry for all panels in the legend; drawn in at most `points`."""
+    x, y = thinned(x, y, more.pop("points", POINTS))
+    shown = {"mode": "lines", "legendgroup": name, "showlegend": row == 1, "col": 1, **more}
+    figure.add_scatter(x=x, y=y, name=name, line={"width": 1.5, **look}, row=row, **shown)
+
+
+def thinned(abscissa: Array, values: Array, points: int) -> tuple[Array, Array]:
+    """At most `points` samples: the lowest and the highest of each stretch, in their order."""
+    stretch = -(-2 * len(values) // points)
+    if stretch <= 2:
+        return abscissa, values
+    count = len(values) // stretch
+    blocks = np.where(np.isfinite(values[: count * stretch]), values[: count * stretch], 0.0).reshape(count, stretch)
+    start = stretch * np.arange(count)
+    keep = np.sort(np.concatenate((start + blocks.argmin(axis=1), start + blocks.argmax(axis=1), [0, len(values) - 1])))
+    keep = np.unique(keep)
+    return abscissa[keep], values[keep]

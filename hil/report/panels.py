@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.report.words import column_words, quantity_columns
+from hil.report.words import column_words, quantity_columns
 from models.identification.finding import STAGES, Finding, Trace
 
 Array = NDArray[np.float64]
@@ -73,19 +73,6 @@ def closer(panel: Panel, share: float = 0.06) -> Panel:
     return replace(
         panel, abscissa=panel.abscissa[part], measured=panel.measured[part], predicted=predicted, signals=signals
     )
-
-
-def thinned(abscissa: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """At most `points` samples: the lowest and the highest of each stretch, in their order."""
-    stretch = -(-2 * len(values) // points)
-    if stretch <= 2:
-        return abscissa, values
-    count = len(values) // stretch
-    blocks = np.where(np.isfinite(values[: count * stretch]), values[: count * stretch], 0.0).reshape(count, stretch)
-    start = stretch * np.arange(count)
-    keep = np.sort(np.concatenate((start + blocks.argmin(axis=1), start + blocks.argmax(axis=1), [0, len(values) - 1])))
-    keep = np.unique(keep)
-    return abscissa[keep], values[keep]
 
 
 def binned(signal: Array, values: Array, bins: int = 72) -> tuple[Array, Array]:

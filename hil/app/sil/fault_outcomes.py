@@ -146,8 +146,8 @@ def limit_of(scenario: SilScenario, fault: Fault) -> float:
 def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> Outcome:
     fault = faults[0]
     if any(one.kind in LIES for one in faults):
-        found = lied(scenario, trace, faults, end)
-        return Outcome(faults, found.after_s, math.nan, bool(found.why), found.distance_m, found.why)
+        after_s, distance_m, why = lied(scenario, trace, faults, end)
+        return Outcome(faults, after_s, math.nan, bool(why), distance_m, why)
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -28,20 +27,10 @@ nothing contradicts a slow one.
 """
 
 
-@dataclass(frozen=True)
-class Lied:
-    """`after_s` from the lie's begin until the drive was in its safe state (nan: it was led to the end, 0: not led at
-    all); `distance_m` the largest of the true capsule from the wanted place until then; `why` it was unsafe, "" where
-    it was not.
+def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> tuple[float, float, str]:
+    """What came of lies that began together, up to `end`: s until the drive was safe (nan: led to the end, 0: not led),
+    the largest distance in m of the true capsule from the wanted place until then, why it was unsafe ("": it was not).
     """
-
-    after_s: float
-    distance_m: float
-    why: str
-
-
-def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> Lied:
-    """What came of `faults`, at least one of them a lie, that began together; up to `end` in s."""
     begin = faults[0].at_s
     t, safe, _ = trace.slots.T
     within = (t > begin) & (t <= end)
@@ -66,7 +55,7 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
         why = "too far"
     else:
         why = _broken(scenario, rows) or ("moved again" if again else "")
-    return Lied(after_s, float(np.max(distance, initial=0.0)), why)
+    return after_s, float(np.max(distance, initial=0.0)), why
 
 
 def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], rows: Array) -> Array:

@@ -72,6 +72,15 @@ def print_json(document: Any) -> None:
     sys.stdout.write(json_text(document))
 
 
+def answer(json_output: bool, document: Any, *told: Any) -> None:
+    """Print the `document` as JSON where that is asked for, else what is `told`: lines as they are, tables to fit."""
+    if json_output:
+        print_json(document)
+        return
+    for one in told:
+        summary().print(one, soft_wrap=isinstance(one, str))
+
+
 def json_text(document: Any) -> str:
     return printable(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)) + "\n"
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import note, print_json, printable, say
+from hil.app.console import answer, note, printable
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
@@ -68,13 +68,7 @@ def convert(
     for one in done:
         for words in one.notes:
             note(f"{one.path}: {words}")
-    if json_output:
-        print_json({"files": [_document(one) for one in done]})
-        return
-    for one in done:
-        names = [channel.heading.name for channel in one.channels]
-        listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-        say(f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}")
+    answer(json_output, {"files": [_document(one) for one in done]}, *map(_line, done))
 
 
 def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
@@ -134,6 +128,12 @@ def _content(one: Converted) -> bytes:
 def _title(heading: Heading) -> str:
     name = " ".join(printable(heading.name).split())
     return f"{name} [{printable(heading.unit)}]" if heading.unit and not split_unit(name)[1] and name != TIME else name
+
+
+def _line(one: Converted) -> str:
+    names = [channel.heading.name for channel in one.channels]
+    listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}"
 
 
 def _document(one: Converted) -> dict[str, object]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from hil.app.console import output_to_notes, print_json, say
+from hil.app.console import answer, output_to_notes
 from hil.app.docs.keys import span, unit_of
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
@@ -62,14 +62,13 @@ def init(
         note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
         files = {RIG: commented(KINDS[kind], tables, list(columns)), RECORD: table_text(columns), NOTE: note}
         write_files({folder / name: text for name, text in files.items()})
-    if json_output:
-        print_json({"kind": kind, "files": [str(folder / name) for name in files], "command": command})
-    else:
-        say(
-            f"{folder / RIG}: what you believe about the rig",
-            f"{folder / RECORD}: a simulated record: put yours in its place",
-            f"then: {command}",
-        )
+    answer(
+        json_output,
+        {"kind": kind, "files": [str(folder / name) for name in files], "command": command},
+        f"{folder / RIG}: what you believe about the rig",
+        f"{folder / RECORD}: a simulated record: put yours in its place",
+        f"then: {command}",
+    )
 
 
 _SECONDS: Final = 12.0  # of a template record

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import note, print_json, say
+from hil.app.console import answer, note
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import Signals
 from hil.app.run.run import open_bus
@@ -131,31 +131,28 @@ def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: Signals) -
 
 
 def _words(sender: OperatorSender) -> str:
-    answer = sender.answer
-    if answer is None:
+    newest = sender.answer
+    if newest is None:
         return "no controller answers"
-    at = f"{answer.state} by {answer.source} at {1e3 * answer.position_m:.2f} mm"
-    if answer.source == sender.source:
-        return f"{at}, the end of the range" if answer.refused == "range" else at
-    return f"{at}  refused: {answer.refused}" if answer.refused != "none" else at
+    at = f"{newest.state} by {newest.source} at {1e3 * newest.position_m:.2f} mm"
+    if newest.source == sender.source:
+        return f"{at}, the end of the range" if newest.refused == "range" else at
+    return f"{at}  refused: {newest.refused}" if newest.refused != "none" else at
 
 
 def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
-    answer, unsent = sender.answer, sender.transmitter.unsent
+    newest, unsent = sender.answer, sender.transmitter.unsent
     counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
-    if json_output:
-        last = None if answer is None else {name: getattr(answer, name) for name in answer.__slots__}
-        more = {"refused": dict(sender.refused), "others": sender.others}
-        print_json({"deployment": str(path), **counts, **more, "last": last})
-    else:
-        told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
-        if sender.refused:
-            whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
-            told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
-        if sender.others:
-            told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
-        say("; ".join(told))
-    return 0 if answer is not None and not sender.refused and not sender.others else 1
+    last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}
+    more = {"refused": dict(sender.refused), "others": sender.others, "last": last}
+    told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
+    if sender.refused:
+        whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
+        told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
+    if sender.others:
+        told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
+    answer(json_output, {"deployment": str(path), **counts, **more}, "; ".join(told))
+    return 0 if newest is not None and not sender.refused and not sender.others else 1
 
 
 KEYS: Final = {

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from hil.app.console import output_to_notes, print_json, say
+from hil.app.console import answer, output_to_notes
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_targets
 from plant.experiments.recording import record_scenario
@@ -19,10 +19,7 @@ def simulate(
     """Write the record of the scenario and say so."""
     with output_to_notes():
         write_simulated(scenario, out)
-    if json_output:
-        print_json({"scenario": str(scenario), "record": str(out)})
-    else:
-        say(f"record: {out}")
+    answer(json_output, {"scenario": str(scenario), "record": str(out)}, f"record: {out}")
 
 
 def write_simulated(scenario: Path, out: Path) -> None:

@@ -13,7 +13,7 @@ import can
 from hil.app.cockpit.hands import Hands
 from hil.app.cockpit.panels import Facts, models_of, wiring_of
 from hil.app.cockpit.source import BusSource, LogSource
-from hil.app.console import note, output_to_notes, print_json, summary
+from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.log_task import task_of
 from hil.app.run.loop import Signals
@@ -62,22 +62,13 @@ def cockpit(
         page = Cockpit(source, hands=hands)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
-        _begin(f"{address}#token={page.token}" if hands else address, address, json_output)
+        with_token = f"{address}#token={page.token}" if hands else address
+        watching = [f"to watch alone, without commands: {address}"] * (with_token != address)
+        told = {"address": with_token, "watch_only": address}
+        answer(json_output, told, f"cockpit: {with_token}", *watching, "Ctrl-C ends it")
+        sys.stdout.flush()
         os.nice(5)
         serve(page, listener, host, lambda: bool(signals.wanted))
-
-
-def _begin(address: str, watch_only: str, json_output: bool) -> None:
-    if json_output:
-        print_json({"address": address, "watch_only": watch_only})
-        sys.stdout.flush()
-        return
-    console = summary()
-    console.print(f"cockpit: {address}", soft_wrap=True)
-    if address != watch_only:
-        console.print(f"to watch alone, without commands: {watch_only}", soft_wrap=True)
-    console.print("Ctrl-C ends it")
-    sys.stdout.flush()
 
 
 @contextmanager

@@ -37,7 +37,13 @@ WATCHERS: Final = 16
 QUIET_S: Final = 10.0
 """How long a connection may take to ask for something."""
 _LONGEST: Final = 4096  # bytes that a page may say at once
-_POLICY: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+_HEADERS: Final = {  # nothing from elsewhere, nothing kept
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none';"
+    " form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
 
 
 class Cockpit:
@@ -103,11 +109,8 @@ class Cockpit:
 class _Handler(tornado.web.RequestHandler):
     """What files and the socket have in common: who is answered."""
 
-    cockpit: Cockpit
-    loopback: bool
-
-    def initialize(self, cockpit: Cockpit, loopback: bool, host: str = "") -> None:
-        self.cockpit, self.loopback, self.host = cockpit, loopback, host
+    def initialize(self, cockpit: Cockpit, loopback: bool, host: str, name: str = "") -> None:
+        self.cockpit, self.loopback, self.host, self.file = cockpit, loopback, host, _HERE / name
 
     def prepare(self) -> Awaitable[None] | None:
         """Refuse a page of another site that got this machine's address by a name of its own."""
@@ -118,17 +121,9 @@ class _Handler(tornado.web.RequestHandler):
 
 
 class File(_Handler):
-    """One of the page's own files."""
-
-    def initialize(self, cockpit: Cockpit, loopback: bool, host: str = "", name: str = "") -> None:
-        super().initialize(cockpit, loopback, host)
-        self.file = _HERE / name
-
     def set_default_headers(self) -> None:
-        self.set_header("Content-Security-Policy", _POLICY)
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Cache-Control", "no-store")
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
 
     def get(self) -> None:
         self.set_header("Content-Type", f"{_TYPES[self.file.suffix]}; charset=utf-8")

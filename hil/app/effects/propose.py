@@ -8,7 +8,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
-from hil.app.console import print_json, say
+from hil.app.console import answer
 from hil.app.write import check_file, check_targets, write_files
 from models.effects import CATALOGUE
 from models.effects.conformance import CHECKS
@@ -73,12 +73,12 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
     text = effect_text(read_report(report), out.stem, str(report))
     _check(text, out)
     write_files({out: text})
-    told = {"file": str(out), "id": out.stem, "checks": list(CHECKS)}
-    if json_output:
-        print_json(told)
-        return
-    say(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks")
-    say(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}")
+    answer(
+        json_output,
+        {"file": str(out), "id": out.stem, "checks": list(CHECKS)},
+        f"{out}: effect {out.stem}, passed {len(CHECKS)} checks",
+        f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}",
+    )
 
 
 def _check(text: str, out: Path) -> None:

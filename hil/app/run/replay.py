@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final
 import can
 
 import models.effects
-from hil.app.console import note, output_to_notes, print_json, say
+from hil.app.console import answer, note, output_to_notes
 from hil.app.run.log_task import task_of
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import Catalogue, load_catalogue
@@ -155,26 +155,23 @@ def _say(
     path: Path, found: Replay, catalogue: Catalogue, cut_off: str, code: tuple[str, str], json_output: bool
 ) -> None:
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
-    if json_output:
-        print_json(
-            {
-                "log": str(path),
-                "identical": found.identical and not cut_off,
-                "cut_off": cut_off or None,
-                "ticks": found.ticks,
-                "frames": found.frames,
-                "cut_ticks": found.cut,
-                "different_ticks": len(found.differences),
-                "differences": lines,
-                "code": list(code),
-            }
-        )
-        return
+    document = {
+        "log": str(path),
+        "identical": found.identical and not cut_off,
+        "cut_off": cut_off or None,
+        "ticks": found.ticks,
+        "frames": found.frames,
+        "cut_ticks": found.cut,
+        "different_ticks": len(found.differences),
+        "differences": lines,
+        "code": list(code),
+    }
     same = f"as logged, as far as they go; {cut_off}" if cut_off else "identical"
     differs = f"{len(found.differences)} ticks differ" + (f"; {cut_off}" if cut_off else "")
-    say(f"{found.ticks} ticks, {found.frames} frames: {same if found.identical else differs}", *lines)
     if not found.identical and code[0] != code[1]:
-        say(f"code: log {code[0]}, now {code[1]}")
+        lines = [*lines, f"code: log {code[0]}, now {code[1]}"]
+    said = same if found.identical else differs
+    answer(json_output, document, f"{found.ticks} ticks, {found.frames} frames: {said}", *lines)
 
 
 def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:

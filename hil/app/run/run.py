@@ -14,7 +14,7 @@ import can
 import typer
 
 from controller.supervision.fallback import shares
-from hil.app.console import note, output_to_notes, print_json, say
+from hil.app.console import answer, note, output_to_notes
 from hil.app.ends import RUN_ENDS
 from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
@@ -145,10 +145,8 @@ def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
     if move:
         points.append(_moved(asked, all(p.good for p in points)))
     good = all(p.good for p in points)
-    if json_output:
-        print_json({"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]})
-    else:
-        say(*(f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points))
+    lines = (f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points)
+    answer(json_output, {"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]}, *lines)
     return 0 if good else 1
 
 
@@ -167,10 +165,7 @@ def _led(asked: _Asked, json_output: bool) -> int:
     if node.operator is not None:
         found["operator"] = node.operator.document()
     found["monitor"] = health_of(node.estimator.health, node.estimator.origin_s)
-    if json_output:
-        print_json(found)
-    else:
-        _say(found, lessons)
+    answer(json_output, found, *_lines(found, lessons))
     return RUN_ENDS[str(found["end"])].status
 
 
@@ -189,10 +184,8 @@ def _moved(asked: _Asked, good: bool) -> Point:
 def _not_begun(path: Path, words: str, json_output: bool) -> int:
     """Say that there is another controller; nothing was sent."""
     ended = f"nothing to lead: {words}"
-    if json_output:
-        print_json({"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None})
-    else:
-        say(f"ended: {ended}")
+    found = {"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None}
+    answer(json_output, found, f"ended: {ended}")
     return RUN_ENDS["other_controller"].status
 
 
@@ -392,15 +385,13 @@ def _overruns(bus: can.BusABC) -> int:
     return bus.overruns if isinstance(bus, LocalBus) else 0
 
 
-def _say(found: dict[str, Any], lessons: Sequence[Lesson]) -> None:
-    say(f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}")
-    say(*found["log_troubles"])
+def _lines(found: dict[str, Any], lessons: Sequence[Lesson]) -> Iterator[str]:
+    yield f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}"
+    yield from found["log_troubles"]
     for name, words in (("late_ms", "began late by"), ("tick_ms", "took")):
         times = found[name]
-        say(f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}")
+        yield f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}"
     if found["cut_ticks"]:
-        say(f"{found['cut_ticks']} plans were cut short by the clock")
-    say(health_words(found))
-    if sentence := offer_words(found):
-        say(sentence)
-    say(*(lesson.words for lesson in lessons), f"log: {found['log']}")
+        yield f"{found['cut_ticks']} plans were cut short by the clock"
+    yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in lessons)))
+    yield f"log: {found['log']}"

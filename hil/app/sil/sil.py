@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import can
 
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar, say
+from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
@@ -101,10 +102,7 @@ def sil(
                 log.add_to_record(trace.learned)
                 pages = story_files(out, scenario, found, trace) if learn else {}
                 write_files({out / "sil.json": json_text(found), **pages})
-    if json_output:
-        print_json(found)
-    else:
-        _say(scenario, found, trace)
+    answer(json_output, found, *_lines(scenario, found, trace))
     return int(found["ended"] != DONE)
 
 
@@ -157,31 +155,29 @@ def judged(
     return found, trace
 
 
-def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
+def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Iterator[str]:
     loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
-    say(f"{loop.name}: {loop.kind} rig on the bus, {loop.duration_s:g} s, seed {found['seed']}, {found['model']} model")
-    say(
+    run = f"{loop.duration_s:g} s, seed {found['seed']}, {found['model']} model"
+    yield f"{loop.name}: {loop.kind} rig on the bus, {run}"
+    yield (
         f"{found['controller']}: rmse {1e3 * found['tracking_rmse_m']:.3f} mm, max {1e3 * found['tracking_max_m']:.3f}"
         f" mm, {found['hard_violations']} violations, solve {solve['median']:.3f} ms (p99 {solve['p99']:.3f}),"
         f" {found['real_time_factor']:.1f} x real time"
     )
-    say(f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected")
+    yield f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected"
     if kinds := bus.get("unauthenticated"):
-        say(f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}")
-    if steered := found.get("operator"):
-        say(f"operator: {steered['presses']} presses, {steered['expired']} late, {steered['accepted']} setpoints taken")
+        yield f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}"
+    if told := found.get("operator"):
+        yield f"operator: {told['presses']} presses, {told['expired']} late, {told['accepted']} setpoints taken"
     for fault in found["faults"]:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"
         if "distance_mm" in fault:
             came += f", at most {fault['distance_mm']:.1f} mm from the wanted place"
-        say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
-    say(health_words(found))
-    if sentence := offer_words(found):
-        say(sentence)
-    say(*(lesson.words for lesson in trace.lessons))
+        yield f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}"
+    yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons)))
     if trace.ended != DONE:
-        say(f"ended: {trace.ended}")
+        yield f"ended: {trace.ended}"
 
 
 class Watched:

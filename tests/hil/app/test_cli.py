@@ -22,6 +22,7 @@ import models.identification.model as model_file
 from hil.app import start
 from hil.app.main import COMMANDS, run, spread_option
 from hil.app.write import write_files, write_table
+from models.effects import Catalogue
 from models.records.record import Record, read_record
 from models.rigs.rig import Rig
 from tests.hil.findings import pull_finding
@@ -42,7 +43,7 @@ class FakeModel:
         return 'kind = "axis"\n'
 
     @classmethod
-    def from_toml(cls, text: str) -> FakeModel:
+    def from_toml(cls, text: str, _: Catalogue) -> FakeModel:
         if "axis" not in text:
             raise ValueError("model must have a kind; got none")
         return cls()

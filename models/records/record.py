@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.csv_reader import Table, read_table
-from models.records.header import check_header, check_unit_names, missing_in_layouts
+from models.files.units import unit_of
+from models.records.header import check_header, missing_in_layouts
 from models.records.proposal import proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
-from models.rigs.mapping import MappedColumn, check_stated
+from models.rigs.mapping import MappedColumn, contradiction
 from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -191,29 +192,27 @@ def find_columns(
     the table `[columns]` to paste into the rig file.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    optional = KINDS[rig.kind].columns(targets).measured if driven_only else ()
-    sources = rig.columns.sources(where, header, KINDS[rig.kind].known, optional)
+    kind = KINDS[rig.kind]
+    optional = kind.columns(targets).measured if driven_only else ()
+    sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
     try:
-        check_header(where, KINDS[rig.kind], ours, with_measured=not driven_only)
-        check_unit_names(where, KINDS[rig.kind], ours)
-        check_stated(where, sources, units)
+        check_header(where, kind, ours, with_measured=not driven_only)
+        for target, source in sources.items():
+            if stated := contradiction(target, source, units):
+                wanted = unit_of(target) or "plain numbers"
+                raise ValueError(f"{where}: column {target} must be in {wanted}; the file states {stated}")
     except ValueError as error:
-        raise _with_proposal(error, where, rig, header, units, sources) from None
+        raise _with_proposal(error, rig, header, units, sources) from None
     return sources
 
 
 def _with_proposal(
-    error: ValueError,
-    where: str,
-    rig: Rig,
-    header: Sequence[str],
-    units: Mapping[str, str],
-    sources: Mapping[str, MappedColumn],
+    error: ValueError, rig: Rig, header: Sequence[str], units: Mapping[str, str], sources: Mapping[str, MappedColumn]
 ) -> ValueError:
     """The error with a table `[columns]` that may put it right, where one can be found."""
-    good = {target: source for target, source in sources.items() if _agrees(where, target, source, units)}
+    good = {target: source for target, source in sources.items() if not contradiction(target, source, units)}
     used = {source.column for source in good.values()}
     free = [name for name in header if name not in used]
     variants = missing_in_layouts(KINDS[rig.kind], list(good))
@@ -227,14 +226,6 @@ def _with_proposal(
     told = ValueError(f"{error}; this table in the rig file {words}:")
     told.add_note("\n".join([toml_lines(entries), *raw]))
     return told
-
-
-def _agrees(where: str, target: str, source: MappedColumn, units: Mapping[str, str]) -> bool:
-    try:
-        check_stated(where, {target: source}, units)
-    except ValueError:
-        return False
-    return True
 
 
 def _record(
@@ -253,7 +244,7 @@ def _record(
         for target, source in sources.items()
     }
     read = {source.column for source in sources.values()}
-    further = {key: raw[key] for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
+    further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
     _refuse_wrong(where, kind, columns, table.lines, lenient)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum

@@ -142,6 +142,12 @@ class Surface(Table):
     )
     friction_coefficient: Friction | None = key("coefficient of Coulomb friction; required for a plate", None)
 
+    def check(self) -> None:
+        if self.kind == "plate" and self.friction_coefficient is None:
+            raise ValueError(
+                "[surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is missing"
+            )
+
     @property
     def is_gut(self) -> bool:
         """Whether a wall is around the body."""

@@ -98,7 +98,11 @@ class Wall(Surface):
         return self.tissue.recovery_time_s
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return base_parameters(self.tissue)
+        mu, source = self.tissue.friction_coefficient, "paper V Eq. 13; tissue differs by 15 % and more"
+        return (
+            Parameter("hoop_stress_factor", 1.0, "1", 0.65, 1.45, source, fit=True),
+            Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
+        )
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         mu = p["friction_coefficient"]
@@ -207,14 +211,3 @@ def settle(free: Any, stop: Any, smoothing: Any = 0.0) -> Any:
     if isinstance(smoothing, int | float) and smoothing == 0:
         return slides
     return np.where(b < 0, 2 * smoothing * free / (root + np.abs(b)), slides)  # the same, with its slope at free = 0
-
-
-def base_parameters(tissue: Tissue) -> tuple[Parameter, ...]:
-    """What differs from rig to rig: the factor on the hoop stress and the friction coefficient."""
-    mu = tissue.friction_coefficient
-    return (
-        Parameter(
-            "hoop_stress_factor", 1.0, "1", 0.65, 1.45, "paper V Eq. 13; tissue differs by 15 % and more", fit=True
-        ),
-        Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
-    )

@@ -107,7 +107,7 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if deployment.drive is not None:
-        bus = carriage_bus(bus, deployment.drive, load_catalogue(), deployment.control.tick_s)
+        bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
     source = BusSource(bus, clock, facts)
     hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
     try:
@@ -126,7 +126,7 @@ def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
     facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
     bus: can.BusABC = ClockedBus(watched_bus(channel), clock, OLDEST_S)
     if scenario.drive is not None:
-        bus = carriage_bus(bus, scenario.drive, catalogue, loop.control.tick_s)
+        bus = carriage_bus(bus, scenario.drive, loop.control.tick_s)
     try:
         yield BusSource(bus, clock, facts)
     finally:

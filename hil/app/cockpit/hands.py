@@ -52,8 +52,8 @@ class Hands:
     ) -> None:
         self.source, self.path, self.limits = source, path, limits
         self._clock = clock
-        self._sender = OperatorSender(source.bus, "cockpit", LIFE_MS, source.facts.catalogue, clock)
-        self._stops = FrameTransmitter(source.bus, source.facts.catalogue, ("SafeStop",))
+        self._sender = OperatorSender(source.bus, "cockpit", LIFE_MS, clock)
+        self._stops = FrameTransmitter(source.bus, ("SafeStop",))
         self._armed: set[object] = set()
         self._steers: object | None = None
         self._through: dict[object, float] = {}

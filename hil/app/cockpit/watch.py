@@ -51,7 +51,7 @@ class FrameWatch:
 
     def __init__(self, catalogue: Catalogue, kept: int = KEPT) -> None:
         self.catalogue = catalogue
-        self.reception = Reception({frame.id: Receiver(frame) for frame in catalogue.frames.values()})
+        self.reception = Reception(catalogue.frames.values())
         self.last: dict[str, dict[str, float]] = {}
         self.at: dict[str, float] = {}
         self.events: deque[Occurrence] = deque(maxlen=kept)

@@ -204,7 +204,7 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run
             sent.append((message.arbitration_id, bytes(message.data)))
 
     with tape:
-        node = ControllerNode(task, tape, catalogue=catalogue, observer=keep, dry_run=dry_run)
+        node = ControllerNode(task, tape, observer=keep, dry_run=dry_run)
         return _compared(node, tape, list(ticks_of(frames, catalogue["Sync"].id)))
 
 

@@ -279,7 +279,7 @@ def _drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty:
         except ValueError:
             bus.shutdown()
             raise
-    return carriage_bus(bus, table, load_catalogue(), deployment.control.tick_s)
+    return carriage_bus(bus, table, deployment.control.tick_s)
 
 
 class _OtherControllerError(Exception):
@@ -290,7 +290,7 @@ def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
     """What only a controller sends, the drive of `table` being another maker's, heard within `QUIET_S`, by name: this
     one listens before it speaks.
     """
-    known, heard = controllers_frames(load_catalogue()), set[str]()
+    known, heard = controllers_frames(), set[str]()
     for message in heard_for(bus, QUIET_S):
         if plain(message) and message.arbitration_id in known:
             heard.add(known[message.arbitration_id])
@@ -320,7 +320,7 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
         if frames_log.path != path:
             note(f"{path} is the log of a run that goes on: this one's is {frames_log.path}")
         recorder = Recorder(frames_log, dry_run)
-        node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
+        node = ControllerNode(task, bus, observer=recorder, dry_run=dry_run)
         learner = beside.enter_context(_learning(deployment, node, frames_log)) if asked.learn else None
         refused = prepare_process(control.priority, control.core)
         if control.priority > 0 and not refused:

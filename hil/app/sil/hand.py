@@ -12,7 +12,7 @@ from hil.app.scenario.jog_script import Step
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import SETPOINT
-from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, frames, heartbeat
+from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from hil.simulated.medium import Medium, SimulatedBus
 
@@ -94,7 +94,7 @@ class Stranger:
         self._port = SimulatedBus(medium, "stranger") if asked else None
         self._wiring, self._tick_s = wiring, tick_s
         self._names = ("Sync", "ControllerHeartbeat", wiring.command)
-        self._mouth = None if self._port is None else FrameTransmitter(self._port, frames(), self._names)
+        self._mouth = None if self._port is None else FrameTransmitter(self._port, self._names)
         self._said: list[can.Message] = []
         self._ticks, self._played, self._since = 0, 0, math.nan
 
@@ -102,7 +102,7 @@ class Stranger:
         """Its part of a tick, at `now`."""
         if self._port is None or self._mouth is None:
             return
-        own = controllers_frames(frames())
+        own = controllers_frames()
         while (message := self._port.recv(0)) is not None:
             if message.arbitration_id in own and "player" not in kinds:
                 self._said.append(message)
@@ -116,7 +116,7 @@ class Stranger:
         self._ticks += 1
         told = (
             {"Tick": self._ticks, "Period_s": self._tick_s},
-            heartbeat(2, self._ticks * self._tick_s, frames()),
+            heartbeat(2, self._ticks * self._tick_s),
             self._wiring.values(1e-4 * self._ticks, 0.05, ENABLE),
         )
         for name, values in zip(self._names, told, strict=True):

@@ -94,7 +94,7 @@ class Bench:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
             drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
-            ends["controller"] = carriage_bus(ends["controller"], scenario.drive, frames(), self.tick_s)
+            ends["controller"] = carriage_bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         task = task_on_bus(scenario, model, controller, offer=offer)
         self.node = ControllerNode(task, ends["controller"], observer=recorder)

@@ -12,62 +12,67 @@ _NEAR = 1e-9  # share of a range within which two commands count as the same
 _LEAST = 1e-6  # smallest that a limit may be set to, in its unit
 
 
-def _limit(value: float, most: float, unit: str, source: str, least: float = _LEAST) -> Any:
-    return field(default=value, metadata={"least": least, "most": most, "unit": unit, "source": source})
+def _limit(meaning: str, value: float, most: float, least: float = _LEAST) -> Any:
+    return field(default=value, metadata={"meaning": meaning, "least": least, "most": most})
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What no command may exceed, SI. Every field carries its unit and source, which `sources()` lists, and the most
-    that it may be set to, beyond which it would limit nothing. Not clinical advice.
+    """What no command may exceed, SI. A field carries its meaning, in brackets its source, and the most that it may be
+    set to, beyond which it would limit nothing. Not clinical advice.
     """
 
     force_N: float = _limit(
-        0.5, 20.0, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)"
+        "greatest force on the wall (choice: half of the 0.9 N/cm of weak contractions, Terry 2012, live pig)",
+        0.5,
+        20.0,
     )
     speed_m_s: float = _limit(
+        "greatest speed of the capsule (choice: 15 times what paper V measured at; beyond, the law is extrapolated)",
         0.3,
         5.0,
-        "m/s",
-        "choice: fifteen times what paper V measured the resistance at; beyond, the law is extrapolated",
     )
-    carriage_speed_m_s: float = _limit(0.25, 5.0, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
+    carriage_speed_m_s: float = _limit(
+        "greatest speed of the carriage (reduced speed beside a person, ISO 10218-1, from memory)", 0.25, 5.0
+    )
     first_speed_m_s: float = _limit(
+        "speed of the carriage that is allowed as a run on a rig enables it; of a coil's or inner mass's range the same"
+        " share (choice: so that who stands beside it sees it begin)",
         0.02,
         5.0,
-        "m/s",
-        "choice: of the carriage as a run on a rig enables it, so that who stands beside it sees it begin",
     )
     first_acceleration_m_s2: float = _limit(
-        0.25, 1000.0, "m/s2", "choice: by which that speed grows; the full carriage speed is there after a second"
+        "by which that speed (or share) grows until all of it is allowed (choice: it is there after a second)",
+        0.25,
+        1e3,
     )
     carriage_acceleration_m_s2: float = _limit(
-        10.0, 1000.0, "m/s2", "choice: from full carriage speed to rest within 25 ms"
+        "greatest acceleration of the carriage (choice: from full speed to rest within 25 ms)", 10.0, 1e3
     )
-    travel_m: float = _limit(1.0, 20.0, "m", "choice: the carriage stays within this distance of its zero")
+    travel_m: float = _limit("greatest distance of the carriage from its zero (choice)", 1.0, 20.0)
     gap_share: float = _limit(
-        0.95, 1.0, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go"
+        "share of the gap of greatest pull that may be used (choice: beyond r/sqrt(3) the magnet lets go)", 0.95, 1.0
     )
     gap_stds: float = _limit(
-        3.0, 100.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller"
+        "standard deviations of the estimated position by which the gap is held smaller (choice)", 3.0, 100.0
     )
     envelope_m: float = _limit(
+        "farthest that carriage and capsule may be from the wanted position; 0: the gap of greatest pull, 10 mm"
+        " for a coil, 20 mm for an inner mass (choice: a third or two thirds of a capsule's length)",
         0.0,
         1.0,
-        "m",
-        "choice: a magnet holds its capsule within its gap; else a third or two thirds of a capsule's length",
         least=0.0,
     )
-    current_A: float = _limit(1.0, 50.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
-    current_rate_A_s: float = _limit(1200.0, 1e6, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
+    current_A: float = _limit("greatest coil current (choice: 0.5 N at the default coil's 0.5 N/A)", 1.0, 50.0)
+    current_rate_A_s: float = _limit(
+        "fastest change of the coil current (12 V of the PWM capsubot across the default coil's 10 mH)", 1200.0, 1e6
+    )
     temperature_C: float = _limit(
-        43.0, 80.0, "degC", "applied part in contact for 10 min or more, IEC 60601-1 (from memory)"
+        "temperature at which the drive is switched off (applied part for 10 min, IEC 60601-1, from memory)", 43.0, 80.0
     )
-    derate_C: float = _limit(41.0, 80.0, "degC", "choice: the drive begins to fade 2 K below its temperature limit")
-    age_s: float = _limit(0.15, 10.0, "s", "choice: localisation lost for 150 ms stops the drive")
-    longest_tick_s: float = _limit(
-        0.02, 1.0, "s", "choice: after a longer pause the command moves as if only this had passed"
-    )
+    derate_C: float = _limit("temperature from which its range shrinks (choice: 2 K below that)", 41.0, 80.0)
+    age_s: float = _limit("age of the last localisation at which the drive is stopped (choice)", 0.15, 10.0)
+    longest_tick_s: float = _limit("longest pause that counts when a command's rate is limited (choice)", 0.02, 1.0)
 
     def __post_init__(self) -> None:
         for name, (least, most) in self.ranges().items():
@@ -83,11 +88,6 @@ class Limits:
     def ranges(cls) -> dict[str, tuple[float, float]]:
         """Least and most of every limit by name."""
         return {f.name: (f.metadata["least"], f.metadata["most"]) for f in fields(cls)}
-
-    @classmethod
-    def sources(cls) -> dict[str, tuple[str, str]]:
-        """Unit and source of every limit by name."""
-        return {f.name: (str(f.metadata["unit"]), str(f.metadata["source"])) for f in fields(cls)}
 
 
 @dataclass(frozen=True, slots=True)

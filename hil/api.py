@@ -4,6 +4,8 @@ Nothing is printed. `progress` may be left out, else it is called with a sentenc
 be used is a ValueError of one sentence. The same input and seed give the same numbers.
 """
 
+from __future__ import annotations
+
 import contextlib
 import io
 from collections.abc import Callable, Mapping, Sequence
@@ -15,16 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from controller.registry import use_controllers
-from hil.app.effects.command import described
+from hil.app.effects.effects import described
 from hil.app.identify.close_loop import result_files
-from hil.app.report import report_json
 from hil.app.scenario.deployment import read_deployed_rig
-from hil.app.scenario.options import Options
+from hil.app.scenario.model_use import values_of
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
 from hil.app.write import check_folder, write_files
 from hil.log.record import read_rig_record
+from hil.report.numbers import report_json
 from models.effects import CATALOGUE, Catalogue
 from models.identification import Model, close
 from models.identification.finding import Finding
@@ -161,13 +163,12 @@ def track(
     """A closed loop in simulation over the scenario file: `controller` by name, else the scenario's; the controller
     knows nominal values or those of the file `model`.
     """
-    asked = Options(controller, None if model is None else Path(model), stage, seed, catalogue=_in_use)
-    file = asked.equipped(load_track_scenario(Path(scenario)))
-    values, used = asked.values(file.kind)
-    name, number = asked.of(file)
+    file = load_track_scenario(Path(scenario)).knowing(_in_use)
+    values, used = values_of(None if model is None else Path(model), stage, file.kind, _in_use)
+    name, number = controller or file.control.controller, file.seed if seed is None else seed
     with contextlib.redirect_stdout(io.StringIO()):
         trace = run_loop(file, believed_model(file, values), name, number, progress or _silent)
-        scores = document(file, file.name, name, number, used, score(file, trace), None)
+        scores = document(file, name, number, used, score(file, trace))
     reference = np.asarray(file.reference.position(trace.time_s), dtype=float)
     columns = {"t_s": trace.time_s, "command": trace.command, "estimate_m": trace.position_m, "reference_m": reference}
     return Run(scores, columns)

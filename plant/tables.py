@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
-from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
-from models.laws.resistance import environmental_resistance, normal_load
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, wall_tension
+from models.laws.resistance import environmental_resistance, mucus_drag, normal_load
 from plant import layout as at
 from plant.compiling import compiled
 

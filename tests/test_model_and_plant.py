@@ -5,8 +5,7 @@ import pytest
 
 from models.assembly.model import assemble
 from models.drives.coil import VoltageCoil, Winding
-from models.drives.magnet_pair import MagnetPair
-from models.drives.magnetic import Magnetic
+from models.drives.magnetic import Magnetic, MagnetPair
 from models.drives.pull import Pull
 from models.drives.vibro import Stop, Vibro, VoltageVibro
 from models.laws.geometry import Capsule, Regime, Tissue

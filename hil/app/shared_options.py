@@ -1,5 +1,7 @@
 """Options and arguments that several commands share, each declared once."""
 
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,14 +11,27 @@ MOST_SEED = (1 << 63) - 1  # what a signed word of 64 bits holds
 _STAGES = "nominal/calibrated/augmented"
 
 
+def loaded(place: str) -> Callable[..., Any]:
+    """The function `module:name`."""
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(import_module(module), name)
+    return function
+
+
 def option(name: str, metavar: str, words: str) -> Any:
     """The option `--name METAVAR` with its `words` in the help."""
     return typer.Option(name, metavar=metavar, help=words)
 
 
-def several(name: str, metavar: str, words: str) -> Any:
-    """An option that may be given several times; none is an empty list."""
-    return typer.Option(name, metavar=metavar, help=words, default_factory=list, show_default=False)
+def several(name: str, metavar: str, words: str, taken_in: str = "") -> Any:
+    """An option that may be given several times; `taken_in` by the function `module:name` before the command."""
+
+    def take_in(paths: list[Path]) -> list[Path]:
+        loaded(taken_in)(paths)
+        return paths
+
+    use = take_in if taken_in else None
+    return typer.Option(name, metavar=metavar, help=words, default_factory=list, show_default=False, callback=use)
 
 
 def argument(metavar: str, words: str) -> Any:
@@ -41,7 +56,12 @@ StageOrScenario = Annotated[str | None, option("--stage", _STAGES, "Which model.
 OwnEffects = Annotated[list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.")]
 OwnControllers = Annotated[
     list[Path],
-    several("--controllers", "FILE.py", "Controllers of your own; may be given several times."),
+    several(
+        "--controllers",
+        "FILE.py",
+        "Controllers of your own; may be given several times.",
+        "controller.registry:use_controllers",
+    ),
 ]
 ReferenceFile = Annotated[
     Path | None,

@@ -1,29 +1,29 @@
 """`capsule simulate`: the plant alone, from a scenario file to a record."""
 
 from pathlib import Path
+from typing import Annotated
 
-from hil.app.console import output_to_notes, print_json, say
+from hil.app.console import answer, output_to_notes
+from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_targets
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import load_scenario
 from plant.experiments.series import write_record
 
 
-def simulate(scenario: Path, out: Path, *, json_output: bool = False) -> None:
-    """Write the record of the scenario file `scenario` to `out` and say so. Raises ValueError as `write_simulated`."""
+def simulate(
+    scenario: Annotated[Path, argument("SCENARIO.toml", "Rig, drive and hidden effects.")],
+    out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
+    json_output: Json = False,
+) -> None:
+    """Write the record of the scenario and say so."""
     with output_to_notes():
         write_simulated(scenario, out)
-    if json_output:
-        print_json({"scenario": str(scenario), "record": str(out)})
-    else:
-        say(f"record: {out}")
+    answer(json_output, {"scenario": str(scenario), "record": str(out)}, f"record: {out}")
 
 
 def write_simulated(scenario: Path, out: Path) -> None:
-    """Run the scenario file `scenario` and write its record to `out` (`.csv` or `.csv.gz`), complete or not at all.
-
-    Raises `ValueError` for a scenario or an output path that cannot be used; the message says what would be right.
-    """
+    """Write the record of a scenario to `out`, complete or not at all. Raises ValueError of one sentence."""
     if not (out.name.endswith(".csv") or out.name.endswith(".csv.gz")):
         raise ValueError(f"--out must end in .csv or .csv.gz; got {out.name!r}")
     if not out.parent.is_dir():

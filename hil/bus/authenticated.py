@@ -1,6 +1,4 @@
-"""Frames that only who has the key can make, and nobody can make again: the catalogue's frames inside CAN FD, with a
-freshness value and an authenticator, after AUTOSAR's Secure Onboard Communication.
-"""
+"""Frames that only who has the key can make, and nobody again, after AUTOSAR's Secure Onboard Communication."""
 
 import hmac
 import struct
@@ -13,10 +11,8 @@ import can
 
 from hil.bus.wrapping import WrappingBus, fd_frame
 
-PAYLOAD: Final = 8
-"""Bytes of a frame of the catalogue: they come first, as they are."""
-LENGTH: Final = 24
-"""Bytes of a frame on the wire: payload, freshness (count, then epoch), authenticator."""
+PAYLOAD: Final = 8  # bytes of a frame of the catalogue: they come first, as they are
+LENGTH: Final = 24  # bytes of a frame on the wire: payload, freshness (count, then epoch), authenticator
 _FRESHNESS: Final = struct.Struct("<II")
 _IDENTIFIER: Final = struct.Struct("<H")
 _CODE: Final = 8  # bytes of a frame's code
@@ -26,9 +22,8 @@ _MOST: Final = 64  # frames that are refused in one call
 
 
 def authenticator(key: bytes) -> Callable[[int, bytes], bytes]:
-    """The function that makes the authenticator of a frame: the first 8 bytes of AES-CMAC (RFC 4493) with `key` over
-    its identifier (2 bytes, least first), payload and freshness. Raises ValueError of one sentence without the package
-    cryptography.
+    """What makes a frame's authenticator: the first 8 bytes of AES-CMAC (RFC 4493) with `key` over identifier (2 bytes,
+    least first), payload and freshness. Raises ValueError without the package cryptography.
     """
     try:
         from cryptography.hazmat.primitives.ciphers.algorithms import AES
@@ -56,7 +51,6 @@ def sealed(
 
 
 def freshness(data: bytes | bytearray) -> tuple[int, int]:
-    """Count and epoch of a frame of 24 bytes."""
     count, epoch = _FRESHNESS.unpack(data[PAYLOAD:-_CODE])
     return count, epoch
 
@@ -69,17 +63,12 @@ def inside(wire: can.Message) -> can.Message:
 
 
 class AuthenticatedBus(WrappingBus):
-    """Another bus, of CAN FD, on which each frame carries 64 bits of freshness and 64 of authenticator. What is sent
-    and received here are the catalogue's classic frames; on the wire they are FD frames of 24 bytes with a switched bit
-    rate.
+    """Another bus, of CAN FD: what is sent and received here are the catalogue's classic frames, on the wire FD frames
+    of 24 bytes with freshness and authenticator (docs/bus.md).
 
-    The freshness is the `epoch` of this start (`hil.bus.key.next_epoch`) and a count of the frames since: it only
-    grows, over reboots too. Of each identifier a frame is taken whose epoch is greater than any before, or known with a
-    greater count; what this node has said itself counts, so nobody can say it back. A receiver that has begun anew
-    knows no freshness: that is what the drives' challenge is for, whose answer no recording has.
-
-    `refused` counts what was not taken: `classic` (no FD frame), `type` (extended or remote), `length`, `forged` (wrong
-    authenticator), `replayed` (not fresh). At most 64 of them are looked at in one `recv`. Error frames are passed on.
+    Of each identifier a frame is taken whose epoch is greater than any before, or known with a greater count; what this
+    node has said itself counts. `refused` counts the others, at most 64 in one `recv`: `classic` (no FD frame), `type`,
+    `length`, `forged`, `replayed`. Error frames are passed on.
     """
 
     def __init__(self, inner: can.BusABC, key: bytes, epoch: int) -> None:

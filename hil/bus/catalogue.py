@@ -16,18 +16,14 @@ from models.parameter import nearest
 
 DBC = Path(__file__).parents[1] / "capsule.dbc"
 CRC, COUNTER = "CRC", "Counter"
-SEND_TYPES = ("Cyclic", "Event", "IfActive")
-"""Every cycle; twice on an event; every cycle while what it says holds."""
+SEND_TYPES = ("Cyclic", "Event", "IfActive")  # every cycle; twice on an event; every cycle while what it says holds
 _ROUNDING = 1e-9  # of a raw value
 _LARGEST_DBC = 1 << 22  # bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One signal: `length` bits from bit `start` (little endian), value = raw `scale` + `offset` within [`lower`,
-    `upper`], which is [`raw_lower`, `raw_upper`] as raw numbers; `names` says what its numbers stand for, where they
-    do.
-    """
+    """One signal, little endian: value = raw `scale` + `offset` within [`lower`, `upper`]; `names` of its numbers."""
 
     name: str
     start: int
@@ -55,9 +51,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One message: identifier, sender, cycle in s, how it is `sent` (one of SEND_TYPES), the `data_id` of its
-    protection, and its signals but CRC and counter, which stand in byte 0 and in the low half of byte 1.
-    """
+    """One message: how it is `sent`, the `data_id` of its protection, its signals but CRC and counter."""
 
     name: str
     id: int
@@ -82,9 +76,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All frames by name, the bit rate in bit/s, and the 16-bit `fingerprint` of what they mean (`fingerprint_of`),
-    which heartbeats carry.
-    """
+    """All frames by name, the bit rate in bit/s, and the `fingerprint` of what they mean, which heartbeats carry."""
 
     frames: Mapping[str, Frame]
     bit_rate: int
@@ -99,15 +91,13 @@ class Catalogue:
         return self.frames[name]
 
     def by_id(self) -> dict[int, Frame]:
-        """The frames by identifier."""
         return {frame.id: frame for frame in self.frames.values()}
 
 
 @cache
 def load_catalogue(path: Path = DBC) -> Catalogue:
-    """Read a DBC file. Raises ValueError of one sentence for what cannot be read, or where a frame is not one that is
-    protected: 11-bit identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, and a data id
-    of its own.
+    """Read a DBC file. Raises ValueError of one sentence where it cannot be read, or a frame is not protected: 11-bit
+    identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, a data id of its own.
     """
     try:
         if path.stat().st_size > _LARGEST_DBC:

@@ -1,15 +1,15 @@
 """Values to bytes and back, as fast as Python's integers: a frame is one little-endian number."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from hil.bus.catalogue import Field, Frame
 from models.parameter import nearest
 
 Reason = Literal["length", "range", "crc", "counter", "repeated", "unknown"]
-PAYLOAD = 12
-"""Bits of a frame that its protection takes: CRC and counter."""
+PAYLOAD = 12  # bits of a frame that its protection takes: CRC and counter
 
 
 class FrameError(ValueError):
@@ -25,11 +25,7 @@ class Refusal:
 
 
 class Codec:
-    """One frame's codec. `encode` refuses what is out of range, `decode` what came out of range; neither sets nor
-    checks the protection.
-
-    A value goes on the wire as `round((value - offset)/scale)`, ties to even. Bits that no signal owns are 0.
-    """
+    """One frame's codec, without protection: `round((value - offset)/scale)`, ties to even; unowned bits are 0."""
 
     __slots__ = ("_reading", "_writing", "frame", "length")
 
@@ -85,3 +81,24 @@ class Codec:
 def _reading(f: Field) -> tuple[str, int, int, int, float, float, int, int, frozenset[int]]:
     sign = 1 << (f.length - 1) if f.signed else 0
     return f.name, f.start, (1 << f.length) - 1, sign, f.scale, f.offset, f.raw_lower, f.raw_upper, frozenset(f.names)
+
+
+NO_SURPRISE: Final = -10.0  # a value on the wire that says that there is none
+NOT_MEASURED_C: Final = -40.0  # the same of a temperature
+_SENSOR: Final = ("Valid", 0.0)  # signal and value by which a sensor's frame says that it says nothing
+_FLAGS: Final[Mapping[str, tuple[tuple[str, float], tuple[str, ...]]]] = {
+    "CapsuleLocalisation": (_SENSOR, ("Position_m", "Quality", "Age_s")),
+    "ForceReading": (_SENSOR, ("Force_N", "Age_s")),
+    "BelievedMotion": (("Wall", 3.0), ("Position_m", "Std_m", "Surprise")),
+    "ModelHealth": (("State", 3.0), ("Since_s", "Evidence")),
+}
+"""Frame: the flag that says so, and what then says nothing."""
+_VALUES: Final[Mapping[str, float]] = {"Surprise": NO_SURPRISE, "Temperature_degC": NOT_MEASURED_C}
+"""Signal: the value that stands for none."""
+
+
+def without_absent(frame: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The signals of `frame`, NaN where they say nothing."""
+    (flag, said), silent = _FLAGS.get(frame, (("", 0.0), ()))
+    none = set(silent) if values.get(flag) == said and silent else set[str]()
+    return {name: math.nan if name in none or value == _VALUES.get(name) else value for name, value in values.items()}

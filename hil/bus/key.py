@@ -1,6 +1,4 @@
-"""The key of an authenticated bus, from a file that is its owner's alone, and the number of each start that a node
-makes with it.
-"""
+"""The key of an authenticated bus, from a file that is its owner's alone, and the number of each start with it."""
 
 import contextlib
 import fcntl
@@ -16,9 +14,7 @@ _EPOCHS: Final = 1 << 32  # of 32 bits
 
 
 def read_key(path: Path) -> bytes:
-    """The AES key of 128 or 256 bits that stands in `path` as hexadecimal digits. Raises ValueError of one sentence for
-    a file that is not a regular one of this user's with a mode of 0600 or less, and for other content.
-    """
+    """The AES key in `path`, hexadecimal. Raises ValueError for a file that is not this user's alone."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
@@ -45,9 +41,8 @@ def read_key(path: Path) -> bytes:
 
 
 def next_epoch(path: Path) -> int:
-    """A number of 32 bits that no start with the key file `path` has had, and greater than all of them: the calendar's
-    seconds, or one more than the last one, which stands beside the key in `NAME.epoch`. Raises ValueError of one
-    sentence where that cannot be kept.
+    """A number of 32 bits greater than that of any start with the key file `path`: the calendar's seconds, or one more
+    than the last one, kept beside the key in `NAME.epoch`. Raises ValueError where that cannot be kept.
     """
     kept = path.with_name(f"{path.name}.epoch")
     try:

@@ -6,22 +6,16 @@ from typing import Any
 import numba
 
 _CRC15 = 0x4599  # of classic CAN, ISO 11898-1
-_TAIL = 13
-"""Bits after the CRC that are never stuffed: delimiter, acknowledgement, end of frame, and the space to the next one.
-"""
+_TAIL = 13  # bits after the CRC that are never stuffed: delimiter, acknowledgement, end of frame, space to the next one
 
 
 def frame_bits(identifier: int, data: bytes | bytearray) -> int:
-    """Bits of the frame with an 11-bit `identifier` and up to 8 bytes of `data`, stuff bits and the space after it
-    included.
-    """
+    """Bits of a classic frame with an 11-bit `identifier`, stuff bits and the space after it included."""
     return int(_stuffed(identifier << 7 | len(data), int.from_bytes(data, "big", signed=True), 8 * len(data))) + _TAIL
 
 
 def fd_frame_bits(extended: bool, length: int, ratio: float) -> int:
-    """Bits, at the bus's bit rate, of a CAN FD frame of `length` bytes whose data go `ratio` times as fast, with every
-    stuff bit that there may be, and the space after it.
-    """
+    """Most bits, at the bus's bit rate, of a CAN FD frame of `length` bytes whose data go `ratio` times as fast."""
     head = 36 if extended else 17
     checksum = 17 if length <= 16 else 21
     free = 5 + 8 * length
@@ -35,9 +29,7 @@ def _compiled(signature: str) -> Any:
 
 @_compiled("int64(int64, int64, int64)")
 def _stuffed(head: int, word: int, size: int) -> int:
-    """Bits from the start of frame to the CRC: 19 of the `head`, `size` of the data `word`, 15 of the CRC; after five
-    alike a stuff bit.
-    """
+    """Bits to the CRC: 19 of the `head`, `size` of the data `word`, 15 of the CRC; after five alike a stuff bit."""
     rest, run, last, stuff = 0, 0, 1, 0
     before = 19 + size
     for k in range(before + 15):

@@ -1,6 +1,4 @@
-"""A bus between processes of one machine that loses nothing on the way: SEQPACKET sockets, offered as a python-can
-interface.
-"""
+"""A bus between processes of one machine that loses nothing on the way, as a python-can interface."""
 
 import contextlib
 import fcntl
@@ -20,10 +18,8 @@ import can
 from hil.bus.wrapping import OwnBus
 from models.compiled.cache import private_folder
 
-_HEAD: Final = struct.Struct("<dIB")
-"""Time, identifier, type; the data follow."""
-_EXTENDED, _FD, _SWITCHED = 1, 2, 4
-"""Bits of the type."""
+_HEAD: Final = struct.Struct("<dIB")  # time, identifier, type; the data follow
+_EXTENDED, _FD, _SWITCHED = 1, 2, 4  # bits of the type
 _MOST_DATA: Final = 64  # bytes of a CAN FD frame
 _LONGEST_PATH: Final = 100  # characters of a socket's address
 _NODES: Final = 64  # that may wait for the listener
@@ -31,15 +27,10 @@ _BUFFER: Final = 1 << 20  # bytes of a socket
 
 
 class LocalBus(OwnBus):
-    """A node on the local bus `channel`. Every node is connected to every other one; there is no hub whose death would
-    end the bus.
-
-    A frame is in the receivers' queues when `send` returns, in the order in which this node sent. A receiver that does
-    not read fills its own queue only; what no longer fits is lost to it and counted in `overruns`, as in a CAN
-    controller. Nodes come and go at any time, also by SIGKILL. Not modelled: arbitration, bit time, errors,
-    acknowledgement (a lonely sender hears no complaint). Times of frames are the sender's `time.time()`. Classic data
-    frames with 11-bit identifiers alone may be sent; with `fd` CAN FD's and 29-bit identifiers too, which every node
-    hears.
+    """A node on the local bus `channel`, connected to every other one by a SEQPACKET socket; there is no hub. A frame
+    is in the receivers' queues when `send` returns. A receiver that does not read loses what no longer fits, counted in
+    `overruns` of the sender. Nodes come and go at any time, also by SIGKILL. Not modelled: arbitration, bit time,
+    errors, acknowledgement. Times of frames are the sender's `time.time()`.
     """
 
     def __init__(
@@ -109,9 +100,7 @@ class LocalBus(OwnBus):
             peer.close()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to every other node; never waits. Raises ValueError for anything but a classic data frame of 11
-        bits, with `fd` for anything but a data frame.
-        """
+        """Hand a frame to every other node; never waits. Raises ValueError for what this bus does not carry."""
         fit = self._fd or not (msg.is_extended_id or msg.is_fd)
         if not fit or msg.is_remote_frame or msg.is_error_frame or len(msg.data) > (_MOST_DATA if msg.is_fd else 8):
             wanted = "data frame" if self._fd else "classic data frame with an 11-bit identifier"
@@ -181,7 +170,6 @@ class LocalBus(OwnBus):
         return self._poll.fileno()
 
     def shutdown(self) -> None:
-        """Leave the bus."""
         if self._is_shutdown:
             return
         super().shutdown()
@@ -193,10 +181,8 @@ class LocalBus(OwnBus):
 
 
 def channel_folder(channel: str) -> Path:
-    """The folder in which the nodes of `channel` have their places; made where it is missing. A channel with a `/` is
-    the folder itself.
-
-    Raises OSError where it cannot be made or is not this user's alone, or its path is too long for a socket.
+    """The folder of `channel`, made where it is missing; a channel with a `/` is the folder itself. Raises OSError
+    where it cannot be made or is not this user's alone, or its path is too long for a socket.
     """
     named = Path(tempfile.gettempdir()) / f"capsule-bus-{os.getuid()}" / channel
     folder = Path(channel).absolute() if "/" in channel else named

@@ -1,14 +1,14 @@
-"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing and is counted; age makes data
-invalid.
-"""
+"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing; age makes data invalid."""
 
 import math
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
 
-from hil.bus.catalogue import Frame
+import can
+
+from hil.bus.catalogue import Frame, load_catalogue
 from hil.bus.codec import Codec, Reason, Refusal
+from hil.bus.wrapping import classic_frame
 
 POLYNOMIAL = 0x2F  # of AUTOSAR's CRC-8
 _START = _END = 0xFF  # of it
@@ -16,24 +16,17 @@ _START = _END = 0xFF  # of it
 
 def crc_table(polynomial: int) -> bytes:
     """Remainder of every byte: `x^8 b mod (x^8 + polynomial)`."""
-    table = bytearray()
-    for byte in range(256):
-        rest = byte
-        for _ in range(8):
-            rest = ((rest << 1) ^ polynomial) & 0xFF if rest & 0x80 else rest << 1
-        table.append(rest)
-    return bytes(table)
+    table = bytes(range(256))
+    for _ in range(8):
+        table = bytes(((rest << 1) ^ polynomial) & 0xFF if rest & 0x80 else rest << 1 for rest in table)
+    return table
 
 
 _TABLE = crc_table(POLYNOMIAL)
 
 
 def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
-    """CRC of `data` followed by the byte `data_id`: start 0xFF, result inverted.
-
-    On a frame of 8 bytes, one of them the CRC itself, it misses no error of one, two or three bits (Hamming distance
-    4).
-    """
+    """CRC of `data` and the byte `data_id`: start 0xFF, inverted; Hamming distance 4 on 8 bytes with itself."""
     table, rest = _TABLE, _START
     for byte in data:
         rest = table[rest ^ byte]
@@ -49,10 +42,12 @@ RESYNC = 3  # good frames after which they are valid again
 class Sender:
     """Turns values into protected frames of one kind; counts them."""
 
-    __slots__ = ("_codec", "_counter", "_data_id")
-
     def __init__(self, frame: Frame) -> None:
-        self._codec, self._counter, self._data_id = Codec(frame), 0, frame.data_id
+        self.id, self._codec, self._counter, self._data_id = frame.id, Codec(frame), 0, frame.data_id
+
+    def message(self, values: Mapping[str, float], stamp: float = 0.0, *, heard: bool = False) -> can.Message:
+        """The next frame, to be sent, or as one that was `heard`. Errors as `frame`."""
+        return classic_frame(self.id, self.frame(values), stamp, heard=heard)
 
     def frame(self, values: Mapping[str, float]) -> bytes:
         """The next frame. Raises FrameError for values that do not fit; the counter then stays."""
@@ -67,68 +62,54 @@ class Sender:
         self._counter = (self._counter + frames) % COUNTS
 
 
-@dataclass(slots=True)
-class Statistics:
-    """What a receiver has seen: frames `accepted`, `lost` by their counters, and `refused` by reason."""
+class FrameTransmitter:
+    """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
 
-    accepted: int = 0
-    lost: int = 0
-    refused: Counter[Reason] = field(default_factory=Counter)
+    def __init__(self, bus: can.BusABC, names: Iterable[str]) -> None:
+        self._bus, self._senders = bus, {name: Sender(load_catalogue()[name]) for name in names}
+        self.unsent = 0
+
+    def say(self, name: str, values: Mapping[str, float]) -> None:
+        try:
+            self._bus.send(self._senders[name].message(values), timeout=0)
+        except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
+            self.unsent += 1
+
+    def skip(self, name: str, frames: int) -> None:
+        """Count `frames` that there was no time to send."""
+        self._senders[name].skip(frames)
 
 
 class Receiver:
     """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when
     they came.
 
-    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is
-    refused. After the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew (a
-    sender that has restarted); while they are fresh no other sequence is let in, so a replay beside the true sender is
-    not, unless it is 15 frames old to the frame, where the counter has come round. A replay of a whole recording after
-    the sender fell silent cannot be told from its restart by counters of 4 bits: heartbeats and the time to live bound
-    what it can do. Frames that are not cyclic (safe stop, fault, reset) come after silences of any length: every
-    counter but the last one is let in at once, none of them can start anything.
+    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`. After the data
+    have become stale, `RESYNC` good frames that count on from each other begin anew; while they are fresh no other
+    sequence is let in, so no replay beside the true sender, unless it is 15 frames old to the frame. A replay after the
+    sender fell silent is not told from its restart: heartbeats and the time to live bound it. Of frames that are not
+    cyclic every counter but the last one is let in: none of them can start anything.
     """
 
-    __slots__ = (
-        "_candidate",
-        "_codec",
-        "_counter",
-        "_data_id",
-        "_row",
-        "frame",
-        "longest_s",
-        "stamp_s",
-        "statistics",
-        "values",
-    )
-
-    def __init__(self, frame: Frame, longest_s: float | None = None) -> None:
-        """`longest_s` is the age in s at which data become invalid: `CYCLES` cycles where None, inf for a frame sent on
-        events.
-        """
+    def __init__(self, frame: Frame) -> None:
         self.frame = frame
-        self.longest_s = (CYCLES * frame.cycle_s or math.inf) if longest_s is None else longest_s
-        self.statistics = Statistics()
+        self.longest_s = CYCLES * frame.cycle_s or math.inf  # age at which data become invalid
+        self.accepted, self.lost, self.refused = 0, 0, Counter[Reason]()
         self.values: dict[str, float] | None = None
         self.stamp_s = -math.inf
         self._codec, self._data_id = Codec(frame), frame.data_id
-        self._counter = self._candidate = -1
+        self.counter = self._candidate = -1  # of the last good frame, of one that is not let in yet
         self._row = 0
 
     def accept(self, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
         """The values of the frame that came at `now` in s, or why it is refused. Never raises."""
         found = self._checked(data, now)
         if isinstance(found, Refusal):
-            self.statistics.refused[found.reason] += 1
+            self.refused[found.reason] += 1
             return found
         self.values, self.stamp_s = found, now
-        self.statistics.accepted += 1
+        self.accepted += 1
         return found
-
-    @property
-    def counter(self) -> int:
-        """Counter of the last good frame, -1 where there was none."""
-        return self._counter
 
     def fresh(self, now: float) -> dict[str, float] | None:
         """The last good values, None where there are none or they are older than `longest_s` (or younger than now)."""
@@ -146,22 +127,22 @@ class Receiver:
         values = self._codec.decode(int.from_bytes(data, "little"))
         if isinstance(values, Refusal):
             return values
-        self.statistics.lost += step - 1
-        self._counter, self._row = counter, 0
+        self.lost += step - 1
+        self.counter, self._row = counter, 0
         return values
 
     def _step(self, counter: int, now: float) -> int | Refusal:
         """How far the counter has moved on, at least 1; or that it has not as it should."""
-        if self._counter < 0:
+        if self.counter < 0:
             return 1
-        step = (counter - self._counter) % COUNTS
+        step = (counter - self.counter) % COUNTS
         fresh, cyclic = self.fresh(now) is not None, self.frame.sent == "Cyclic"
         if step and not cyclic:
             return 1
         if fresh and 1 <= step <= min(MOST_LOST, (now - self.stamp_s) / self.frame.cycle_s + 0.5) + 1:
             return step
         if fresh:
-            return Refusal("repeated" if step == 0 else "counter", f"{self._counter} then {counter}")
+            return Refusal("repeated" if step == 0 else "counter", f"{self.counter} then {counter}")
         self._row = self._row + 1 if (counter - self._candidate) % COUNTS == 1 else 1
         self._candidate = counter
         if self._row >= RESYNC or not cyclic:
@@ -169,17 +150,20 @@ class Receiver:
         return Refusal("counter", f"frame {self._row} of {RESYNC} after a silence")
 
 
-@dataclass(frozen=True, slots=True)
 class Reception:
-    """Receivers by identifier; what is not among them is counted as unknown."""
+    """Receivers of frames by identifier; what is not among them is counted as unknown."""
 
-    receivers: Mapping[int, Receiver]
-    unknown: Counter[int] = field(default_factory=Counter)
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        self.receivers = {frame.id: Receiver(frame) for frame in frames}
+        self.unknown: Counter[int] = Counter()
+
+    @property
+    def refused(self) -> int:
+        """Frames that its receivers have refused."""
+        return sum(receiver.refused.total() for receiver in self.receivers.values())
 
     def accept(self, identifier: int, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
-        """Hand a frame to its receiver. Never raises; identifiers nobody knows are counted, at most 2048 different
-        ones.
-        """
+        """Hand a frame to its receiver. Never raises; counts at most 2048 identifiers that nobody knows."""
         receiver = self.receivers.get(identifier)
         if receiver is None:
             if len(self.unknown) < 2048 or identifier in self.unknown:

@@ -11,11 +11,15 @@ def fd_frame(identifier: int, data: bytes) -> can.Message:
     return can.Message(0.0, identifier, long, is_fd=True, bitrate_switch=True, data=data, is_rx=False)
 
 
+def classic_frame(identifier: int, data: bytes | bytearray, stamp: float = 0.0, *, heard: bool = False) -> can.Message:
+    """A classic data frame with an 11-bit identifier, for sending, or as one that was `heard`."""
+    return can.Message(stamp, identifier, False, data=data, is_rx=heard)
+
+
 class OwnBus(can.BusABC):
     """Frames are sent one by one: those of a dead process, or a dead controller's commands, must end with it."""
 
     def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused."""
         raise NotImplementedError(f"frames of {self.channel_info} are sent one by one")
 
 
@@ -27,11 +31,9 @@ class WrappingBus(OwnBus):
         self.inner, self.channel_info = inner, channel_info
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As `inner`."""
         self.inner.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """As `inner`."""
         return self.inner.recv(timeout)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -39,7 +41,6 @@ class WrappingBus(OwnBus):
 
     @property
     def state(self) -> can.BusState:
-        """As `inner`."""
         return self.inner.state
 
     @state.setter
@@ -50,6 +51,5 @@ class WrappingBus(OwnBus):
         """Nothing of its own to release; `inner` warns where it was not closed."""
 
     def shutdown(self) -> None:
-        """Close both."""
         super().shutdown()
         self.inner.shutdown()

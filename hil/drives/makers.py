@@ -1,13 +1,12 @@
 """The makers whose drives a deployment or a scenario may name by a table of their own."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import can
 
 from controller.limits import Limits
-from hil.bus.catalogue import Catalogue
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.cia402.bus import Cia402Bus
 from hil.drives.cia402.protocol import Cia402Table
@@ -20,7 +19,6 @@ from hil.drives.odrive.protocol import OdriveTable
 from hil.drives.odrive.setup import set_up as set_up_odrive
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP
-from models.files.tables import from_table
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,7 @@ class Maker:
 
     table: type[ActuatorTable]
     set_up: Callable[..., list[str]]
-    bus: Callable[[can.BusABC, Any, Catalogue, float], CarriageBus]
+    bus: Callable[[can.BusABC, Any, float], CarriageBus]
 
 
 MAKERS: Final = {
@@ -41,13 +39,10 @@ MAKERS: Final = {
     )
 }
 ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = {name: maker.table for name, maker in MAKERS.items()}
-"""The tables by their name in a file."""
 
 
 def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> ActuatorTable | None:
-    """The drive that a file's tables name for a rig of `kind`, led within `limits`, None where it is the catalogue's
-    own. Raises ValueError of one sentence.
-    """
+    """The drive that a file names for a rig of `kind`, None: the catalogue's own. Raises ValueError of one sentence."""
     named = [name for name in ACTUATORS if name in raw]
     if not named:
         return None
@@ -56,13 +51,7 @@ def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> Actuator
     name = named[0]
     if kind != CARRIAGE_MAP.drive.name:
         raise ValueError(f"{name} must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
-    within = {f.name: (owner, f) for owner, table in ACTUATORS.items() for f in fields(table) if "read" in f.metadata}  # type: ignore[arg-type]
-    found = from_table(ACTUATORS[name], raw[name], name, skip=tuple(within))
-    for key, (owner, one) in within.items():
-        if key in raw[name]:
-            if owner != name:
-                raise ValueError(f"{key} must stand in [{owner}]; got them in [{name}]")
-            found = replace(found, **{key: one.metadata["read"](raw[name][key])})  # type: ignore[type-var]
+    found = ACTUATORS[name].read(raw)
     found.check_speed(limits.carriage_speed_m_s)
     return found
 
@@ -76,6 +65,6 @@ def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float,
     return MAKERS[table.where].set_up(bus, table, limits, tick_s, faulty=faulty)
 
 
-def carriage_bus(inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> CarriageBus:
+def carriage_bus(inner: can.BusABC, table: ActuatorTable, tick_s: float) -> CarriageBus:
     """The bus on which the drive is the catalogue's carriage."""
-    return MAKERS[table.where].bus(inner, table, catalogue, tick_s)
+    return MAKERS[table.where].bus(inner, table, tick_s)

@@ -28,7 +28,6 @@ class Questions:
             raise ValueError(f"{self.node} must be reached; got: {error}") from None
 
     def heard(self, seconds: float) -> Iterator[can.Message]:
-        """The drive's frames within `seconds`."""
         for message in heard_for(self._bus, seconds):
             self._errors += message.is_error_frame
             speaker = self._speaker(message)

@@ -1,28 +1,27 @@
 """What the tables of other makers' drives have in common."""
 
 from abc import abstractmethod
-from dataclasses import fields
-from typing import ClassVar, Final
+from typing import Annotated, ClassVar, Final, Literal
 
 import can
+from pydantic import AfterValidator, Field
 
-from models.files.tables import Declared, check_ranges, check_word
+from models.rigs.schema import NamedTable, key
 
-HOMES: Final = ("kept", "here")
-"""What becomes of the drive's zero: it stays, or is made the present place."""
+NODE: Final = "node of the carriage's drive, clear of the catalogue's identifiers"
+TURNS: Final = (1.0, 1e5)
+"""The fewest and the most turns in a metre."""
 
 RESTS_M_S: Final = 5e-3
 """Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
 
 
-class ActuatorTable(Declared, where=""):
-    """A table that names a drive, which is the carriage: node `node_id`, looked for during `answers_s`; `fd` where its
-    frames are CAN FD. A field with the metadata `read` is a table within it.
-    """
+class ActuatorTable(NamedTable):
+    """A table that names a drive, which is the carriage; `fd` where its frames are CAN FD."""
 
     fd: ClassVar[bool] = False
-    node_id: int
-    answers_s: float
+    node_id: int = key(NODE)
+    answers_s: float = key("how long it may take to answer", 2.0, 0.1, 60.0)
 
     @property
     def node(self) -> str:
@@ -59,18 +58,33 @@ class ActuatorTable(Declared, where=""):
         """Raises ValueError where its frames cannot carry `limits.carriage_speed_m_s`."""
 
 
-class TurningTable(ActuatorTable, where=""):
+def _turns(value: float) -> float:
+    if not TURNS[0] <= abs(value) <= TURNS[1]:
+        raise ValueError(f"must lie in [{TURNS[0]:g}, {TURNS[1]:g}], with either sign; got {value:g}")
+    return value
+
+
+class TurningTable(ActuatorTable):
     """One that counts in turns, follows places, has a watchdog and coasts without torque."""
 
-    turns_per_m: float
-    watchdog_s: float
-    coast_m_s2: float
-    home: str
-
-    def __post_init__(self) -> None:
-        ranges = [(one.name, *one.metadata["range"]) for one in fields(self) if "range" in one.metadata]  # type: ignore[arg-type]
-        check_ranges(self, self.where, ranges, either_sign=("turns_per_m",))
-        check_word(self.home, f"{self.where}.home", HOMES)
+    turns_per_m: Annotated[
+        float, AfterValidator(_turns), Field(json_schema_extra={"minimum": TURNS[0], "maximum": TURNS[1]})
+    ] = key(
+        "turns that it tells (an ODrive its motor's, a moteus its output's, behind"
+        " `motor_position.rotor_to_output_ratio`), per metre of the carriage; negative: the other way",
+        100.0,
+    )
+    watchdog_s: float = key(
+        "longest time without a command after which its own watchdog must have stopped it", 0.02, 0.004, 0.1
+    )
+    coast_m_s2: float = key(
+        "deceleration of the carriage without torque, by friction of guide and screw: measure it", 5.0, 0.1, 100.0
+    )
+    home: Literal["kept", "here"] = key(
+        "`kept`: its own zero (a moteus: home state 2, known at the output); `here`: the place where it stands as it is"
+        " set up",
+        "kept",
+    )
 
     def stops_s(self, speed_m_s: float) -> float:
         """The watchdog, and coasting to rest."""

@@ -6,58 +6,29 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.table import TurningTable
 from hil.nodes.frame_map import ENABLE, QUICK_STOP_M_S2, READY, STANDBY
 
-IDLE_TICKS: Final = 5
-"""How often a drive that has been braked is told to take its torque away."""
+IDLE_TICKS: Final = 5  # how often a drive that has been braked is told to take its torque away
 _SETTLE: Final = 2  # steps that a drive has to come to rest
 
 
-class BrakePath:
-    """The way to rest at `QUICK_STOP_M_S2`, a step each `tick_s`, for a drive that follows places."""
-
-    def __init__(self, tick_s: float) -> None:
-        self._tick_s = tick_s
-        self._place_m = self._rate_m_s = math.nan
-        self._rested = 0
-
-    def leave(self) -> None:
-        """Brake no more."""
-        self._rate_m_s, self._rested = math.nan, 0
-
-    def step(self, place_m: float, speed_m_s: float) -> tuple[float, float] | None:
-        """The next place and rate, beginning at `place_m` with `speed_m_s`; None once the drive has had `_SETTLE` steps
-        to come to rest there, until `leave`.
-        """
-        if math.isnan(self._rate_m_s):
-            self._place_m, self._rate_m_s = place_m, speed_m_s
-        if self._rested >= _SETTLE:
-            return None
-        before = self._rate_m_s
-        self._rate_m_s = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
-        self._place_m += 0.5 * (before + self._rate_m_s) * self._tick_s
-        self._rested += before == 0.0
-        return self._place_m, self._rate_m_s
-
-
 class TurningBus(CarriageBus):
-    """A command is held until the next SYNC; what stops the drive acts at once: the carriage is braked by places
-    (`BrakePath`), and the drive then stopped.
+    """A command is held until the next SYNC; what stops the drive acts at once: the carriage is braked by places.
 
-    It is armed from "ready" on, for which it must stand by, and was led once it has followed since. `_left` says why it
-    was not led on, `_asked` counts the ticks in which it did not begin to follow, `_stopped` how often it was stopped.
+    It is armed from "ready" on, and was led once it has followed since. `_left` says why it was not led on, `_asked`
+    counts the ticks in which it did not begin to follow, `_stopped` how often it was stopped.
     """
 
-    def __init__(self, inner: can.BusABC, table: TurningTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: TurningTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._place_m = self._speed_m_s = self._wanted_m = 0.0
         self._last_m = self._rate_m_s = math.nan
         self._armed = self._led = self._fresh = False
         self._asked, self._stopped, self._left = 0, 0, ""
-        self._braking = BrakePath(tick_s)
+        self._braking: tuple[float, float] | None = None
+        self._rested = 0
 
     @property
     @abstractmethod
@@ -80,7 +51,6 @@ class TurningBus(CarriageBus):
         self._armed = False
 
     def _arm(self) -> None:
-        """ "Ready" is asked for."""
         self._armed, self._led, self._asked, self._left = True, False, 0, ""
         self._last_m, self._stopped = math.nan, 0
 
@@ -91,9 +61,17 @@ class TurningBus(CarriageBus):
     def _take_wanted(self, begin_m: float) -> None:
         """Go from `begin_m` to the wanted place within the tick."""
         self._rate_m_s, self._last_m = (self._wanted_m - begin_m) / self._tick_s, self._wanted_m
-        self._braking.leave()
+        self._braking, self._rested = None, 0
 
     def _brake(self) -> tuple[float, float] | None:
-        """The next place and rate on the way to rest, from the last command on, else from where the drive is."""
-        led = not math.isnan(self._last_m)
-        return self._braking.step(*((self._last_m, self._rate_m_s) if led else (self._place_m, self._speed_m_s)))
+        """The next place and rate on the way to rest at `QUICK_STOP_M_S2`, from the last command on, else from where
+        the drive is; None once it has had `_SETTLE` ticks to rest there.
+        """
+        if self._rested >= _SETTLE:
+            return None
+        moves = (self._place_m, self._speed_m_s) if math.isnan(self._last_m) else (self._last_m, self._rate_m_s)
+        place, before = self._braking or moves
+        rate = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
+        self._braking = place + 0.5 * (before + rate) * self._tick_s, rate
+        self._rested += before == 0.0
+        return self._braking

@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.csv_reader import MOST_CELLS
 from models.files.source import opened
-from models.records.record import MOST_CELLS
 from models.rigs.columns import TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
@@ -23,9 +23,7 @@ _ZEROED: Final = "datetime64[ns]"
 
 @dataclass(frozen=True)
 class Heading:
-    """A channel that a file has: its name, the unit that the file states, its group (a topic, a frame, a channel
-    group), whether it has a clock, which is no channel of its own, and how many samples it has, where that is known.
-    """
+    """A channel that a file has; `group`: a topic, a frame, a channel group; `samples`: where that is known."""
 
     name: str
     unit: str = ""
@@ -79,9 +77,7 @@ def library(name: str, extra: str) -> Any:
 
 @contextmanager
 def alone(path: Path) -> Iterator[BinaryIO]:
-    """The record `path`, open; within it no further file can be opened, by whatever library: what a record names
-    outside itself is refused by the system, a pipe before it is waited for. Modules must be loaded before.
-    """
+    """The record `path`, open; within it no further file can be opened. Modules must be loaded before."""
     with opened(path, "record") as file:
         fence = os.dup(file.fileno())
         os.close(fence)
@@ -113,10 +109,10 @@ def check_size(samples: Mapping[str, int]) -> None:
         )
 
 
-def own_names(grouped: Sequence[tuple[str, str]], separator: str = "/") -> list[str]:
+def own_names(grouped: Sequence[tuple[str, str]]) -> list[str]:
     """A name of its own for each (group, name): the name, with its group before it where others have it, too."""
     count = Counter(name for _, name in grouped)
-    full = [f"{group}{separator}{name}" if count[name] > 1 and group else name for group, name in grouped]
+    full = [f"{group}/{name}" if count[name] > 1 and group else name for group, name in grouped]
     again, seen = Counter(full), Counter[str]()
     for k, name in enumerate(full):
         seen[name] += 1

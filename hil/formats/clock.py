@@ -16,9 +16,7 @@ def increasing(times: Array) -> np.ndarray:
 
 
 def mean_before(rows: Array, times: Array, levels: Array) -> Array:
-    """Mean of the held `levels` from each row's predecessor to the row; the first row's interval is as long as the
-    second's.
-    """
+    """Mean of the held `levels` since each row's predecessor; the first interval is as long as the second."""
     area = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(times))])
     last = np.array([rows[0] - (rows[1] - rows[0]), *rows[:-1]]) if len(rows) > 1 else rows - 1e-3
     upto = np.interp(rows, times, area) + np.maximum(rows - times[-1], 0.0) * levels[-1]
@@ -47,10 +45,8 @@ def one_clock(
     samples: Mapping[str, tuple[Array, Array]], rows_of: str, held: Sequence[str] = ()
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns at the times of `rows_of`, with `t_s`, from (times, values) of each; and sentences about what was done.
-
-    Others go straight between their samples; those that are `held` are the mean of what was held since the row before.
-    Where these change more often, there are rows in between, in which `rows_of` has no value (NaN). Rows outside the
-    span of any of them are left out.
+    Others go straight between their samples; `held` ones are the mean of what was held since the row before, with rows
+    in between where they change more often. Rows outside the span of any are left out.
     """
     told, clean = list[str](), dict[str, tuple[Array, Array]]()
     for name, (times, values) in samples.items():
@@ -86,9 +82,7 @@ def one_clock(
 
 
 def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
-    """Channels by group and clock: (group, times (n,), channels), but for the channel `t_s`. Those without a clock get
-    what that one holds, else the number of the sample.
-    """
+    """(group, times (n,), channels) but for `t_s`, whose times those without a clock get, else the samples' number."""
     clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
     found: list[tuple[str, Array, list[Channel]]] = []
     for channel in (channel for channel in channels if channel.heading.name != TIME):
@@ -104,9 +98,7 @@ def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel
 
 
 def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
-    """All channels as columns of one length: those with clocks beside the column `t_s` of all times, NaN where a
-    channel has no sample.
-    """
+    """All channels as columns of one length at all their times `t_s`, NaN where a channel has no sample."""
     if all(channel.time_s is None for channel in channels):
         lengths = {channel.heading.name: len(channel.values) for channel in channels}
         if len(set(lengths.values())) > 1:

@@ -1,6 +1,4 @@
-"""MATLAB and HDF5: arrays of numbers, in structures or not, by their paths; structures that Simulink logged have
-clocks.
-"""
+"""MATLAB and HDF5: arrays of numbers by their paths; structures that Simulink logged have clocks."""
 
 import warnings
 from collections.abc import Iterator, Mapping
@@ -42,7 +40,6 @@ def _read_v5(path: Path, pick: Pick) -> list[Channel]:
 
 
 def _channels(name: str, value: Any, depth: int = 0) -> Iterator[Channel]:
-    """The channels in a variable."""
     if isinstance(value, Mapping):
         if {"time", "signals"} <= value.keys():
             yield from _simulink(name, value)

@@ -59,9 +59,7 @@ def write(path: Path, channels: Sequence[Channel]) -> None:
 
 
 class McapTopics:
-    """JSON messages with schemas on an open `file`: a topic a kind of message. What stands in a chunk that is full can
-    be read while the file is still being written.
-    """
+    """JSON messages with schemas on an open `file`: a topic a kind. A chunk that is full can be read at once."""
 
     def __init__(self, file: BinaryIO, chunk_bytes: int = 1 << 20) -> None:
         """Begin. Raises RefusedError where the library is not installed."""
@@ -86,5 +84,4 @@ class McapTopics:
         self._writer.add_message(channel, log_time=time_ns, publish_time=time_ns, data=data, sequence=next(sequence))
 
     def finish(self) -> None:
-        """End the file with its index."""
         self._writer.finish()

@@ -8,8 +8,7 @@ import numpy as np
 
 from hil.formats.channels import Channel, Heading, Pick, check_size
 
-MOST_ELEMENTS: Final = 64
-"""Longest list whose elements are channels; longer ones are images, clouds and the like."""
+MOST_ELEMENTS: Final = 64  # longest list whose elements are channels; longer ones are images, clouds and the like
 _DEEPEST: Final = 12  # nesting of a message
 _CHECKED_EVERY: Final = 10_000  # messages, the memory that they take
 
@@ -24,10 +23,7 @@ class Message:
 
 
 def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[Channel]:
-    """The channels `topic/field` that `pick` takes; `messages` is called twice, to look and to read.
-
-    A message's time is the stamp of its header, where it has one, else its own; times in s count from the first.
-    """
+    """The channels `topic/field` that `pick` takes, at headers' stamps, else their own. `messages` is called twice."""
     known: dict[str, Heading] = {}
     seen: set[str] = set()
     for message in messages():

@@ -18,8 +18,7 @@ EXTRA = "mf4"
 MOST_CHANNELS = 20_000
 _FRAMES = b"CAN_DataFrame"
 _TEXT = ("U", "S", "O", "V")
-_EMBEDDED = 1
-"""The flag of an attachment that is in the file itself."""
+_EMBEDDED = 1  # the flag of an attachment that is in the file itself
 _NUMBERS_4, _TEXTS_3 = range(6), (7, 8)
 """Types as the format numbers them: those of numbers in MDF 4, those of text and bytes in MDF 3."""
 

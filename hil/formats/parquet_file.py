@@ -27,9 +27,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
-    """Write channels as one table. Those with clocks of their own share the column `t_s`; a cell is empty where a
-    channel has no sample.
-    """
+    """Write channels as one table on the column `t_s`; a cell is empty where a channel has no sample."""
     pyarrow, parquet = library("pyarrow", EXTRA), library("pyarrow.parquet", EXTRA)
 
     columns = one_table(channels)

@@ -1,12 +1,14 @@
-"""Channels of a file, read in a process of its own: a library that crashes, hangs or wants all memory at a damaged file
-takes nothing with it.
-"""
+"""Channels of a file, read in a process of its own: a library that crashes or hangs takes nothing with it."""
 
 import json
+import os
+import resource
 import subprocess
+import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -20,6 +22,15 @@ from models.files.source import check_source
 
 LONGEST_S: Final = 900.0  # that a reader may run
 _LONGEST_LINE: Final = 1 << 26  # bytes that it may say at once
+MEMORY: Final = 7 << 27  # bytes that a reader may take
+ADDRESSES: Final = 8 << 30
+"""Most memory in bytes of the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
+which libraries reserve without using them.
+"""
+SECONDS: Final = 600  # most time on a processor in s
+UNPACKED: Final = 1 << 30  # most bytes of a file that the process may write: what a library unpacks beside the record
+LEAST_S: Final = 10  # time on a processor that any file may take
+SLOWEST: Final = 500_000  # bytes of a file for which it may take a second more
 
 
 def read_channels(path: Path, pick: Pick) -> list[Channel]:
@@ -30,15 +41,13 @@ def read_channels(path: Path, pick: Pick) -> list[Channel]:
     if not is_bag(path):
         check_source(path, "record")
     wanted = f"a whole {found.name} file"
-    with reading_process("hil.formats.reader_process", path) as reader, refusing(path, wanted):
+    with reading_process("hil.formats.reading", path) as reader, refusing(path, wanted):
         return _converse(path, found, reader, pick)
 
 
 @contextmanager
 def reading_process(module: str, path: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """The process in which `module` reads `path`, spoken with through its standard input and output; it is ended on
-    leaving, and after `LONGEST_S`.
-    """
+    """The process in which `module` reads `path`; it is ended on leaving, and after `LONGEST_S`."""
     with subprocess.Popen(
         [*own_module(module), str(path.absolute())],
         stdin=subprocess.PIPE,
@@ -91,3 +100,63 @@ def _chosen(headings: Sequence[Heading], pick: Pick) -> list[str]:
 
 def _samples(told: IO[bytes], count: int) -> Array:
     return np.frombuffer(told.read(8 * count), dtype="<f8").astype(float)
+
+
+def allowed_s(size: int) -> int:
+    """Time on a processor in s that a file of `size` bytes may take."""
+    return min(LEAST_S + size // SLOWEST, SECONDS)
+
+
+def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
+    """Do `task` with the file that the command line names and standard output, within limits of memory and of processor
+    time that go with its size. HDF5 loads no filters from a folder.
+    """
+    os.environ["HDF5_PLUGIN_PRELOAD"] = "::"
+    path = Path(sys.argv[1])
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    longest = allowed_s(path.stat().st_size) if path.is_file() else SECONDS
+    resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (UNPACKED, UNPACKED))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with os.fdopen(os.dup(1), "wb") as told:
+        os.dup2(2, 1)
+        task(path, told)
+
+
+def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
+    """Headings, then samples of what `source` asks for, or a sentence: JSON, then numbers of 8 bytes."""
+
+    def pick(headings: Sequence[Heading]) -> Collection[str]:
+        _tell(target, {"headings": [asdict(heading) for heading in headings]})
+        return list(json.loads(source.readline() or "[]"))
+
+    found = format_of(path)
+    if found is None:
+        return
+    try:
+        with refusing(path, f"a whole {found.name} file"):
+            channels = found.read(path, pick)
+    except ValueError as error:
+        _tell(target, {"refused": str(error)})
+        return
+    for channel in channels:
+        _send(target, channel)
+    _tell(target, {"end": len(channels)})
+
+
+def _send(target: IO[bytes], channel: Channel) -> None:
+    clocked = channel.time_s is not None
+    _tell(target, {"heading": asdict(channel.heading), "samples": len(channel.values), "clocked": clocked})
+    for values in (channel.values, channel.time_s):
+        if values is not None:
+            target.write(np.ascontiguousarray(values, dtype="<f8").tobytes())
+
+
+def _tell(target: IO[bytes], document: Any) -> None:
+    target.write(json.dumps(document).encode() + b"\n")
+    target.flush()
+
+
+if __name__ == "__main__":
+    confined(lambda path, told: read_for(path, sys.stdin.buffer, told))

@@ -15,7 +15,6 @@ METADATA: Final = "metadata.yaml"
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a folder is a ROS 2 bag."""
     return path.is_dir() and (path / METADATA).is_file()
 
 
@@ -29,9 +28,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 
 
 def _check_part(part: Path) -> None:
-    """Refuse what may lie outside the bag, or make SQLite look there: links, names that it takes for addresses, and
-    tables that are computed.
-    """
+    """Refuse what may lie outside the bag, or make SQLite look there: links, addresses, computed tables."""
     if part.is_symlink():
         raise outside(f"{part.name} in {part.readlink()}")
     check_source(part, "part of a bag")

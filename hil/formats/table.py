@@ -15,9 +15,7 @@ Write = Callable[[Path, Sequence[Channel]], None]
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file: its name, the endings of its files, the extra that brings its library, and what reads and writes
-    it.
-    """
+    """A kind of file: its endings, the extra that brings its library, and what reads and writes it."""
 
     name: str
     endings: tuple[str, ...]
@@ -35,11 +33,9 @@ FORMATS: Final = (
     Format("MATLAB or HDF5", (".mat", ".h5", ".hdf5"), matlab_file.EXTRA, matlab_file.read),
 )
 
-_MF4_BEGINS: Final = (b"MDF", b"UnF")
-"""Of a whole MF4 file and of one that was not closed; any other `.dat` is text."""
+_MF4_BEGINS: Final = (b"MDF", b"UnF")  # of a whole MF4 file and of one that was not closed; any other `.dat` is text
 
-WRITTEN: Final = tuple(one.endings[0] for one in FORMATS if one.write)
-"""Endings of files that can be written."""
+WRITTEN: Final = tuple(one.endings[0] for one in FORMATS if one.write)  # endings of files that can be written
 
 
 def format_of(path: Path) -> Format | None:

@@ -1,6 +1,4 @@
-"""One BLF file of frames that is readable at every moment: whole containers, and a header that is right after each of
-them.
-"""
+"""One BLF file of frames that is readable at every moment: whole containers, and a header that is right."""
 
 import struct
 from pathlib import Path
@@ -11,23 +9,16 @@ import can
 from models.files.writing import writing
 
 RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
-"""Which way a frame went: to the node that logs, from it, from it but kept back (a dry run); or it is no frame but a
-note.
-"""
-LOST: Final = 8
-"""The note that frames are missing (the other notes: `hil.log.recorder`)."""
+"""Which way a frame went: to the node, from it, kept back (a dry run); or it is no frame but a note."""
+LOST: Final = 8  # the note that frames are missing (the other notes: `hil.log.recorder`)
 LATEST_S: Final = 1e6  # of a log's own time
-APPLICATION: Final = 200
-"""The application that writes, in a BLF header: by it our own files are known."""
+APPLICATION: Final = 200  # the application that writes, in a BLF header: by it our own files are known
 _HEAD: Final = struct.Struct("<4sLBBBBBBBBQ")
-PACKED: Final = struct.Struct("<qIBB8s2x")
-"""A frame between processes: time in ns, identifier, way, length, data."""
+PACKED: Final = struct.Struct("<qIBB8s2x")  # A frame between processes: time in ns, identifier, way, length, data
 
 
 class Logged(NamedTuple):
-    """One frame as the node that logs saw it: `time_ns` on that node's clock, of arrival or of the tick that sent
-    it.
-    """
+    """One frame as the node that logs saw it: `time_ns` on its clock, of arrival or of the tick that sent it."""
 
     time_ns: int
     id: int
@@ -36,11 +27,9 @@ class Logged(NamedTuple):
 
     @property
     def time_s(self) -> float:
-        """Time in s."""
         return self.time_ns / 1e9
 
     def packed(self) -> bytes:
-        """The frame as `PACKED`."""
         return PACKED.pack(self.time_ns, self.id, self.way, len(self.data), self.data)
 
 
@@ -50,12 +39,9 @@ def unpacked(block: bytes) -> list[Logged]:
 
 
 class BlfFile(can.BLFWriter):
-    """A BLF file whose times are those of the node's clock; its header says when by the calendar (`calendar_s`, s since
-    1970) that clock showed 0, so tools show the time of day.
-
-    Withheld frames stand on channel 2, notes on channel 3. `flush` ends a container and hands everything to the
-    operating system: what was written before survives the death of the process (not of the machine). With `append` a
-    file whose writer has died goes on after its last whole container.
+    """A BLF file whose times are those of the node's clock, which showed 0 at `calendar_s` (s since 1970). Withheld
+    frames stand on channel 2, notes on channel 3. What was written before `flush` survives the death of the process.
+    With `append` a file whose writer has died goes on after its last whole container.
     """
 
     application_id = APPLICATION
@@ -119,7 +105,6 @@ def _whole(head: bytes) -> int:
 
 
 def way_of(message: can.Message) -> int:
-    """Which way a frame of a BLF file went."""
     if message.is_rx:
         return RECEIVED
     return WITHHELD if message.channel == 1 else NOTED if message.channel == 2 else SENT

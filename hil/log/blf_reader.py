@@ -1,8 +1,7 @@
-"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence with the place, never
-in a loop.
+"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence, never in a loop.
 
-A file is a header and objects: containers, which unpack to further objects, among them the frames; an object may begin
-in one container and end in the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
+A file is a header and objects: containers, which unpack to further objects; one may begin in one container and end in
+the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
 """
 
 import struct
@@ -18,16 +17,14 @@ from models.files.source import opened
 
 LARGEST_CONTAINER: Final = 1 << 26
 """Most bytes of a container, packed and unpacked; Vector's and python-can's have 128 kB."""
-MOST_BYTES: Final = 1 << 32
-"""Most bytes of all containers together, unpacked."""
+MOST_BYTES: Final = 1 << 32  # most bytes of all containers together, unpacked
 _FILE: Final = struct.Struct("<4sLBBBBBBBBQQLL8H8H")
 _BASE: Final = struct.Struct("<4sHHLL")
 _STAMP: Final = struct.Struct("<L2HQ")
 _CONTAINER: Final = struct.Struct("<H6xL4x")
 _FRAME: Final = struct.Struct("<HBBL8s")
 _CONTAINERS, _FRAMES = 10, (1, 86)  # types of objects in a BLF file
-_HEADERS: Final = {1: 32, 2: 40}
-"""Bytes of an object's header of each version that there is."""
+_HEADERS: Final = {1: 32, 2: 40}  # bytes of an object's header of each version that there is
 _LARGEST_ID, _REMOTE, _DIRECTION, _TEN_US = 0x7FF, 0x80, 0x1, 1  # of a base frame; flags of an object
 _WAYS: Final = {2: WITHHELD, 3: NOTED}
 
@@ -35,9 +32,8 @@ Tell = Callable[[str], None]
 
 
 def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of the BLF file `path`. A file that ends in the middle gives what
-    is whole, and `tell` gets a sentence that says so. Raises ValueError of one sentence with the offset for an object
-    that cannot be.
+    """The frames of `path`; of one that is cut off what is whole, with a sentence for `tell`. Raises ValueError with
+    the place.
     """
     with opened(path, "log") as file:
         yield from _Reading(path, file, tell).frames()
@@ -79,7 +75,6 @@ class _Reading:
         self.place = max(int(head[1]), _FILE.size)
 
     def frames(self) -> Iterator[Logged]:
-        """All frames."""
         rest = b""
         while self.place < self.size:
             self.file.seek(self.place)
@@ -103,7 +98,6 @@ class _Reading:
             )
 
     def _content(self, size: int) -> bytes:
-        """What a container holds."""
         if size < _CONTAINER.size or size > LARGEST_CONTAINER:
             raise self._wrong(f"a container of {_CONTAINER.size} to {LARGEST_CONTAINER} bytes", f"one of {size}")
         data = self.file.read(size)

@@ -1,25 +1,21 @@
 """Everything that a file of any readable kind holds, as it stands: no rig says what its columns mean."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from hil.formats.channels import Array, Channel, Heading
+from hil.formats.channels import Channel, Heading
 from hil.formats.reading import read_channels
 from hil.formats.table import format_of
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log
 from hil.log.record import log_channels
-from models.files.csv_reader import read_blocks
+from models.files.csv_reader import read_table
 from models.files.units import split_unit
-from models.records.record import MOST_CELLS
 
 
 def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """All channels of numbers of a CSV file, a CAN log, or a file of one of the formats in `hil.formats.table`. `tell`
-    gets a sentence about a log that is cut off. Raises ValueError of one sentence.
-    """
+    """All channels of numbers of a file; `tell` as `read_frames`. Raises ValueError of one sentence."""
     if is_log(path):
         return log_channels(path, tell)
     channels = (
@@ -32,22 +28,9 @@ def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
 
 def _csv_channels(path: Path) -> list[Channel]:
     """The columns of numbers of a CSV file, unchecked but for its form."""
-    blocks: list[Array] = []
-    header: list[str] = []
-    stated: dict[str, str] = {}
-
-    def look(names: list[str], units: Mapping[str, str]) -> Sequence[str]:
-        header.extend(names)
-        stated.update(units)
-        return ()
-
-    for _, block in read_blocks(path, look):
-        blocks.append(block.values)
-        if sum(values.size for values in blocks) > MOST_CELLS:
-            raise ValueError(f"{path}: record must have at most {MOST_CELLS} numbers; got more: cut it into several")
-    values = np.concatenate(blocks)
+    table = read_table(path, lambda names, units: ())
     return [
-        Channel(Heading(name, stated.get(name) or split_unit(name)[1]), values[:, i])
-        for i, name in enumerate(header)
-        if name and not np.isnan(values[:, i]).all()
+        Channel(Heading(name, table.units.get(name) or split_unit(name)[1]), values)
+        for name, values in zip(table.header, table.values.T, strict=True)
+        if name and not np.isnan(values).all()
     ]

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 ROOM: Final = 1 << 20  # bytes between node and writer
 _F_SETPIPE_SZ: Final = 1031  # of fcntl(2)
 _STOP_S: Final = 30.0  # in which a writer must end
+_CONTAINER_S: Final = 1.0  # of the node's clock, in lockstep
 _AGAIN_S: Final = 1.0  # between two looks
 _BEGINS_S = 10.0  # in which it must begin
-_TOGETHER: Final = 4096 // PACKED.size
-"""Frames that the pipe takes together or not at all."""
+_TOGETHER: Final = 4096 // PACKED.size  # frames that the pipe takes together or not at all
 
 
 class NodeLog(ABC):
-    """A log that a node writes its frames to; `dropped` counts those that could not be written. None of its methods but
+    """A log that a node writes its frames to; `dropped` counts those that were not taken. None of its methods but
     `close` raises or waits. `before_close` is called first when it ends.
     """
 
@@ -45,9 +45,7 @@ class NodeLog(ABC):
         self.before_close: Callable[[], None] = lambda: None
 
     def add_to_record(self, more: Mapping[str, Any]) -> None:
-        """Write the record anew, with what was known only once the run was over. Raises ValueError as the
-        constructor.
-        """
+        """Write the record anew, with what was known only once the run was over. Raises ValueError."""
         self._record |= more
         write_record(self.path, self._record)
 
@@ -62,9 +60,7 @@ class NodeLog(ABC):
         """Write frames; how many were taken."""
 
     def _end_record(self) -> None:
-        """Say in the record how many frames and notes the log holds: one that holds fewer was cut off. Raises
-        ValueError as the constructor.
-        """
+        """Say in the record how many frames and notes the log holds: one that holds fewer was cut off."""
         self.add_to_record({"entries": self.written})
 
     @abstractmethod
@@ -79,15 +75,12 @@ class NodeLog(ABC):
 
 
 class FrameLog(NodeLog):
-    """A log that a process of its own writes: the node only hands frames to a pipe, which takes a microsecond and never
-    waits.
+    """A log that a process of its own writes: the node only hands frames to a pipe, which never waits.
 
-    The log begins once its writer does, or after 10 s. The writer puts whole containers on file at least twice a
-    second and, once the node is gone, by whatever means, what is left in the pipe: a killed node loses nothing, a
-    killed writer at most the last second. A writer that dies, also of a full disk, is followed by another one, at once
-    and then once a second; until then frames wait in the pipe (1 MiB, 43,690 frames), and what no longer fits is
-    dropped. Each such thing is a sentence for `tell`, at once, and in `troubles`; once the log is closed, `lost` counts
-    frames that were taken and never came on file.
+    Whole containers are on file at least twice a second: a killed node loses nothing, a killed writer at most the last
+    second. A writer that dies is followed by another one; until then frames wait in the pipe (1 MiB, 43,690 frames),
+    and what no longer fits is dropped. Each such thing is a sentence for `tell` and in `troubles`; once closed, `lost`
+    counts frames that were taken and never came on file.
     """
 
     def __init__(
@@ -97,9 +90,7 @@ class FrameLog(NodeLog):
         tell: Callable[[str], object] = lambda sentence: None,
         mcap: Path | None = None,
     ) -> None:
-        """Begin the log at `path`, or, where another run is writing there, at a name beside it (`claim`). The writer
-        writes `mcap`, too, where it is asked for. Errors as `NodeLog`.
-        """
+        """Begin the log at `path`, or, where another run is writing there, beside it (`claim`); and `mcap`."""
         self._lock, path, self.kept = claim(path)
         self._calendar_s = time.time()
         super().__init__(path, {**record, "calendar_start_s": self._calendar_s})
@@ -170,7 +161,6 @@ class FrameLog(NodeLog):
                 return
 
     def _trouble(self, sentence: str, more: str = "") -> None:
-        """Keep and tell a trouble, once."""
         if sentence not in self.troubles:
             self.troubles.append(sentence)
             self._tell(sentence + more)
@@ -190,9 +180,7 @@ class FrameLog(NodeLog):
         return taken
 
     def hasten(self, priority: int) -> None:
-        """Give the writer SCHED_FIFO too: else, put aside while it holds the pipe, it holds up a node of higher
-        priority. Raises OSError.
-        """
+        """Give the writer SCHED_FIFO too: else it may hold the pipe against a node of higher priority."""
         os.sched_setscheduler(self._writer.pid, os.SCHED_FIFO, os.sched_param(priority))
         self._priority = priority
 
@@ -234,27 +222,22 @@ def _unused(path: Path) -> Path:
 class LockstepLog(NodeLog):
     """The same log written at once, in the node's own process: for simulated time, which waits."""
 
-    def __init__(
-        self, path: Path, record: Mapping[str, Any], flush_s: float = 1.0, mcap: McapLog | None = None
-    ) -> None:
-        """Begin the log; a container every `flush_s` of the node's clock; frames go to `mcap`, too. Errors as
-        `NodeLog`.
-        """
+    def __init__(self, path: Path, record: Mapping[str, Any], mcap: McapLog | None = None) -> None:
+        """Begin the log; frames go to `mcap`, too."""
         super().__init__(path, record)
-        self._file, self._flush_s, self._flushed_s, self._mcap = BlfFile(path), flush_s, 0.0, mcap
+        self._file, self._flushed_s, self._mcap = BlfFile(path), 0.0, mcap
 
     def _write(self, frames: Sequence[Logged]) -> int:
         for frame in frames:
             self._file.write(frame)
             if self._mcap is not None:
                 self._mcap.write(frame)
-        if frames[-1].time_s - self._flushed_s >= self._flush_s:
+        if frames[-1].time_s - self._flushed_s >= _CONTAINER_S:
             self._file.flush()
             self._flushed_s = frames[-1].time_s
         return len(frames)
 
     def close(self) -> None:
-        """End the log."""
         self.before_close()
         self._file.stop()
         if self._mcap is not None:

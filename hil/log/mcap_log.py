@@ -3,16 +3,14 @@
 from pathlib import Path
 from typing import Final
 
-from hil.bus.absent import without_absent
 from hil.bus.catalogue import load_catalogue
-from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver, Reception
+from hil.bus.codec import Refusal, without_absent
+from hil.bus.protection import Reception
 from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from models.files.writing import writing
 
-_CHUNK: Final = 1 << 16
-"""Bytes of a chunk, which is on file once it is full: half a second at 500 Hz."""
+_CHUNK: Final = 1 << 16  # bytes of a chunk, which is on file once it is full: half a second at 500 Hz
 
 
 class McapLog:
@@ -22,7 +20,7 @@ class McapLog:
         """Begin the file. Raises OSError where it cannot be written, RefusedError without the library."""
         catalogue = load_catalogue()
         self._frames = catalogue.by_id()
-        self._reception = Reception({number: Receiver(frame) for number, frame in self._frames.items()})
+        self._reception = Reception(self._frames.values())
         self._begun: set[int] = set()
         self._path = path
         self._file = path.open("wb")
@@ -48,7 +46,6 @@ class McapLog:
             self._file.flush()
 
     def close(self) -> None:
-        """End the file with its index."""
         with writing(self._path):
             self._topics.finish()
             self._file.close()

@@ -19,9 +19,7 @@ def record_path(path: Path) -> Path:
 
 
 def keep_older(path: Path) -> Path | None:
-    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, `NAME-2.blf`, ...; that
-    name, None where there is no such log. Raises ValueError where it cannot be moved.
-    """
+    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, ...; that name."""
     if not path.exists():
         return None
     number = 1
@@ -37,9 +35,8 @@ def keep_older(path: Path) -> Path | None:
 
 
 def claim(path: Path) -> tuple[int, Path, Path | None]:
-    """A log's file for this run alone: a lock on it (a file descriptor), its name, and the name of an older log that
-    stood there (`keep_older`). Where another run is writing to `path` the name is `NAME-run2.blf`, `NAME-run3.blf`, ...
-    Raises ValueError where there is none to be had.
+    """A log's file for this run alone: a lock on it, its name (`NAME-run2.blf`, ... where another run writes to
+    `path`), and that of an older log that stood there (`keep_older`). Raises ValueError.
     """
     check_regular(path)
     kept: Path | None = None
@@ -97,9 +94,7 @@ def check_regular(path: Path) -> None:
 
 
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Write the record of the log `path`, complete or not at all. Raises ValueError for a path that is no BLF file or
-    cannot be written.
-    """
+    """Write the record of the log `path`, complete or not at all. Raises ValueError."""
     if path.suffix != ".blf":
         raise ValueError(f"log must be a file name that ends in .blf; got {path}")
     target = record_path(path)

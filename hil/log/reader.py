@@ -1,18 +1,26 @@
-"""Reads CAN logs of any format that python-can reads, and the record beside a log of ours."""
+"""Reads CAN logs of any format that python-can reads, and the record beside a log of ours. An MF4 file, which asammdf
+reads for it, is read in a process of its own: a damaged file takes nothing with it.
+"""
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
-from hil.formats.mf4_file import holds_frames
-from hil.log.blf_file import Logged
+import can
+
+from hil.formats.channels import library, refusing
+from hil.formats.mf4_file import EXTRA, check_within, holds_frames
+from hil.formats.reading import confined, reading_process
+from hil.log.blf_file import PACKED, Logged, way_of
 from hil.log.blf_reader import Tell, read_blf
-from hil.log.mf4_process import library_frames, read_mf4_frames
 from hil.log.place import record_path
 from models.files.source import check_source, read_json
 
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
 """Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
+_END: Final = 0xFFFF_FFFF
+"""Identifier of what stands behind the frames: its time is the length of the sentence below it."""
 LARGEST_RECORD: Final = 1 << 26  # bytes
 
 
@@ -24,11 +32,9 @@ def is_log(path: Path) -> bool:
 
 
 def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of the log `path`, in its order; others are left out. Times of a
-    log of ours are its node's clock's, of others what they say.
-
-    A BLF file that ends in the middle gives what is whole, and `tell` gets a sentence that says so. Raises ValueError
-    of one sentence for what is no log.
+    """The classic data frames with 11-bit identifiers of the log `path`, in its order. Times of a log of ours are its
+    node's clock's. A BLF file that ends in the middle gives what is whole, and `tell` gets a sentence. Raises
+    ValueError.
     """
     if check_source(path, "log") == 0:
         raise ValueError(f"{path}: log must hold frames; got an empty file")
@@ -49,3 +55,73 @@ def read_log_record(path: Path) -> dict[str, Any]:
     if not beside.exists():
         raise ValueError(f"{beside}: record of the log must be there; got no such file")
     return read_json(beside, "record of the log", LARGEST_RECORD)
+
+
+def library_frames(path: Path) -> Iterator[Logged]:
+    """The classic data frames with 11-bit identifiers of a file that python-can reads. Raises ValueError."""
+    try:
+        reader: Any = can.LogReader(path)
+    except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
+        raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
+    with reader:
+        yield from _frames(reader, path)
+
+
+def _frames(reader: Any, path: Path) -> Iterator[Logged]:
+    messages, count = iter(reader), 0
+    while True:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                message = next(messages)
+            stamp = round(message.timestamp * 1e9)
+        except StopIteration:
+            return
+        except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
+            raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
+        count += 1
+        if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
+            yield Logged(stamp, message.arbitration_id, bytes(message.data), way_of(message))
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__
+
+
+def read_mf4_frames(path: Path) -> Iterator[Logged]:
+    """The classic data frames with 11-bit identifiers of the MF4 file `path`. Raises ValueError of one sentence."""
+    with reading_process("hil.log.reader", path) as reader:
+        assert reader.stdout is not None
+        yield from _received(path, reader.stdout)
+
+
+def _received(path: Path, told: IO[bytes]) -> Iterator[Logged]:
+    while len(data := told.read(PACKED.size)) == PACKED.size:
+        time_ns, identifier, way, size, content = PACKED.unpack(data)
+        if identifier != _END:
+            yield Logged(time_ns, identifier, content[:size], way)
+        elif said := told.read(time_ns).decode():
+            raise ValueError(f"{path}: {said}")
+        else:
+            return
+    raise ValueError(f"{path}: log must be a whole MF4 file; got one at which the reader ended")
+
+
+def tell_frames(path: Path, target: IO[bytes]) -> None:
+    """Write the frames of `path` to `target`, and behind them what is wrong, or nothing."""
+    said = ""
+    try:
+        with refusing(path, "a log"):
+            library("asammdf", EXTRA)
+            check_within(path)
+        for frame in library_frames(path):
+            target.write(frame.packed())
+    except ValueError as error:
+        said = str(error).removeprefix(f"{path}: ")
+    text = said.encode()
+    target.write(PACKED.pack(len(text), _END, 0, 0, b"") + text)
+    target.flush()
+
+
+if __name__ == "__main__":
+    confined(tell_frames)

@@ -1,22 +1,20 @@
 """A CAN log as a record: the rig's driven and measured columns on one time base, decoded with the catalogue."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.bus.absent import without_absent
-from hil.bus.catalogue import Catalogue, load_catalogue
-from hil.bus.codec import Refusal
+from hil.bus.catalogue import load_catalogue
+from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
-from hil.formats.channels import Channel, Heading
+from hil.formats.channels import Array, Channel, Heading
 from hil.formats.clock import between, increasing, mean_before
 from hil.formats.record import channel_record
 from hil.formats.table import format_of
-from hil.log.blf_file import RECEIVED, SENT, Logged
+from hil.log.blf_file import RECEIVED, SENT
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS
@@ -25,7 +23,6 @@ from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
 
-Array = NDArray[np.float64]
 _CALENDAR_S: Final = 1e6  # a later stamp is a date
 _ENABLE, _ENABLED, _DERATED = 2, 4, 5  # `Mode` of a command, and `State` of a drive that follows it
 _HEARTBEAT: Final = "Heartbeat"
@@ -42,9 +39,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Sources:
-    """A kind of rig's driven and measured column; `held` drives hold between commands, others go straight between
-    feedbacks.
-    """
+    """A kind of rig's driven and measured column; `held` drives hold between commands."""
 
     driven: Source
     measured: Source
@@ -72,9 +67,7 @@ SOURCES: Final[Mapping[str, Sources]] = {
 
 
 def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """A record of `rig` from a CSV file, a CAN log or a file of one of the formats in `hil.formats.table`; a
-    `lenient` reading takes times and values of a CSV file as they stand. Raises ValueError of one sentence.
-    """
+    """A record of `rig` from a CSV file, a CAN log or a file of another format; `lenient`: as `read_record`."""
     if is_log(path):
         return log_record(path, rig, driven_only=driven_only)
     if format_of(path):
@@ -83,42 +76,35 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """Every signal of the good frames of the log `path` as a channel `Frame/Signal`, at the frames' times of arrival,
-    NaN where it says nothing.
-    `tell` as `read_frames`. Raises ValueError of one sentence.
-    """
-    reading = _Reading(str(path), load_catalogue())
-    reading.take(read_frames(path, tell))
+    """Every signal of the good frames as a channel `Frame/Signal` at the times of arrival. Raises ValueError."""
+    reading = _Reading(path, tell)
     channels: list[Channel] = []
     for name, frames in reading.good.items():
-        times, kept = _increasing(np.array([t for t, _ in frames]))
+        times = np.array([t for t, _ in frames])
+        kept = increasing(times)
         heard = [without_absent(name, v) for _, v in frames]
         for one in reading.catalogue[name].fields:
             values = np.array([v[one.name] for v in heard], dtype=float)[kept]
             heading = Heading(f"{name}/{one.name}", one.unit, name, clocked=True, samples=len(values))
-            channels.append(Channel(heading, values, times))
+            channels.append(Channel(heading, values, times[kept]))
     if not channels:
         source = Path(reading.catalogue.source).name
         raise ValueError(f"{path}: log must hold frames of {source}; got none that is good")
     return channels
 
 
-def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Catalogue | None = None) -> Record:
-    """The record that the log `path` holds of `rig`.
-
-    Rows are the measured values' own times, arrival less the age that the frame states. A position or current that was
-    fed back is taken straight between its frames; a held drive is the mean of what was commanded since the row before,
-    as records of a switched drive have it, with rows between those of the measured values as often as commands come.
-    Frames that protection refuses and values that the sensor does not vouch for are left out. With `driven_only` the
-    measured frames may be missing: rows are then the drive's. Raises ValueError of one sentence.
+def log_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
+    """The record that the log `path` holds of `rig`: rows are the measured values' own times, arrival less the age that
+    the frame states. What was fed back goes straight between its frames; a held drive is the mean of what was commanded
+    since the row before. What protection refuses or the sensor does not vouch for is left out. With `driven_only` rows
+    may be the drive's. Raises ValueError of one sentence.
     """
     if rig.kind not in SOURCES:
         raise ValueError(
             f"{path}: CAN log must be of a rig of kind {', '.join(SOURCES)}; got kind {rig.kind!r}: give a CSV"
         )
-    sources, reading = SOURCES[rig.kind], _Reading(str(path), catalogue or load_catalogue())
     notes: list[str] = []
-    reading.take(read_frames(path, notes.append))
+    sources, reading = SOURCES[rig.kind], _Reading(path, notes.append)
     columns = _columns(reading, sources, driven_only)
     kind = KINDS[rig.kind]
     least, rows = 2 if driven_only else kind.layout.minimum, len(columns[TIME])
@@ -136,21 +122,15 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
     return Record(path.stem, rig.kind, columns, notes=tuple(notes))
 
 
-@dataclass
 class _Reading:
-    """The good frames of a log by name: arrival in s and values."""
+    """The good frames of a log by name: arrival in s (from the first frame on for a calendar's), values."""
 
-    where: str
-    catalogue: Catalogue
-    good: dict[str, list[tuple[float, dict[str, float]]]] = field(default_factory=dict)
-    receivers: dict[int, Receiver] = field(default_factory=dict)
-
-    def take(self, frames: Iterable[Logged]) -> None:
-        """Check and decode all frames; times from calendars become times since the first frame."""
-        names = {number: frame.name for number, frame in self.catalogue.by_id().items()}
+    def __init__(self, path: Path, tell: Tell | None) -> None:
+        self.where, self.catalogue = str(path), load_catalogue()
+        self.good: dict[str, list[tuple[float, dict[str, float]]]] = {}
         self.receivers = {frame.id: Receiver(frame) for frame in self.catalogue.frames.values()}
         start: float | None = None
-        for logged in frames:
+        for logged in read_frames(path, tell):
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
             receiver = self.receivers.get(logged.id)
@@ -159,9 +139,8 @@ class _Reading:
             now = logged.time_s - start
             values = receiver.accept(logged.data, now)
             if not isinstance(values, Refusal):
-                name = names[logged.id]
-                self._check_catalogue(name, values)
-                self.good.setdefault(name, []).append((now, values))
+                self._check_catalogue(receiver.frame.name, values)
+                self.good.setdefault(receiver.frame.name, []).append((now, values))
 
     def _check_catalogue(self, name: str, values: Mapping[str, float]) -> None:
         known = self.catalogue.fingerprint
@@ -171,16 +150,12 @@ class _Reading:
                 f"got {int(values['Catalogue']):#06x} in {name}"
             )
 
-    def has(self, name: str) -> bool:
-        """Whether good frames of this name came."""
-        return bool(self.good.get(name))
-
     def frames(self, name: str) -> list[tuple[float, dict[str, float]]]:
         """The good frames of a name, or the sentence that says what came instead."""
-        if self.has(name):
+        if name in self.good:
             return self.good[name]
         frame = self.catalogue[name]
-        refused = self.receivers[frame.id].statistics.refused
+        refused = self.receivers[frame.id].refused
         source = Path(self.catalogue.source).name
         if refused:
             why = ", ".join(f"{count} for {reason}" for reason, count in refused.items())
@@ -190,18 +165,10 @@ class _Reading:
 
 
 def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str, Array]:
-    driven = reading.frames(sources.driven.frame)
-    if driven_only and not reading.has(sources.measured.frame):
-        times = _increasing(np.array([t for t, _ in driven]))
-        rows, values = times[0], {}
-    else:
-        rows, measured = _measured(reading.frames(sources.measured.frame), sources.measured)
-        if not rows.size:
-            raise ValueError(
-                f"{reading.where}: {sources.measured.frame} must hold values that the sensor vouches for; got none"
-            )
-        values = {sources.measured.column: measured}
+    driven, measured = reading.frames(sources.driven.frame), sources.measured
     t = np.array([t for t, _ in driven])
+    seen = None if driven_only and measured.frame not in reading.good else _measured(reading, measured)
+    rows = t[increasing(t)] if seen is None else seen[0]
     inside = rows > t[0] if sources.held else (rows >= t[0]) & (rows <= t[-1])
     at, given = between(rows[inside], t if sources.held else t[:0])
     if sources.held:
@@ -209,29 +176,24 @@ def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str
     else:
         wanted = np.interp(at, t, np.array([v[sources.driven.signal] for _, v in driven]))
     columns = {TIME: at, sources.driven.column: wanted}
-    for name, column in values.items():
-        columns[name] = np.full(len(at), np.nan)
-        columns[name][given] = column[inside]
+    if seen is not None:
+        columns[measured.column] = np.full(len(at), np.nan)
+        columns[measured.column][given] = seen[1][inside]
     return columns
 
 
-def _measured(frames: list[tuple[float, dict[str, float]]], source: Source) -> tuple[Array, Array]:
+def _measured(reading: _Reading, source: Source) -> tuple[Array, Array]:
     """Times at which the values were true, increasing, and the values."""
-    found = [(t - v["Age_s"], v[source.signal]) for t, v in frames if v["Valid"]]
-    times, kept = _increasing(np.array([t for t, _ in found]))
-    return times, np.array([value for _, value in found])[kept]
-
-
-def _increasing(times: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The times that are later than all before them, and which these are."""
+    found = [(t - v["Age_s"], v[source.signal]) for t, v in reading.frames(source.frame) if v["Valid"]]
+    if not found:
+        raise ValueError(f"{reading.where}: {source.frame} must hold values that the sensor vouches for; got none")
+    times, values = np.array(found).T
     kept = increasing(times)
-    return times[kept], kept
+    return times[kept], values[kept]
 
 
 def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) -> tuple[Array, Array]:
-    """When the drive's level changed and to what: that of the newest command while it lives and the drive is
-    enabled.
-    """
+    """When the level changed and to what: the newest command's while it lives and the drive is enabled."""
     states = reading.good.get("InnerMassFeedback", [(0.0, {"State": float(_ENABLED)})])
     at = np.searchsorted(np.array([t for t, _ in states]), np.array([t for t, _ in frames]), "right") - 1
     runs = [states[max(k, 0)][1]["State"] in (_ENABLED, _DERATED) for k in at.tolist()]

@@ -1,6 +1,4 @@
-"""What a controller node leaves in its log: every frame in its own order, the operator's words, and times to the last
-bit.
-"""
+"""What a controller node leaves in its log: every frame in its own order, the operator's words, exact times."""
 
 from __future__ import annotations
 
@@ -45,7 +43,6 @@ class Recorder:
         log.before_close = self.flush
 
     def __call__(self, message: can.Message) -> None:
-        """Take one frame in."""
         if message.is_rx:
             self._tick.append(_Entry(message.timestamp, RECEIVED, message.arbitration_id, bytes(message.data)))
             return
@@ -78,7 +75,6 @@ class Recorder:
             self._word(now, CUT, action.cut_after)
 
     def flush(self) -> None:
-        """Write the tick that is over."""
         entries, self._tick = self._tick, []
         heard = [entry for entry in entries if entry.way == RECEIVED]
         own = [entry for entry in entries if entry.way != RECEIVED]
@@ -91,9 +87,7 @@ class Recorder:
         self._write([_Entry(now, NOTED, code, _value(value))])
 
     def _write(self, entries: list[_Entry], after: Sequence[_Entry] = ()) -> None:
-        """Write entries in their order, together, with the notes that they need; those of `after` were heard after what
-        the tick sent.
-        """
+        """Write entries with the notes that they need; those of `after` were heard after what the tick sent."""
         frames: list[Logged] = []
         for place, entry in enumerate([*entries, *after]):
             if not abs(entry.time_s) <= LATEST_S:
@@ -125,10 +119,7 @@ class _Entry(NamedTuple):
 def log_record(
     described: Mapping[str, str], controller: str, values: Theta, limits: Limits, catalogue: Catalogue, **more: Any
 ) -> dict[str, Any]:
-    """The record beside a log. `described` is {"deployment": text of a rig file} or {"scenario": text of a scenario
-    file}; `values` the learned model's parameters; `more` what else is worth keeping. With it `capsule replay` builds
-    the same controller again.
-    """
+    """The record beside a log, by which `capsule replay` builds the same controller; `described`: a file's text."""
     return {
         **described,
         "controller": controller,

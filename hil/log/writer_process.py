@@ -1,6 +1,4 @@
-"""The process that writes a log: frames from standard input to a BLF file, and to an MCAP file where one is asked for,
-until the input ends.
-"""
+"""The process that writes a log: frames from standard input to a BLF file, and to an MCAP file beside it."""
 
 import contextlib
 import os
@@ -27,22 +25,20 @@ _BLOCK: Final = PACKED.size * 2048  # bytes read at once
 def write_until_end(
     source: int,
     path: Path,
-    flush_s: float = FLUSH_S,
     *,
     calendar_s: float = 0.0,
     append: bool = False,
     mcap: Path | None = None,
     told: Callable[[int], object] = lambda count: None,
 ) -> int:
-    """Write the frames that come from the file descriptor `source` to `path`, on file every `flush_s`. `told` gets how
-    many are, at the begin and after each time; the whole number is returned. With `append` it goes on with the file,
-    after a note that frames are missing. `mcap` gets the good frames, too, as long as it takes them. Raises OSError
-    where the disk does not take them.
+    """Write the frames that come from `source` to `path`, on file every `FLUSH_S`; how many. `told` gets how many are,
+    each time. With `append` it goes on with the file, after a note that frames are missing. `mcap` gets the good
+    frames, too. Raises OSError where the disk does not take them.
     """
     file, rest, count = BlfFile(path, calendar_s, append=append), b"", 0
     beside = None if mcap is None else _Beside(mcap)
     told(count)
-    due = time.monotonic() + flush_s
+    due = time.monotonic() + FLUSH_S
     while True:
         ready, _, _ = select.select([source], [], [], max(due - time.monotonic(), 0.0))
         if ready:
@@ -62,7 +58,7 @@ def write_until_end(
         if time.monotonic() >= due:
             file.flush()
             told(count)
-            due = time.monotonic() + flush_s
+            due = time.monotonic() + FLUSH_S
     file.flush()
     file.stop()
     if beside is not None:
@@ -85,12 +81,10 @@ class _Beside:
         self._file = McapLog(self._path)
 
     def write(self, frame: Logged) -> None:
-        """Add a frame."""
         if self._file is not None:
             self._doing(partial(self._file.write, frame))
 
     def close(self) -> None:
-        """End the file."""
         if self._file is not None:
             self._doing(self._file.close)
 
@@ -105,9 +99,7 @@ class _Beside:
 
 
 def main() -> int:
-    """`PATH CALENDAR_S MCAP [append]`, MCAP "" for none; says on standard output how many frames are on file, or what
-    is wrong with it.
-    """
+    """`PATH CALENDAR_S MCAP [append]`; says on standard output how many frames are on file, or what is wrong."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)

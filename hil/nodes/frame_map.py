@@ -16,21 +16,16 @@ from models.parameter import nearest
 
 Observer = Callable[[can.Message], object]
 """Sees every frame of a node, with its timestamp."""
-OFF, READY, ENABLE, QUICK_STOP = range(4)
-"""Modes of a command."""
+OFF, READY, ENABLE, QUICK_STOP = range(4)  # modes of a command
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
 MOVING: Final = (ENABLED, DERATED)
 NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, OVER_SPEED, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
-SENSOR, BUS_OFF, SUPPLY, SELF_TEST_FAILED, INTERNAL = range(7, 12)
-"""Codes of faults, in the numbers of fault frames."""
-IN_HEARTBEAT: Final = (0, 0, 1, 1, 2, 2, 3, 4)
-"""The same in the numbers of heartbeats."""
-LONGEST_S: Final = 167772.0
-"""The longest time that a frame can tell."""
+SENSOR, BUS_OFF, SUPPLY, SELF_TEST_FAILED, INTERNAL = range(7, 12)  # codes of faults, in the numbers of fault frames
+IN_HEARTBEAT: Final = (0, 0, 1, 1, 2, 2, 3, 4)  # the same in the numbers of heartbeats
+LONGEST_S: Final = 167772.0  # the longest time that a frame can tell
 FASTEST_M_S: Final = 0.4  # what the frame can say
-QUICK_STOP_M_S2: Final = 25.0
-"""Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms."""
+QUICK_STOP_M_S2: Final = 25.0  # braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms
 
 
 @dataclass(frozen=True)
@@ -39,11 +34,9 @@ class FrameMap:
     the signal of its feedback that rests while it is not enabled, `target` its number in SafeStop and DriveReset,
     `bounds` the limits that its command's signals must hold. A command is worth something for `life_ms`: the drive's
     safe state (carriage at rest, no current, inner mass off) follows the last one within `stops_s`, the time to brake
-    included. For as long a controller that did not get the processor may be silent and go on. The last
-    good feedback it follows within `seen_s`. `feedback_s` is how old the feedback of a drive at rest may be: what is
-    left of that once a tick until the guard sees it, the way of the stop to the drive and, of a coil, the decay of its
-    current are taken off. `command`, `feedback`, `fault`, `heartbeat` and `challenge` (the number that must be answered
-    before the drive becomes ready) name its frames.
+    included. For as long a controller may be silent and go on. It follows the last good feedback within `seen_s`.
+    `feedback_s` is how old the feedback of a drive at rest may be, less a tick to the guard, the way of the stop and
+    the decay of a coil's current. `command` to `challenge` name its frames.
     """
 
     drive: Driven
@@ -70,9 +63,7 @@ class FrameMap:
             object.__setattr__(self, part.lower(), self.node + part)
 
     def life_ms(self, rate: float) -> int:
-        """Time to live in ms of a command that changes by `rate` a second: `still_ms` less the time to brake from
-        there, at least 6.
-        """
+        """Time to live in ms of a command that changes by `rate` a second, less the time to brake, at least 6."""
         return max(int(self.still_ms - 1e3 * abs(rate) / self.braking_m_s2), 6)
 
     def values(self, command: float, rate: float, mode: int) -> dict[str, float]:
@@ -90,15 +81,13 @@ def plain(message: can.Message) -> bool:
     return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
 
 
-def heartbeat(state: int, up_s: float, catalogue: Catalogue) -> dict[str, float]:
+def heartbeat(state: int, up_s: float) -> dict[str, float]:
     """The signals of the heartbeat of a node in `state`, in the numbers of heartbeats, that has run for `up_s`."""
-    return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": catalogue.fingerprint}
+    return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": frames().fingerprint}
 
 
 def answer_of(number: int, target: int) -> int:
-    """The answer to a drive's challenge: CRC-32 of its `number`, 4 bytes, least first, and of the drive's `target`. It
-    shows that the sender has heard this challenge, not who the sender is.
-    """
+    """The answer to a challenge: CRC-32 of `number` (4 bytes, least first) and `target`."""
     return zlib.crc32(number.to_bytes(4, "little") + bytes([target]))
 
 
@@ -128,6 +117,11 @@ def frame_map_of(kind: str) -> FrameMap:
             f"rig.kind must be one of {', '.join(FRAME_MAPS)} on the bus; got {kind!r}; {nearest(kind, FRAME_MAPS)}"
         )
     return FRAME_MAPS[kind]
+
+
+def controllers_frames() -> dict[int, str]:
+    """Identifiers and names of the frames that a controller alone sends."""
+    return {frame.id: frame.name for frame in frames().frames.values() if frame.sender == "Controller"}
 
 
 @cache

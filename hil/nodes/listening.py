@@ -1,7 +1,7 @@
 """Listening to a bus whose driver may raise: for a while, or to what waits there."""
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 
 import can
 
@@ -32,13 +32,3 @@ def waiting(
         if message is None:
             return
         yield message
-
-
-def silent(node: str, seconds: float, others: Collection[int], errors: int, causes: tuple[str, str]) -> ValueError:
-    """That `node` did not answer within `seconds`, who speaks instead, and what to look at: the first of `causes` where
-    there were error frames, the second where there was silence.
-    """
-    speak = f"; node {', '.join(map(str, sorted(others)))} speaks" if others else ""
-    broken = f"; {errors} error frames: {causes[0]}" if errors else ""
-    silence = "" if speak or broken else f"; silence: {causes[1]}"
-    return ValueError(f"{node} must answer within {seconds:g} s{speak}{broken}{silence}")

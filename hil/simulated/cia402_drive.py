@@ -1,6 +1,4 @@
-"""A carriage as a CiA 402 drive on CANopen, simulated: what `hil.drives.cia402.setup` sets up and `Cia402Bus` leads.
-Needs canopen.
-"""
+"""A carriage as a CiA 402 drive on CANopen, simulated. Needs canopen."""
 
 import math
 from typing import Any, Final
@@ -24,19 +22,15 @@ _HOMING_BITS: Final = {
     NOT_FOUND: p402.REACHED | p402.HOMING_ERROR,
 }
 """Bits 13, 12 and 10 of the statusword: not started or interrupted, on the way, done, failed at rest."""
-_INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022
-"""Abort codes of SDO."""
+_INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022  # abort codes of SDO
 
 
 class Cia402Drive(MakersDrive):
     """What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last
-    rate: the worst of what the profile leaves open for places, and what it means for speeds. RPDO 1 later than its
-    event timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A fault
-    reset disables, no more. It takes a mode that 0x6502 names and shows it at 0x6061, homes from the rising edge of bit
-    4 on, and sets bits 10 to 13 of its statusword as the mode wants them.
+    rate: the worst of what the profile leaves open. RPDO 1 too late, a controller without heartbeat and heat are
+    faults.
 
-    What it may do wrong: it `stays` in its mode whatever is asked for, `ignores` its targets and says so, is `jammed`,
-    or does not find its home (`homeless`).
+    What it may do wrong: it `stays` in its mode, `ignores` its targets and says so, is `jammed`, or `homeless`.
     """
 
     LED = p402.OPERATION
@@ -45,7 +39,6 @@ class Cia402Drive(MakersDrive):
     stays = ignores = jammed = homeless = False
 
     def boot(self, now: float) -> None:
-        """Nothing is set up."""
         super().boot(now)
         self.network = PolledNetwork(self.bus)
         objects = dictionary(self.table, self.limits, self.tick_s)
@@ -89,11 +82,9 @@ class Cia402Drive(MakersDrive):
         self.network.beat(self._now)
 
     def _held(self, index: int, sub: int = 0) -> int:
-        """The value of an object."""
         return int((self.node.sdo[index][sub] if sub else self.node.sdo[index]).raw)
 
     def output(self, dt: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s."""
         share = 0.0 if not self.led else 0.5 if self._warm else 1.0
         turns = self._rate_m_s and not (self.ignores or self.jammed)
         if share and turns and self._now - self._taken_at > self.tick_s - 0.5 * dt:
@@ -131,9 +122,7 @@ class Cia402Drive(MakersDrive):
             raise canopen.SdoAbortedError(_NOT_NOW)
 
     def _home(self, *, begins: bool) -> None:
-        """From the rising edge of bit 4 until it falls: method 35 and 37 take the present place as zero, every other
-        one moves to `home_m`.
-        """
+        """From the rising edge of bit 4 until it falls: the present place by 35 and 37, else `home_m`."""
         if begins:
             self.homing = HOMING
         if self.homing != HOMING:
@@ -199,7 +188,6 @@ class Cia402Drive(MakersDrive):
             self.power.aim(self._demand_m, self.tick_s)
 
     def _go(self, word: int, before: int) -> None:
-        """One step of the state machine."""
         cause, state = self._cause(), self.state
         self.state = p402.next_state(state, word, before, cause=bool(cause), at_rest=self.power.at_rest)
         if self.led and not self.mode:
@@ -215,7 +203,6 @@ class Cia402Drive(MakersDrive):
         self._since = self._now if self.state != state else self._since
 
     def _cause(self) -> int:
-        """The error code of what is wrong at this moment."""
         self._hot_since = min(self._hot_since, self._now) if self.too_hot else math.inf
         if self._now - self._hot_since >= HOT_S:
             return TEMPERATURE_ERROR

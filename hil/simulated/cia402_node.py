@@ -17,10 +17,8 @@ from hil.drives.cia402.setup import PROFILE, entries
 
 KNOWN: Final = (p402.HOMING_MODE, p402.CYCLIC_SYNCHRONOUS_POSITION, p402.CYCLIC_SYNCHRONOUS_VELOCITY)
 """Modes of operation that the drive knows."""
-MONITORED_OFF: Final = 0xFFFFFFFF
-"""A following error window that is none, as drives are shipped."""
-_TOLD: Final = (0x1000, 0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x6502)
-"""Objects that are read alone."""
+MONITORED_OFF: Final = 0xFFFFFFFF  # A following error window that is none, as drives are shipped
+_TOLD: Final = (0x1000, 0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x6502)  # objects that are read alone
 _TYPES: Final = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
 _SIGNED: Final = {1: datatypes.INTEGER8, 2: datatypes.INTEGER16, 4: datatypes.INTEGER32}
 _NEGATIVE: Final = (0x607C, 0x607D, 0x6064, 0x606C, 0x607A, 0x60FF, 0x6060, 0x6061, 0x6098)  # objects that are signed
@@ -34,7 +32,6 @@ class PolledNetwork(canopen.Network):  # type: ignore[misc]
         self._beats: list[_Beat] = []
 
     def send_periodic(self, can_id: int, data: Any, period: float, remote: bool = False) -> _Beat:
-        """Remember what is to be sent."""
         self._beats.append(_Beat(self, can_id, bytes(data), period))
         return self._beats[-1]
 
@@ -44,7 +41,6 @@ class PolledNetwork(canopen.Network):  # type: ignore[misc]
             super().send_message(can_id, data, remote)
 
     def beat(self, now: float) -> None:
-        """Send what is due."""
         self._beats = [one for one in self._beats if one.alive]
         for one in self._beats:
             one.send(now)
@@ -58,17 +54,14 @@ class _Beat:
         self._at, self.alive = -math.inf, True
 
     def send(self, now: float) -> None:
-        """Send it where it is due."""
         if now - self._at >= self._period_s - 1e-4:
             self._at = now
             self._network.send_message(self._identifier, self._data)
 
     def update(self, data: Any) -> None:
-        """Other contents from now on."""
         self._data = bytes(data)
 
     def stop(self) -> None:
-        """No more."""
         self.alive = False
 
 

@@ -8,14 +8,11 @@ from typing import Final
 import can
 
 from controller.limits import Limits
-from hil.bus.absent import NOT_MEASURED_C
-from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver, Reception
+from hil.bus.codec import NOT_MEASURED_C, Refusal
+from hil.bus.protection import FrameTransmitter, Reception
 from hil.nodes import frame_map as wire
 from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
 from hil.nodes.listening import waiting
-from hil.nodes.transmit import FrameTransmitter
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
@@ -30,55 +27,45 @@ _WARMTH_C: Final = 8.0  # by which it is warmer at full load
 
 
 class DriveNode:
-    """Listens, steps its state machine each time its firmware runs, and moves its power stage only while enabled and
-    its command lives.
+    """Listens, steps its state machine, and moves its power stage only while enabled and its command lives.
 
-    A command counts from its arrival for its time to live, as long as which the next one may count on from it, but from
-    no more than a tick after the begin of its own tick: one that comes late lives shorter, one that comes too late is
-    refused as `stale`. It is taken over with the next SYNC, without one at the drive's own pace. A temperature above
-    `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for
-    60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step
-    only. A controller that has begun anew (its uptime has fallen) is told of it again.
+    A command counts from its arrival for its time to live, but from no more than a tick after the begin of its own
+    tick: one that comes too late is refused as `stale`. It is taken over with the next SYNC, without one at the drive's
+    own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a
+    controller without heartbeat for 60 ms, and to be off the bus. A controller that has begun anew is told of a latched
+    fault again.
 
-    Whenever it comes to stand by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that
-    has been answered: what was recorded before cannot enable it. Frames of another type than classic data with an
-    11-bit identifier are counted (`strange`) and ignored; a bus that raises is a slot in which nothing is heard
+    Standing by it draws a number (`draw`), tells it, and does not become ready before that has been answered: what was
+    recorded before cannot enable it. Frames of other types are counted (`strange`), and slots in which the bus raises
     (`deaf`).
     """
 
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         power: Power,
         limits: Limits,
         tick_s: float,
-        now: float = 0.0,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         self._draw = draw
         self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
-        self.catalogue = catalogue
         self.temperature_C = AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
         self.broken, self.node_id = False, wiring.target
-        self._names = {
-            catalogue[n].id: n
-            for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
-        }
-        self.boot(now)
+        self.boot(0.0)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
-        self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
+        names = (self.wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
+        self.reception = Reception(wire.frames()[name] for name in names)
         for name in (self.wiring.command, "Sync"):
-            receiver = self.reception.receivers[self.catalogue[name].id]
+            receiver = self.reception.receivers[wire.frames()[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.transmitter = FrameTransmitter(
             self.bus,
-            self.catalogue,
             (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
         )
         self.stage = Stage(wire.BOOT, now)
@@ -93,8 +80,7 @@ class DriveNode:
 
     @property
     def rejected(self) -> int:
-        """Frames refused so far."""
-        return self.stale + self.strange + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+        return self.stale + self.strange + self.reception.refused
 
     @property
     def safe(self) -> bool:
@@ -102,9 +88,7 @@ class DriveNode:
         return not states.may_move(self.stage) and self.power.at_rest
 
     def listen(self, now: float, slots: int) -> None:
-        """One run of the firmware at `now`, `slots` of which make a tick: take frames in, step the state machine,
-        report.
-        """
+        """One run of the firmware, `slots` of which make a tick: take frames in, step the state machine, report."""
         synced = self._hear(now)
         self._phase = 0 if synced else (self._phase + 1) % slots
         if self._phase == 0 and not synced:
@@ -121,7 +105,6 @@ class DriveNode:
         self._report(now, self._phase == 0)
 
     def output(self, dt: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s."""
         share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == wire.DERATED else 1.0
         load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (AMBIENT_C + _WARMTH_C * load - self.temperature_C)
@@ -141,8 +124,8 @@ class DriveNode:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if isinstance(values, Refusal):
                 continue
-            name, stamp = self._names[message.arbitration_id], message.timestamp
-            counter = self.reception.receivers[message.arbitration_id].counter
+            receiver = self.reception.receivers[message.arbitration_id]
+            name, counter, stamp = receiver.frame.name, receiver.counter, message.timestamp
             if name == "Sync":
                 if not self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
                     self.stale += 1
@@ -177,7 +160,7 @@ class DriveNode:
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2
             self._uptime_s = values["Uptime_s"]
-            self._heard_at, self._stranger = stamp, values["Catalogue"] != self.catalogue.fingerprint
+            self._heard_at, self._stranger = stamp, values["Catalogue"] != wire.frames().fingerprint
 
     def _take_over(self) -> None:
         if self._waiting:
@@ -185,7 +168,6 @@ class DriveNode:
             self.power.aim(self._setpoint, self.tick_s)
 
     def _cause(self, now: float) -> int:
-        """What is wrong at this moment."""
         if self.bus.state == can.BusState.ERROR:
             return wire.BUS_OFF
         self._hot_since = min(self._hot_since, now) if self.temperature_C > self.limits.temperature_C else math.inf
@@ -209,7 +191,7 @@ class DriveNode:
             self.transmitter.say(self.wiring.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
-            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
+            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began)
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:

@@ -44,7 +44,6 @@ _INNER: Final = (
 
 
 def input_of(drive: TrueDrive) -> Named:
-    """The command of a drive."""
     if isinstance(drive, TruePull):
         return Named("pull_position_m", "m", "imposed position, reached at the end of a communication step")
     if _by_coil(drive):
@@ -55,7 +54,6 @@ def input_of(drive: TrueDrive) -> Named:
 
 
 def outputs_of(drive: TrueDrive) -> list[Named]:
-    """What a rig with this drive shows beside the force."""
     return [*_EVERY, *([_CURRENT] if _by_coil(drive) else []), *(_INNER if isinstance(drive, TrueVibro) else [])]
 
 
@@ -63,8 +61,7 @@ def _by_coil(drive: TrueDrive) -> bool:
     return isinstance(drive, TrueCoil) or (isinstance(drive, TrueVibro) and drive.coil is not None)
 
 
-UNPACKED: Final = 1 << 30
-"""Most bytes that an FMU may unpack to."""
+UNPACKED: Final = 1 << 30  # most bytes that an FMU may unpack to
 
 
 @dataclass(frozen=True)
@@ -77,9 +74,7 @@ class FmuFile:
 
 
 def read_fmu(path: Path, rig: Truth) -> FmuFile:
-    """The FMU `path` for a plant like `rig`, Co-Simulation of FMI 2 or 3. Raises ValueError of one sentence for a file
-    that is none, or one with other variables.
-    """
+    """The FMU `path` for a plant like `rig`. Raises ValueError of one sentence where it is none for it."""
     if find_spec("fmpy") is None:
         raise ValueError("plant.fmu needs the package fmpy, which is not installed: pip install '.[fmu]'")
     import fmpy
@@ -119,42 +114,32 @@ def _check_archive(path: Path) -> None:
 
 
 class FmuPlant:
-    """`plant.session.Stepped` by an FMU at rest at 0. A row has what its outputs show at that time; between rows the
-    drive's command is set to what it is at the step's end.
-    """
+    """`plant.session.Stepped` by an FMU at rest at 0: rows have its outputs, steps the drive's command at their end."""
 
     def __init__(self, path: Path, rig: Truth) -> None:
         """Raises ValueError as `read_fmu`, and for one that does not start."""
         import fmpy
-        from fmpy.fmi2 import FMU2Slave
-        from fmpy.fmi3 import FMU3Slave
+        from fmpy.simulation import instantiate_fmu
 
         self.rig, self._path, self._file = rig, path, read_fmu(path, rig)
         self.state: Floats = np.zeros(at.S_COUNT)
         unpacked = tempfile.mkdtemp(prefix="capsule-fmu-")
         weakref.finalize(self, shutil.rmtree, unpacked, ignore_errors=True)
-        told, self._third = self._file.description, self._file.description.fmiVersion.startswith("3.")
-        kind = FMU3Slave if self._third else FMU2Slave
+        third = self._file.description.fmiVersion.startswith("3.")
         try:
             folder = fmpy.extract(str(path), unzipdir=unpacked)
-            self._unit = kind(
-                guid=told.guid,
-                unzipDirectory=folder,
-                modelIdentifier=told.coSimulation.modelIdentifier,
-                instanceName="plant",
-            )
-            self._unit.instantiate()
-            if not self._third:
-                self._unit.setupExperiment(startTime=0.0)
-            self._unit.enterInitializationMode()
-            self._unit.exitInitializationMode()
+            self._unit = unit = instantiate_fmu(folder, self._file.description, "CoSimulation")
+            self._set, self._get = (unit.setFloat64, unit.getFloat64) if third else (unit.setReal, unit.getReal)
+            if not third:
+                unit.setupExperiment(startTime=0.0)
+            unit.enterInitializationMode()
+            unit.exitInitializationMode()
             self._seen = self._outputs()
         except Exception as error:  # noqa: BLE001  a foreign program: whatever it does
             raise ValueError(f"plant.fmu must start; got {path}: {error}") from None
 
     @property
     def time(self) -> float:
-        """Seconds simulated so far."""
         return float(self.state[at.S_STEP] * self.rig.step_s)
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
@@ -172,10 +157,7 @@ class FmuPlant:
     def _step(self, command: float, steps: int) -> None:
         dt = self.rig.step_s
         try:
-            if self._third:
-                self._unit.setFloat64([self._file.command], [command])
-            else:
-                self._unit.setReal([self._file.command], [command])
+            self._set([self._file.command], [command])
             self._unit.doStep(self.time, steps * dt)
             self.state[at.S_STEP] += steps
             self._seen = self._outputs()
@@ -186,8 +168,7 @@ class FmuPlant:
         self.state[at.S_CURRENT] = self._row(command)[at.O_CURRENT]
 
     def _outputs(self) -> Floats:
-        references = list(self._file.outputs)
-        return np.array(self._unit.getFloat64(references) if self._third else self._unit.getReal(references))
+        return np.array(self._get(list(self._file.outputs)))
 
     def _row(self, drive: float) -> Floats:
         row = np.zeros(at.O_COUNT)

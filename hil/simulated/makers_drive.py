@@ -12,17 +12,14 @@ from hil.nodes.listening import waiting
 from hil.simulated.power_stage import CarriagePower
 from hil.simulated.state_machine import Stage
 
-MOST: Final = 256
-"""Frames that a firmware takes in at once."""
+MOST: Final = 256  # frames that a firmware takes in at once
 AMBIENT_C: Final = 25.0  # of a laboratory
 
 
 class MakersDrive(ABC):
-    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command. Its state in its
-    maker's numbers is `state`, `LED` that in which it follows commands.
-
-    It is as hot as it is `heated_to_C`, its encoder shows what `misread` makes of the place, or nothing where it is
-    `broken`, and it answers as `node_id`. `rejected` counts frames that were refused or not sent.
+    """Behaves as a `DriveNode` to the plant. Its state in its maker's numbers is `state`, `LED` that in which it
+    follows. It is as hot as it is `heated_to_C`, its encoder shows what `misread` makes of the place, or nothing where
+    it is `broken`, and it answers as `node_id`. `rejected` counts frames that were refused or not sent.
     """
 
     LED: int
@@ -45,7 +42,6 @@ class MakersDrive(ABC):
 
     @property
     def led(self) -> bool:
-        """Whether it follows commands."""
         return self.state == self.LED
 
     @property
@@ -55,7 +51,6 @@ class MakersDrive(ABC):
 
     @property
     def temperature_C(self) -> float:
-        """Its temperature."""
         return max(AMBIENT_C, self.heated_to_C)
 
     @property

@@ -1,6 +1,4 @@
-"""A CAN bus in simulated time: arbitration, true frame lengths, error counters, bus-off. Deterministic; time moves only
-when told.
-"""
+"""A CAN bus in simulated time: arbitration, true frame lengths, error counters, bus-off. Deterministic."""
 
 from __future__ import annotations
 
@@ -33,9 +31,7 @@ Disturb = Callable[[float, str, can.Message], bool]
 
 @dataclass(slots=True)
 class Counters:
-    """A node's error counters and what went through it; `longest_s` is the longest time from being queued to the end of
-    the frame.
-    """
+    """A node's error counters and what went through it; `longest_s`: from being queued to the frame's end."""
 
     transmit: int = 0
     receive: int = 0
@@ -54,14 +50,10 @@ class _Waiting(NamedTuple):
 
 
 class Medium:
-    """The wire. `advance` moves the time; frames sent by the nodes before that take part in it from then on.
-
-    Modelled: arbitration by identifier, every frame's own length with stuff bits, error signalling with retransmission,
-    error counters (+8 and -1 for the sender, +1 and -1 for receivers), passive nodes' pause, bus-off without automatic
-    return, a collision of two senders of one identifier, a sender without anybody to acknowledge. Not modelled:
-    propagation, sampling, overload frames, remote frames, different views of one error. Only 11-bit data frames; with a
-    `data_bit_rate` CAN FD's too, whose data it switches to and which every node understands. `shown` is called with
-    every frame that was sent, and takes no part in the bus.
+    """The wire. `advance` moves the time; frames sent before take part in it from then on, by arbitration, with their
+    own length and stuff bits, error signalling, retransmission and counters, passive nodes' pause, bus-off without
+    automatic return, collisions of one identifier, and senders without anybody to acknowledge. Not modelled:
+    propagation, sampling, overload and remote frames, different views of one error. `shown` is called with every frame.
     """
 
     def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None, data_bit_rate: int = 0) -> None:
@@ -79,7 +71,6 @@ class Medium:
 
     @property
     def now_s(self) -> float:
-        """Simulated time."""
         return self._now / self.bit_rate
 
     @property
@@ -88,9 +79,7 @@ class Medium:
         return self.busy_bits / max(self._now, self._free, 1)
 
     def advance(self, until_s: float) -> None:
-        """Let the bus run until `until_s`; frames that end by then are in the receivers' inboxes. Time never goes
-        back.
-        """
+        """Let the bus run until `until_s`; frames that end by then are in the inboxes. Time never goes back."""
         end = max(round(until_s * self.bit_rate), self._now)
         while self._land(end):
             start, ready = self._contenders(end)
@@ -100,14 +89,11 @@ class Medium:
         self._now = end
 
     def queue(self, port: SimulatedBus, message: can.Message) -> None:
-        """Put a node's frame into its queue."""
         self._number += 1
         heapq.heappush(port.waiting, _Waiting(_rank(message), self._number, self._now, message))
 
     def leave(self, port: SimulatedBus) -> None:
-        """Take a node off the bus, as its error counters would: its queue is forgotten, and a frame that it has on the
-        wire breaks off there, as an error to all others.
-        """
+        """Take a node off the bus, as its error counters would: its queue is forgotten, its frame breaks off."""
         port.counters.transmit = BUS_OFF
         port.waiting.clear()
         if self._flying is not None and self._flying[1] is port:
@@ -124,7 +110,6 @@ class Medium:
         port.counters.transmit = port.counters.receive = 0
 
     def online(self, port: SimulatedBus) -> bool:
-        """Whether a node takes part."""
         return port.counters.transmit < BUS_OFF and self._now >= port.offline_until
 
     def _land(self, end: int) -> bool:
@@ -185,9 +170,7 @@ class Medium:
                 winner.suspended_until = self._free + SUSPENDED_BITS
 
     def _fail(self, start: int, senders: list[SimulatedBus], waiting: _Waiting, acknowledged: bool = True) -> None:
-        """An error frame: counters move, the frame stays in the queue for another try unless its sender has left the
-        bus.
-        """
+        """An error frame: counters move, the frame stays in the queue unless its sender has left the bus."""
         self._occupy(start, self._bits(waiting.message) // 2 + ERROR_BITS)
         for port in self.ports:
             if port in senders:
@@ -202,7 +185,6 @@ class Medium:
                 port.counters.receive = min(port.counters.receive + 1, PASSIVE)
 
     def _bits(self, message: can.Message) -> int:
-        """Bits of a frame at the bus's bit rate."""
         if message.is_fd:
             ratio = self.data_bit_rate / self.bit_rate if message.bitrate_switch else 1.0
             return fd_frame_bits(message.is_extended_id, len(message.data), ratio)
@@ -223,10 +205,7 @@ def _first(port: SimulatedBus) -> _Waiting:
 
 
 class SimulatedBus(OwnBus):
-    """A node on a `Medium`, a python-can bus. `recv` gives what has come in by the medium's time and never waits,
-    whatever its timeout; `send` queues at the medium's time. Both refuse a node that is off the bus with
-    CanOperationError.
-    """
+    """A node on a `Medium`: `recv` never waits, `send` queues at the medium's time."""
 
     def __init__(self, medium: Medium, name: str) -> None:
         super().__init__(channel=name)
@@ -239,9 +218,7 @@ class SimulatedBus(OwnBus):
         medium.ports.append(self)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Queue a frame; raises CanOperationError with 64 frames waiting or off the bus, ValueError for anything but a
-        data frame of 11 bits, or one of CAN FD where the medium has a data bit rate.
-        """
+        """Queue a frame; raises CanOperationError when full or off the bus, ValueError for another type."""
         fit = msg.is_fd if self.medium.data_bit_rate and msg.is_fd else not msg.is_extended_id and not msg.is_fd
         if not fit or msg.is_remote_frame or msg.is_error_frame or len(msg.data) > (64 if msg.is_fd else 8):
             raise ValueError(f"message must be a classic data frame with an 11-bit identifier; got {msg}")
@@ -287,7 +264,6 @@ class SimulatedBus(OwnBus):
         """Nothing to release, so nothing to warn of."""
 
     def shutdown(self) -> None:
-        """Leave the medium."""
         super().shutdown()
         if self in self.medium.ports:
             self.medium.ports.remove(self)

@@ -1,6 +1,4 @@
-"""A carriage as a moteus controller, simulated after its maker's reference of registers and configuration and its
-firmware: what `hil.drives.moteus` sets up and leads.
-"""
+"""A carriage as a moteus controller, simulated after its maker's reference and firmware."""
 
 import math
 import struct
@@ -21,9 +19,7 @@ BOOT_S: Final = 0.03  # of the simulated drive
 PREPARES_S: Final = 0.01
 """From the first command to position mode: modes 2 to 4, gate driver and zero of the current sensors."""
 DAMPED_S: Final = 0.02
-"""Time constant with which the carriage is braked beside its friction, where no limit of acceleration leads it to rest:
-the maker states none, it goes with gains or resistance and what is moved.
-"""
+"""With which the carriage is braked beside its friction, where no limit leads it to rest; the maker states none."""
 _COMMAND: Final = {
     wire.COMMAND_POSITION: 0.0,
     wire.COMMAND_VELOCITY: 0.0,
@@ -36,8 +32,7 @@ _COMMAND: Final = {
 _RESTING: Final = 1e-9  # turns/s
 _LONGEST: Final = 64  # bytes of a frame
 _SUPPLY_V: Final = 24.0  # of the simulated drive
-UNKNOWN, READ_ONLY = 1, 2
-"""Error numbers of a register."""
+UNKNOWN, READ_ONLY = 1, 2  # error numbers of a register
 # scale of int8, int16 and int32, of moteus' reference
 _POSITION, _VELOCITY, _ACCELERATION = (0.01, 1e-4, 1e-5), (0.1, 0.00025, 1e-5), (0.05, 0.001, 1e-5)
 # the same
@@ -73,9 +68,7 @@ def to_raw(number: int, form: int, value: float) -> float:
 
 
 def answer(part: Part, register: Callable[[int], float | None]) -> tuple[bytes, bool]:
-    """The reply to a question for registers, and whether there are all of them: an error in its place where not, after
-    which nothing more of the frame is read.
-    """
+    """The reply to a question for registers, and whether there are all: else an error, and nothing more is read."""
     raw: list[float] = []
     for number in range(part.first, part.first + part.count):
         value = register(number)
@@ -92,10 +85,9 @@ def _error(kind: int, number: int, code: int) -> bytes:
 
 class MoteusDrive(MakersDrive):
     """It speaks only when asked. `settings` are its configuration as shipped since firmware of March 2026. A command in
-    position mode goes on at its rate until it ends with its watchdog, 0 meaning `default_timeout_s` and nan none: then
-    mode 11, which brakes by `timeout_mode` and is latched until "stopped". A fault takes the torque away: the carriage
-    coasts; "stopped" clears it. After a boot it knows its place at the output if an `output_encoder` is there, else
-    within a turn of the rotor. What "conf set" wrote is lost then.
+    position mode goes on at its rate until its watchdog, 0 meaning `default_timeout_s` and nan none: then mode 11,
+    which brakes by `timeout_mode` and is latched until "stopped". A fault takes the torque away: the carriage coasts;
+    "stopped" clears it. After a boot it knows its place at the output if an `output_encoder` is there.
     """
 
     LED = POSITION_MODE
@@ -151,7 +143,6 @@ class MoteusDrive(MakersDrive):
             self._take(number >> 8 & 0xFF, bytes(message.data))
 
     def output(self, dt: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s."""
         brakes = self.settings["servo.timeout_mode"] if self.state == TIMED_OUT else self.state
         slows = self.state == TIMED_OUT and brakes == POSITION_MODE and not math.isnan(self.path.acceleration)
         follows = self.state == POSITION_MODE or (slows and max(abs(self.path.rate), abs(self.power.rate)) > _RESTING)
@@ -163,7 +154,6 @@ class MoteusDrive(MakersDrive):
         return self.power.step(dt, float(follows), sensed)
 
     def _run(self) -> None:
-        """Faults, and the watchdog."""
         if self.state == wire.ENABLING and self._now >= self._prepared:
             self._become(POSITION_MODE)
             self.path.begin(self.power.output * self.table.turns_per_m, self.power.rate * self.table.turns_per_m)
@@ -180,9 +170,7 @@ class MoteusDrive(MakersDrive):
             self.path.command(math.nan, 0.0, speed, acceleration)
 
     def _take(self, source: int, data: bytes) -> None:
-        """The subframes of a frame, in order, up to one that cannot be read, and the reply where one is wanted. A mode
-        makes a command of what is written, once the frame is over.
-        """
+        """The subframes in order, up to one that cannot be read, and the reply; the mode acts at the end."""
         self._reply, self._commanded = b"", False
         try:
             for part in wire.parts(data):
@@ -287,7 +275,6 @@ class MoteusDrive(MakersDrive):
         return known[number] if number in known else self.held.get(number)
 
     def _line(self, text: bytes) -> None:
-        """A line of the diagnostic stream."""
         words = text.decode("ascii", "replace").split()
         if words[:2] == ["conf", "get"] and words[-1] in self.settings:
             self._stream += f"{self.settings[words[-1]]:g}\r\n".encode()

@@ -26,14 +26,12 @@ class MotorPath:
         self.place, self.rate, self._target, self._rate = place, rate, math.nan, 0.0
 
     def command(self, place: float, rate: float, speed: float, acceleration: float) -> None:
-        """Take a command."""
         self.speed, self.acceleration = (limit if limit < _NO_LIMIT else math.nan for limit in (speed, acceleration))
         speed = self.speed
         rate = 0.0 if math.isnan(rate) else rate
         self._target, self._rate = place, rate if math.isnan(speed) else min(max(rate, -speed), speed)
 
     def step(self, dt: float) -> None:
-        """Go on by `dt` s."""
         before, target = self.rate, self._target
         if math.isnan(self.speed) and math.isnan(self.acceleration):
             self.place, self.rate, self._target = target if math.isfinite(target) else self.place, self._rate, math.nan

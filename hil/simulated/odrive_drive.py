@@ -11,12 +11,10 @@ from hil.drives.odrive.protocol import CLOSED_LOOP, IDLE, INITIALIZING, UNDEFINE
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, NO_FAULT, STANDBY, plain
 from hil.simulated.makers_drive import MakersDrive
 
-ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418
-"""Endpoint ids of this simulated firmware where the table states none."""
+ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418  # endpoint ids of this simulated firmware where the table states none
 FIRMWARE: Final = (0, 6, 11)  # that the simulated drive has
 BOOT_S: Final = 0.05  # of the simulated drive
-HEARTBEAT_EVERY, ESTIMATES_EVERY = 10, 2
-"""In runs of the firmware of 1 ms."""
+HEARTBEAT_EVERY, ESTIMATES_EVERY = 10, 2  # in runs of the firmware of 1 ms
 MISSING_ESTIMATE, INVERTER_OVER_TEMP, WATCHDOG, ESTOP = 0x8, 0x4000, 0x1000000, 0x2000000  # bits of ODrive.Error
 _TAKEN: Final = {
     one.number: one
@@ -30,19 +28,15 @@ _TAKEN: Final = {
     )
 }
 """Frames with signals that it takes."""
-POS_GAIN: Final = 20.0
-"""axis0.controller.config.pos_gain as shipped, in 1/s."""
+POS_GAIN: Final = 20.0  # axis0.controller.config.pos_gain as shipped, in 1/s
 
 
 class OdriveDrive(MakersDrive):
     """It has no SYNC: a position acts at once, its reports leave in its own cycle. Its speed is `pos_gain` times what
-    is left to the position, plus Vel_FF, so that the last command drives it on until the watchdog ends it. A command
-    feeds the watchdog, which counts in closed loop control alone and may be off, as the maker ships it (`watchdog_on`).
-    An error disarms: the axis is idle, the carriage coasts. An error whose cause is gone vanishes by itself,
-    an e-stop stays; the reason of the disarming stays until Clear_Errors or the next arming. What became of the state
-    that was asked for last is in each heartbeat.
-
-    What it may do wrong: not be `calibrated`, or not take the commands `deaf_to`.
+    is left to the position, plus Vel_FF; the last command drives it on until the watchdog ends it, which may be off
+    (`watchdog_on`). An error disarms: the carriage coasts. An error whose cause is gone vanishes, an e-stop stays; the
+    reason of the disarming stays until Clear_Errors or the next arming. What it may do wrong: not be `calibrated`, or
+    be `deaf_to` commands.
     """
 
     LED = CLOSED_LOOP
@@ -89,7 +83,6 @@ class OdriveDrive(MakersDrive):
             self._say(wire.GET_ENCODER_ESTIMATES, self.shown_m * scale, self.power.rate * scale)
 
     def output(self, dt: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s."""
         if self.led:
             here = self.power.output
             self.power.aim(here + (POS_GAIN * (self._target_m - here) + self._ahead_m_s) * dt, dt)

@@ -1,6 +1,4 @@
-"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, and, where wanted, the force
-sensor.
-"""
+"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, the force sensor."""
 
 import math
 import secrets
@@ -12,10 +10,9 @@ import can
 import numpy as np
 
 from controller.limits import Limits
-from hil.bus.catalogue import Catalogue
+from hil.bus.protection import FrameTransmitter
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames, heartbeat
-from hil.nodes.transmit import FrameTransmitter
 from hil.simulated.drive_node import DriveNode
 from hil.simulated.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
 from hil.simulated.faults.table import DRIVE, Fault
@@ -26,8 +23,7 @@ from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
 from plant.sensing.instruments import Reading
 from plant.session import Session
 
-SLOT_S: Final = 1e-3
-"""The drives' firmware runs this often."""
+SLOT_S: Final = 1e-3  # the drives' firmware runs this often
 _COIL_PARTS: Final = 2  # steps of the plant in a tick: a coil's current is quick
 _FORCE_STD_N: Final = 1e-3  # noise of the simulated force cell
 
@@ -56,8 +52,7 @@ def simulated_drive(bus: can.BusABC, table: ActuatorTable, power: Power, limits:
 
 
 class PlantNode:
-    """`tick(now)` once a firmware slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on to the
-    next slot.
+    """`tick(now)` once a slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on.
 
     The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
     where none comes for one and a half cycles the localiser says so (Valid 0).
@@ -72,30 +67,24 @@ class PlantNode:
         sensor_bus: can.BusABC,
         *,
         force_seed: int | None = None,
-        catalogue: Catalogue | None = None,
         drive: MakersDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
-        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
-        numbers of the drive's challenges. Raises ValueError for a drive that is not on the bus, or a tick that is no
-        multiple of a slot.
-        """
+        """`drive`: a maker's; `draw`: of challenges. Raises ValueError for a rig that is not on the bus."""
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
-        catalogue = catalogue or frames()
         wiring, power = power_of(session, limits)
         self.session = session
         self._localisers: dict[int, LyingLocaliser] = {}
         self._told: list[tuple[float, float]] = []
         self._lie: LyingDrive | None = None
         self._now = 0.0
-        self.drive: DriveNode | MakersDrive = drive or DriveNode(
-            drive_bus, catalogue, wiring, power, limits, tick_s, draw=draw
-        )
+        own = (drive_bus, wiring, power, limits, tick_s, draw)
+        self.drive: DriveNode | MakersDrive = drive or DriveNode(*own)
         self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
-        self._localiser = _Localiser(sensor_bus, catalogue)
-        self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)
+        self._localiser = _Localiser(sensor_bus)
+        self._force = None if force_seed is None else _ForceSensor(sensor_bus, force_seed)
         self._readings: list[Reading] = []
 
     def tick(self, now: float) -> None:
@@ -163,60 +152,52 @@ class PlantNode:
         return self.drive.power.output
 
 
-class _Localiser:
+class _Sensor:
+    """A sensor on the bus: what it measures, and its heartbeat."""
+
+    def __init__(self, bus: can.BusABC, name: str, beat: str) -> None:
+        self._mouth = FrameTransmitter(bus, (name, beat))
+        self._name, self._beat, self._cycle_s = name, beat, frames()[name].cycle_s
+        self._said_at, self._beat_at = 0.0, -math.inf
+
+    def say(self, now: float, good: bool, **values: float) -> None:
+        """What it measures, 0 and not valid where that is not `good`."""
+        self._said_at = now
+        told = {name: value if good else 0.0 for name, value in values.items()}
+        self._mouth.say(self._name, told | {"Valid": float(good)})
+
+    def beat(self, now: float) -> None:
+        """The heartbeat, where it is due."""
+        if now - self._beat_at >= 0.02 - 0.5 * SLOT_S:
+            self._beat_at = now
+            self._mouth.say(self._beat, heartbeat(2, now))
+
+
+class _Localiser(_Sensor):
     """Tells where the capsule is, each reading once; says so where there is none."""
 
-    def __init__(self, bus: can.BusABC, catalogue: Catalogue) -> None:
-        self._mouth = FrameTransmitter(bus, catalogue, ("CapsuleLocalisation", "LocaliserHeartbeat"))
-        self._beat = _Beat(self._mouth, "LocaliserHeartbeat", catalogue)
-        self._silence_s = 1.5 * catalogue["CapsuleLocalisation"].cycle_s
-        self._said_at = 0.0
+    def __init__(self, bus: can.BusABC) -> None:
+        super().__init__(bus, "CapsuleLocalisation", "LocaliserHeartbeat")
 
     def speak(self, now: float, readings: list[Reading]) -> None:
-        for reading in readings:
-            self._say(now, reading.value, now - reading.stamp_s)
-        if not readings and now - self._said_at >= self._silence_s:
-            self._say(now, math.nan, 0.0)
-        self._beat.speak(now)
-
-    def _say(self, now: float, value: float, age: float) -> None:
-        good = abs(value) <= 1.1 and 0 <= age <= 0.4
-        self._said_at = now
-        values = {
-            "Position_m": value if good else 0.0,
-            "Quality": float(good),
-            "Age_s": age if good else 0.0,
-            "Valid": float(good),
-        }
-        self._mouth.say("CapsuleLocalisation", values)
+        told = [(reading.value, now - reading.stamp_s) for reading in readings]
+        if not told and now - self._said_at >= 1.5 * self._cycle_s:
+            told = [(math.nan, 0.0)]
+        for value, age in told:
+            good = abs(value) <= 1.1 and 0 <= age <= 0.4
+            self.say(now, good, Position_m=value, Quality=1.0, Age_s=age)
+        self.beat(now)
 
 
-class _ForceSensor:
-    """The force between rig and capsule, with white noise of 1 mN."""
+class _ForceSensor(_Sensor):
+    """The force between rig and capsule, with white noise."""
 
-    def __init__(self, bus: can.BusABC, catalogue: Catalogue, seed: int) -> None:
-        self._mouth = FrameTransmitter(bus, catalogue, ("ForceReading", "ForceSensorHeartbeat"))
-        self._beat = _Beat(self._mouth, "ForceSensorHeartbeat", catalogue)
-        self._cycle_s = catalogue["ForceReading"].cycle_s
-        self._rng = np.random.default_rng(seed)
-        self._said_at = -math.inf
+    def __init__(self, bus: can.BusABC, seed: int) -> None:
+        super().__init__(bus, "ForceReading", "ForceSensorHeartbeat")
+        self._rng, self._said_at = np.random.default_rng(seed), -math.inf
 
     def speak(self, now: float, force: float) -> None:
         if now - self._said_at >= self._cycle_s - 0.5 * SLOT_S:
-            self._said_at = now
             value = force + _FORCE_STD_N * self._rng.standard_normal()
-            good = abs(value) <= 5.0
-            self._mouth.say("ForceReading", {"Force_N": value if good else 0.0, "Age_s": 0.0, "Valid": float(good)})
-        self._beat.speak(now)
-
-
-class _Beat:
-    """A sensor's heartbeat."""
-
-    def __init__(self, mouth: FrameTransmitter, name: str, catalogue: Catalogue) -> None:
-        self._mouth, self._name, self._catalogue, self._at = mouth, name, catalogue, -math.inf
-
-    def speak(self, now: float) -> None:
-        if now - self._at >= 0.02 - 0.5 * SLOT_S:
-            self._at = now
-            self._mouth.say(self._name, heartbeat(2, now, self._catalogue))
+            self.say(now, abs(value) <= 5.0, Force_N=value, Age_s=0.0)
+        self.beat(now)

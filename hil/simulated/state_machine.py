@@ -12,9 +12,7 @@ SELF_TEST_S: Final = 0.03  # the same
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Where a drive stands since `since_s`: `state`, the `fault` it has latched, and whether it is `armed`: has been
-    told "off" in standby, without which it does not become ready.
-    """
+    """Where a drive stands since `since_s`; `armed`: it has been told "off" in standby, and may become ready."""
 
     state: int = wire.BOOT
     since_s: float = 0.0
@@ -24,10 +22,9 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What a drive knows in one step: the newest command's `mode`, whether that command is still `alive` (time to
-    live), `safe_stop` while one is in force, the code of a `reset` (0: none), a present `cause` for a fault (0: none),
-    `hot` from its derating temperature on, whether it is `at_rest` in its safe state, and whether its challenge has
-    been `answered`.
+    """What a drive knows in one step: the newest command's `mode`, whether it is still `alive`, `safe_stop` while one
+    is in force, codes of a `reset` and of a present `cause` (0: none), `hot` from its derating temperature on, whether
+    it is `at_rest` in its safe state, and whether its challenge has been `answered`.
     """
 
     mode: int = wire.OFF
@@ -41,11 +38,9 @@ class Told:
 
 
 def next_stage(stage: Stage, told: Told, now: float) -> Stage:
-    """The stage after one step at `now` in s.
-
-    A cause for a fault latches it from everywhere. A fault ends by a reset that names it, once its cause is gone, in
-    standby and never beyond; from there on "off", "ready" and "enable" lead up one by one, each while its command
-    lives, "ready" only once the challenge has been answered.
+    """The stage after one step at `now` in s. A cause for a fault latches it from everywhere. It ends by a reset that
+    names it, once its cause is gone, in standby; from there "off", "ready" and "enable" lead up one by one, each while
+    its command lives, "ready" only once the challenge has been answered.
     """
     if told.cause and not stage.fault:
         return Stage(wire.FAULT, now, told.cause)

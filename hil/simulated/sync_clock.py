@@ -7,18 +7,16 @@ from hil.bus.protection import COUNTS
 
 DRIFT: Final = 5e-4
 """Share by which two clocks may go apart; what comes later by less than that each second is not told from them."""
-SILENCE_S: Final = 0.06
-"""A controller without SYNC for so long counts as another one."""
+SILENCE_S: Final = 0.06  # A controller without SYNC for so long counts as another one
 
 
 class SyncClock:
-    """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far: those
-    that took the shortest way. It grows by `DRIFT` a second, and begins anew once SYNC has been silent (a
-    drive also begins anew with a reset). While it lives no other time is let in: a SYNC that counts back, or whose tick
-    would have begun more than `SILENCE_S` before or after it came, is another controller's or a recording.
+    """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far. It grows
+    by `DRIFT` a second, and begins anew once SYNC has been silent. While it lives no other time is let in: a SYNC that
+    counts back, or whose tick would have begun more than `SILENCE_S` off, is another controller's or a recording.
 
-    A command belongs to the SYNC with its own counter: both count on once a tick, from 0 when the controller begins.
-    Counters have 4 bits, so commands that come 16 ticks after SYNC from the beginning on are not told from fresh ones.
+    A command belongs to the SYNC with its own counter of 4 bits, so one that is 16 ticks late from the beginning on is
+    not told.
     """
 
     def __init__(self) -> None:
@@ -37,9 +35,7 @@ class SyncClock:
         return True
 
     def begin(self, counter: int, stamp: float) -> float:
-        """When the tick began whose command, with this `counter`, came at `stamp`: the newest one of which SYNC may be
-        missing, else one before. `stamp` where there was no SYNC yet.
-        """
+        """When the tick began of the command with this `counter` that came at `stamp`."""
         if self._tick < 0:
             return stamp
         ahead = (counter - self._counter) % COUNTS

@@ -22,6 +22,8 @@ STAMPS: Final[Checks] = (
     stamps.check_uneven,
 )
 """What the clock did: of all rows of a time series."""
+MOTION: Final[Checks] = (excitation.check_information, start.check_start)
+"""What the motion can show: of the rows that are measured, without their outliers."""
 INSTRUMENTS: Final[Checks] = (
     sensor.check_clipping,
     noise.check_colour,
@@ -36,9 +38,7 @@ INSTRUMENTS: Final[Checks] = (
     noise.check_tones,
 )
 """What the instruments did: of the rows that are measured."""
-MOTION: Final[Checks] = (
-    excitation.check_information,
-    start.check_start,
+WIRING: Final[Checks] = (
     delay.check_delay,
     signs.check_pull_exchanged,
     signs.check_same,
@@ -52,7 +52,7 @@ MOTION: Final[Checks] = (
     signs.check_place_zero,
     signs.check_force_zero,
 )
-"""What the wiring and the motion are: of these without their outliers."""
+"""How the columns belong together: of these without their outliers."""
 
 
 def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
@@ -77,11 +77,10 @@ def _of(whole: View, measured: View) -> Findings:
     of_the_stamps = [finding for check in STAMPS for finding in check(whole)]
     yield from of_the_stamps
     if stopping(of_the_stamps) is None:
-        for check in INSTRUMENTS:
-            yield from check(measured)
         sane = View(without_outliers(measured), measured.rig)
-        for check in MOTION:
-            yield from check(sane)
+        for view, checks in ((sane, MOTION), (measured, INSTRUMENTS), (sane, WIRING)):
+            for check in checks:
+                yield from check(view)
 
 
 def stopping(findings: Sequence[RecordFinding]) -> RecordFinding | None:

@@ -105,11 +105,9 @@ def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
 
 def _reached(name: str, near: Mapping[str, Sequence[str]]) -> set[str]:
     """All that leads to `name` over its neighbours, itself too."""
-    reached, waiting = {name}, [name]
-    while waiting:
-        new = set(near[waiting.pop()]) - reached
+    reached = {name}
+    while new := {other for one in reached for other in near[one]} - reached:
         reached |= new
-        waiting += new
     return reached
 
 

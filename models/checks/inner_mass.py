@@ -18,31 +18,14 @@ from models.rigs.tables import MOST_DRIFT
 
 @dataclass(frozen=True)
 class Answer:
-    """How the measured place goes with the body's in the air: correlations at `lags_s`, and standard deviations'
-    ratio.
+    """How the measured place goes with the body's in the air: the strongest correlation about no lag at all (`near`)
+    with its sign, the largest at any lag (`best`) and by how many s that is late, and standard deviations' ratio.
     """
 
-    lags_s: Array
-    correlation: Array
+    near: float
+    best: float
+    late_s: float
     size: float
-
-    @property
-    def near(self) -> float:
-        """The strongest correlation about no lag at all, with its sign."""
-        low, high = SET.swing_beside_s
-        low = min(low, -1.01 * (self.lags_s[1] - self.lags_s[0]))
-        beside = self.correlation[(self.lags_s >= low) & (self.lags_s <= high)]
-        return float(beside[np.argmax(np.abs(beside))])
-
-    @property
-    def late_s(self) -> float:
-        """Where the correlation is largest."""
-        return float(self.lags_s[np.argmax(self.correlation)])
-
-    @property
-    def best(self) -> float:
-        """The largest correlation."""
-        return float(np.max(self.correlation))
 
     @property
     def turned(self) -> bool:
@@ -63,7 +46,7 @@ def check_inner_mass(view: View) -> Findings:
         remedy = "log what the coil gets, pulse by pulse"
         yield view.finding("drive_constant", "stops", said, "all values are equal", remedy, driven)
         return
-    both, where = swings(view), f"{measured} against {driven}"
+    both, where = _swings(view), f"{measured} against {driven}"
     if both is None:
         return
     answer = _answer(*both, _grid_s(view))
@@ -130,7 +113,7 @@ def _grid_s(view: View) -> float:
     return max(view.dt, SET.swing_finest_s)
 
 
-def swings(view: View) -> tuple[Array, Array] | None:
+def _swings(view: View) -> tuple[Array, Array] | None:
     """The body's place under the drive in the air and the measured one, both on an even grid and in the band of the
     vibration, shape (n,); None where the record is too short or too slow for it, or its drive cannot be told.
     """
@@ -139,8 +122,7 @@ def swings(view: View) -> tuple[Array, Array] | None:
     if force is None or view.t[-1] - view.t[0] < SET.swing_s or nyquist < 2 * SET.band_hz[0] or not np.ptp(force):
         return None
     grid = np.arange(view.t[0], view.t[-1], step)
-    order = np.argsort(view.t, kind="stable")
-    driven, y = (np.interp(grid, view.t[order], values[order]) for values in (force, view.y))
+    driven, y = (np.interp(grid, view.t, values) for values in (force, view.y))
     x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
     band = butter(2, (SET.band_hz[0], min(SET.band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
     a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
@@ -188,5 +170,7 @@ def _answer(x: Array, y: Array, dt: float) -> Answer:
     mean, power = ((one[among:] - one[:-among]) / among for one in (sums, squares))
     deviation = np.sqrt(np.maximum(power - mean**2, 1e-300))
     rows = correlate(y, inner, "valid", "fft") / (deviation * max(float(np.std(inner)), 1e-300) * among)
-    lags = dt * np.arange(-most, most + 1, dtype=np.float64)
-    return Answer(lags, np.asarray(rows), float(np.std(y) / np.std(x)))
+    lags, (low, high) = dt * np.arange(-most, most + 1, dtype=np.float64), SET.swing_beside_s
+    beside = rows[(lags >= min(low, -1.01 * dt)) & (lags <= high)]
+    near, best = float(beside[np.argmax(np.abs(beside))]), int(np.argmax(rows))
+    return Answer(near, float(rows[best]), float(lags[best]), float(np.std(y) / np.std(x)))

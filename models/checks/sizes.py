@@ -13,7 +13,6 @@ from models.checks.settings import SET
 from models.checks.view import View
 from models.laws.dipole import too_strong
 from models.rigs.columns import TIME
-from models.rigs.magnets import Magnets
 from models.rigs.parts import surface_of
 
 
@@ -197,31 +196,21 @@ def _mean_speeds(view: View) -> Findings:
 def check_magnets(view: View) -> Findings:
     """Two cylinders of `[rig.magnet]` so near each other that the dipoles miss their force by more than a tenth."""
     magnets = view.rig.magnets
-    off = None if magnets is None else dipole_error(magnets)
-    if magnets is not None and off is not None and abs(off) > SET.dipoles:
+    cylinders = None if magnets is None else magnets.cylinders()
+    if magnets is None or cylinders is None:
+        return
+    off = too_strong(*cylinders, magnets.height_m, magnets.moments)
+    if abs(off) > SET.dipoles:
+        heights = magnets.height_m * SET.dipoles_step ** np.arange(SET.dipoles_steps)
+        far = [abs(too_strong(*cylinders, h, magnets.moments)) > SET.dipoles for h in heights.tolist()]
+        last = int(np.flatnonzero(far)[-1])
         told = view.finding(
             "near_magnets",
             "note",
             f"the dipoles of [rig.magnet] are {abs(off):.0%} too {'strong' if off > 0 else 'weak'} for cylinders of"
             f" this size at {magnets.height_m:g} m; within {SET.dipoles:.0%} they hold from"
-            f" {_dipoles_hold_from_m(magnets):.2g} m on",
+            f" {(*heights, np.inf)[last + 1]:.2g} m on",
             "force between the charges on both cylinders' ends against that of two dipoles",
             "give the measured magnet_stiffness_N_per_m under [rig], or measure further away",
         )
         yield replace(told, where=f"[rig.magnet] height_m = {magnets.height_m:g}")
-
-
-def dipole_error(magnets: Magnets, height_m: float | None = None) -> float | None:
-    """By which share the dipoles are too strong (negative: too weak) at a height, that of the `magnets` where none is
-    given; None where their sizes are not known.
-    """
-    sizes = magnets.cylinders()
-    return None if sizes is None else too_strong(*sizes, height_m or magnets.height_m, magnets.moments)
-
-
-def _dipoles_hold_from_m(magnets: Magnets) -> float:
-    """The height in m from which on the dipoles are off by no more than a tenth; infinite where that is too far."""
-    heights = magnets.height_m * SET.dipoles_step ** np.arange(SET.dipoles_steps)
-    good = [abs(dipole_error(magnets, height) or 0.0) <= SET.dipoles for height in heights.tolist()]
-    first = len(good) - next((k for k, one in enumerate(reversed(good)) if not one), len(good))
-    return float(heights[first]) if first < len(good) else math.inf

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push
+from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
 from models.parameter import Parameter
 
 _SHARE = 0.3  # by which a fit may take the force constant off its value
@@ -32,14 +31,14 @@ class Coil(Drive):
         low, high = sorted((k * (1 - _SHARE), k * (1 + _SHARE)))
         return (Parameter("coil_force_N_per_A", k, "N/A", low, high, "rig file; several percent off", fit=True),)
 
-    def equations(self, p: Mapping[str, Any]) -> list[str]:
+    def equations(self, p: Values) -> list[str]:
         field = "" if self.range_m is None else "/(1 + ((x - x_c)/r)^2)^2"
         return [f"F_act = {p['coil_force_N_per_A']:.4g} i{field}"]
 
-    def command_for(self, force: Any, x: Any, v: Any, p: Mapping[str, Any]) -> Any:
+    def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return force / self.force(x, v, 1.0, p)
 
-    def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
+    def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
         pull = p["coil_force_N_per_A"] * command
         return pull if self.range_m is None else pull / (1 + ((x - self.position_m) / self.range_m) ** 2) ** 2
 
@@ -69,11 +68,11 @@ class Winding:
             Parameter("back_emf_V_s_per_m", e, "V s/m", e - spread, e + spread, "rig file; N/A in SI"),
         )
 
-    def equation(self, p: Mapping[str, Any], speed: str) -> str:
+    def equation(self, p: Values, speed: str) -> str:
         """The current's law; `speed` is the symbol of the speed behind the back-EMF."""
         return f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} {speed}"
 
-    def current(self, start: Any, voltage: Any, speed: Any, h: Any, p: Mapping[str, Any]) -> tuple[Any, Any]:
+    def current(self, start: Any, voltage: Any, speed: Any, h: Any, p: Values) -> tuple[Any, Any]:
         """Mean current over a step `h` in s and current at its end, in A; exact at a constant `voltage` in V and
         `speed` in m/s.
 
@@ -99,13 +98,13 @@ class VoltageCoil(Coil):
     states: ClassVar[tuple[str, ...]] = ("current_A",)
     winding: Winding = Winding()
 
-    def equations(self, p: Mapping[str, Any]) -> list[str]:
+    def equations(self, p: Values) -> list[str]:
         return [*super().equations(p), self.winding.equation(p, "v")]
 
     def untold(self) -> list[str]:
         return [ANYWHERE, BELIEVED]
 
-    def command_for(self, force: Any, x: Any, v: Any, p: Mapping[str, Any]) -> Any:
+    def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return p["coil_resistance_ohm"] * super().command_for(force, x, v, p) + p["back_emf_V_s_per_m"] * v
 
     def parameters(self) -> tuple[Parameter, ...]:

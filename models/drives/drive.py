@@ -13,18 +13,6 @@ BELIEVED = (
 )
 
 
-def _nothing(*_: Any) -> Any:
-    return 0.0
-
-
-def _unchanged(*_: Any) -> Any:
-    return 1.0
-
-
-def _no_states(*_: Any) -> dict[str, Any]:
-    return {}
-
-
 @dataclass(frozen=True)
 class Actuation:
     """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, its
@@ -41,8 +29,8 @@ class Actuation:
     p: Values
     z: Values = field(default_factory=dict)
     gain: Any = 1.0
-    suspension: Callable[[Any, Any], Any] = _nothing
-    reach: Callable[[Any], Any] = _unchanged
+    suspension: Callable[[Any, Any], Any] = field(default=lambda stretch, rate: 0.0)
+    reach: Callable[[Any], Any] = field(default=lambda stretch: 1.0)
 
 
 @dataclass(frozen=True)
@@ -54,7 +42,7 @@ class Push:
 
     force: Any
     inertia: Any = 0.0
-    after: Callable[[Any, Any], dict[str, Any]] = _no_states
+    after: Callable[[Any, Any], dict[str, Any]] = field(default=lambda end, mean: {})
 
 
 @dataclass(frozen=True)

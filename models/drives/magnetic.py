@@ -1,13 +1,15 @@
-"""A magnet on a carriage outside the body: a magnetic spring with a finite range."""
+"""A magnet on a carriage outside the body: as a magnetic spring with a finite range, or as one of two dipoles."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from models.drives.drive import Drive
+from models.drives.drive import Drive, Values
+from models.laws.dipole import PAIRINGS, Orientation, attraction, pull
 from models.parameter import Parameter
+
+_STEPS = 4  # of Newton's method on two dipoles
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Magnetic(Drive):
             ),
         )
 
-    def equations(self, p: Mapping[str, Any]) -> list[str]:
+    def equations(self, p: Values) -> list[str]:
         return [f"F_act = {p['magnet_stiffness_N_per_m']:.4g} g/(1 + (g/r)^2)^2, g = carriage - capsule"]
 
     def untold(self) -> list[str]:
@@ -47,10 +49,10 @@ class Magnetic(Drive):
             " together."
         ]
 
-    def command_for(self, force: Any, x: Any, v: Any, p: Mapping[str, Any]) -> Any:
+    def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return x + _gap(force / p["magnet_stiffness_N_per_m"], self.range_m)
 
-    def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
+    def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
         gap = command - x
         return p["magnet_stiffness_N_per_m"] * gap / (1 + (gap / self.range_m) ** 2) ** 2
 
@@ -65,3 +67,48 @@ def _gap(ratio: Any, reach: float) -> Any:
         q = (g / reach) ** 2
         g = np.clip(g - (g / (1 + q) ** 2 - ratio) * (1 + q) ** 3 / (1 - 3 * q), -most, most)
     return g
+
+
+@dataclass(frozen=True)
+class MagnetPair(Magnetic):
+    """Imposed carriage position in m at the height `h` across the lumen: pull and attraction of two dipoles, of which
+    the attraction presses the capsule on its surface. `stiffness_N_per_m` is that at `height_m`. The capsule does not
+    turn, and the magnet is on the side to which its weight acts.
+    """
+
+    height_m: float = 0.15
+    orientation: Orientation = "across"
+
+    @property
+    def gap_limit_m(self) -> float:
+        return PAIRINGS[self.orientation].peak * self.height_m
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        k = self.stiffness_N_per_m
+        source = "rig file: both moments and the height; its fifth power counts"
+        return (Parameter("magnet_stiffness_N_per_m", k, "N/m", 0.7 * k, 1.4 * k, source, fit=True),)
+
+    def equations(self, p: Values) -> list[str]:
+        pairing = PAIRINGS[self.orientation]
+        k, h = f"{p['magnet_stiffness_N_per_m']:.4g}", f"{self.height_m:.4g}"
+        return [
+            f"F_act = {k} g (1 - {pairing.a:.4g} q)/(1 + q)^(7/2), g = carriage - capsule, q = (g/{h})^2",
+            f"N = m g + {k} {h}/{pairing.b:.4g} (1 - {pairing.c:.4g} q)/(1 + q)^(7/2), the magnet's attraction",
+        ]
+
+    def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
+        """Newton steps, held within 0.95 of the gap of greatest pull."""
+        k, h, pairing = p["magnet_stiffness_N_per_m"], self.height_m, PAIRINGS[self.orientation]
+        most = 0.95 * pairing.peak * h
+        g = np.clip(force / k, -most, most)
+        for _ in range(_STEPS):
+            q = (g / h) ** 2
+            slope = (1 - 3 * pairing.a * q) / (1 + q) ** 3.5 - 7 * q * (1 - pairing.a * q) / (1 + q) ** 4.5
+            g = np.clip(g - (pull(g, k, h, self.orientation) - force) / (k * np.maximum(slope, 0.05)), -most, most)
+        return x + g
+
+    def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
+        return pull(command - x, p["magnet_stiffness_N_per_m"], self.height_m, self.orientation)
+
+    def pressing(self, x: Any, command: Any, p: Values) -> Any:
+        return attraction(command - x, p["magnet_stiffness_N_per_m"], self.height_m, self.orientation)

@@ -47,14 +47,17 @@ drawing back and the drag at which it slips, the inner mass's displacement and s
 
 @dataclass(frozen=True)
 class Equation:
-    """`left = right` of one `hook` (of a state, by its name, for `advance` and `follow`)."""
+    """`left = right` of one `hook` (of a state, by its name, for `advance` and `follow`); written with so many
+    `digits`.
+    """
 
     hook: str
     left: str
-    right: str
+    right: Formula
+    digits: int | None = None
 
     def __str__(self) -> str:
-        return f"{self.left} = {self.right}"
+        return f"{self.left} = {written(self.right, self.digits)}"
 
 
 def equations_of(
@@ -67,9 +70,9 @@ def equations_of(
     p = _Symbols(numbers)
     names = {f.name: Formula(f.name) for f in fields(Signals)}
     z = _states(effect)
-    own = [Equation(hook, left, right) for hook, left, right in effect.further(p)]
+    own = [Equation(hook, left, Formula.of(right), digits) for hook, left, right in effect.further(p)]
     found = [
-        Equation(hook, _left(effect, hook), written(Formula.of(right), digits))
+        Equation(hook, _left(effect, hook), Formula.of(right), digits)
         for hook, right in answered(effect, p, z, names, {name: Formula(name) for name in ARGUMENTS})
         if all(hook.partition(".")[0] != equation.hook for equation in own)
     ]
@@ -146,10 +149,10 @@ def disagreement(effect: type[Effect], rng: np.random.Generator) -> str | None:
     s |= {"t": abs(s["t"]), "travelled": abs(s["travelled"]), "dwell": abs(s["dwell"]), "v": 0.05 * s["v"]}
     z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
     given = {name: float(rng.uniform(0.01, 0.5)) for name in ARGUMENTS}
-    texts = {e.hook: e.right for e in equations_of(effect)}
+    trees = {e.hook: e.right for e in equations_of(effect)}
     states = {symbol.name: z[state] for state, symbol in _states(effect).items()}
     for hook, right in answered(effect, p, z, s, given):
-        value = value_of(texts[hook], {**s, **given, **p, **states}) if hook in texts else right
+        value = value_of(trees[hook], {**s, **given, **p, **states}) if hook in trees else right
         if not np.isclose(float(value), float(right), rtol=1e-9, atol=1e-12):
             return f"{hook}: the printed equation gives {float(value):.6g}, the hook {float(right):.6g}"
     return None

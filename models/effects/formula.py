@@ -1,21 +1,20 @@
-"""Formulas as text: a symbol that remembers what is done with it, how that is written, and the value of such a text.
+"""Formulas as trees: a symbol that remembers what is done with it, how that is written, and its value.
 
 A law that is written once with NumPy functions is called with `Formula` symbols in place of numbers; what it returns is
-the law as text. `value_of` computes the text again, without `eval`.
+the law as a tree.
 """
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 _COMPARED, _SUM, _PRODUCT, _POWER, _ATOM = range(5)
 _WRITTEN: Final = MappingProxyType({"absolute": "abs", "sign": "sgn", "maximum": "max", "minimum": "min"})
@@ -23,7 +22,7 @@ _WRITTEN: Final = MappingProxyType({"absolute": "abs", "sign": "sgn", "maximum":
 
 
 @dataclass(frozen=True, eq=False)
-class Formula:
+class Formula(NDArrayOperatorsMixin):
     """A formula: a symbol, a number, or an operation on formulas. `name` is that of the symbol, of the operator
     (`+ - * / ^`, a comparison, `neg`) or of the function; `inputs` are what it works on.
     """
@@ -37,75 +36,19 @@ class Formula:
         """`value` as a formula."""
         return value if isinstance(value, Formula) else cls("", number=float(value))
 
-    def __add__(self, other: Any) -> Formula:
-        return _sum(self, Formula.of(other))
-
-    def __radd__(self, other: Any) -> Formula:
-        return _sum(Formula.of(other), self)
-
-    def __sub__(self, other: Any) -> Formula:
-        return _sum(self, _negative(Formula.of(other)))
-
-    def __rsub__(self, other: Any) -> Formula:
-        return _sum(Formula.of(other), _negative(self))
-
-    def __mul__(self, other: Any) -> Formula:
-        return _product(self, Formula.of(other))
-
-    def __rmul__(self, other: Any) -> Formula:
-        return _product(Formula.of(other), self)
-
-    def __truediv__(self, other: Any) -> Formula:
-        return _quotient(self, Formula.of(other))
-
-    def __rtruediv__(self, other: Any) -> Formula:
-        return _quotient(Formula.of(other), self)
-
-    def __pow__(self, other: Any) -> Formula:
-        return _power(self, Formula.of(other))
-
-    def __rpow__(self, other: Any) -> Formula:
-        return _power(Formula.of(other), self)
-
-    def __neg__(self) -> Formula:
-        return _negative(self)
-
-    def __pos__(self) -> Formula:
-        return self
-
-    def __abs__(self) -> Formula:
-        return called("abs", self)
-
     def __format__(self, spec: str) -> str:
         """The formula in an f-string, where a number with the digits `spec` would stand; in brackets if need be."""
         text = written(self)
         bare = f"({text})" if self.name in ("+", "neg") else text
         return f"+ {bare}" if spec.startswith("+") else bare
 
-    def __lt__(self, other: Any) -> Formula:
-        return Formula("<", (self, Formula.of(other)))
-
-    def __le__(self, other: Any) -> Formula:
-        return Formula("<=", (self, Formula.of(other)))
-
-    def __gt__(self, other: Any) -> Formula:
-        return Formula(">", (self, Formula.of(other)))
-
-    def __ge__(self, other: Any) -> Formula:
-        return Formula(">=", (self, Formula.of(other)))
-
-    def __eq__(self, other: object) -> Any:
-        return Formula("==", (self, Formula.of(other)))
-
-    __hash__ = None  # type: ignore[assignment]
-
     def __bool__(self) -> bool:
         raise TypeError("a formula has no truth value: use np.where instead of if")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        """What NumPy's elementwise functions do with a formula."""
+        """What NumPy's elementwise functions, and with them all operators, do with a formula."""
         name = ufunc.__name__
-        if method != "__call__" or options:
+        if method != "__call__" or options.keys() - {"out"}:
             return NotImplemented
         if name in _OPERATIONS:
             return _OPERATIONS[name](*(Formula.of(value) for value in inputs))
@@ -171,6 +114,9 @@ def _power(a: Formula, b: Formula) -> Formula:
     return a if b.number == 1 else Formula("^", (a, b))
 
 
+_COMPARISONS: Final = MappingProxyType(
+    {"less": "<", "less_equal": "<=", "greater": ">", "greater_equal": ">=", "equal": "=="}
+)
 _OPERATIONS: Final[Mapping[str, Callable[..., Formula]]] = {
     "add": _sum,
     "subtract": lambda a, b: _sum(a, _negative(b)),
@@ -180,11 +126,8 @@ _OPERATIONS: Final[Mapping[str, Callable[..., Formula]]] = {
     "float_power": _power,
     "square": lambda a: _power(a, Formula.of(2.0)),
     "negative": _negative,
-    "less": lambda a, b: a < b,
-    "less_equal": lambda a, b: a <= b,
-    "greater": lambda a, b: a > b,
-    "greater_equal": lambda a, b: a >= b,
-    "equal": lambda a, b: a == b,
+    "positive": lambda a: a,
+    **{name: partial(called, sign) for name, sign in _COMPARISONS.items()},
 }
 _LEAST_NAMED: Final = 6
 """Characters from which a part that stands twice gets a name of its own."""
@@ -253,7 +196,7 @@ class _Writing:
             return self._text(inputs[0], _PRODUCT) + name + self._text(inputs[1], _POWER), _PRODUCT
         if name == "^":
             return f"{self._text(inputs[0], _ATOM)}^{self._text(inputs[1], _ATOM)}", _POWER
-        if name in ("<", "<=", ">", ">=", "=="):
+        if name in _COMPARISONS.values():
             return f"{self._text(inputs[0], _SUM)} {name} {self._text(inputs[1], _SUM)}", _COMPARED
         return (f"{name}({', '.join(self._text(part, _COMPARED) for part in inputs)})" if inputs else name), _ATOM
 
@@ -263,61 +206,20 @@ class _Writing:
         return str(int(number)) if number == int(number) and abs(number) < 1e6 else repr(number)
 
 
-_FUNCTIONS: Final[Mapping[str, Any]] = {
+_COMPUTED: Final[Mapping[str, Callable[..., Any]]] = {
+    **{"+": np.add, "*": np.multiply, "/": np.divide, "^": np.power, "neg": np.negative},
+    **{sign: getattr(np, name) for name, sign in _COMPARISONS.items()},
     **{written: getattr(np, name) for name, written in _WRITTEN.items()},
-    "where": np.where,
-    "clip": np.clip,
-}
-_COMPUTED: Final[Mapping[type, Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-    ast.Eq: operator.eq,
 }
 
 
-def value_of(text: str, names: Mapping[str, Any]) -> Any:
-    """The value of the formula `text`, as `written` has it, where its names have the values `names`: numbers, or arrays
-    of one shape.
-
-    Raises ValueError for a text that is no formula, KeyError for a name that has no value.
+def value_of(formula: Formula, names: Mapping[str, Any]) -> Any:
+    """The value of a formula where its symbols have the values `names`: numbers, or arrays of one shape. KeyError for a
+    symbol that has none.
     """
-    whole, _, parts = text.partition(", with ")
-    known = dict(names)
-    for part in re.split(r", (?=q\d+ = )", parts) if parts else ():
-        name, _, formula = part.partition(" = ")
-        known[name] = _value(formula, known)
-    return _value(whole, known)
-
-
-def _value(text: str, names: Mapping[str, Any]) -> Any:
-    try:
-        tree = ast.parse(text.replace("^", "**"), mode="eval")
-    except SyntaxError as error:
-        raise ValueError(f"formula must be one that can be read; got {text!r}: {error.msg}") from None
-    return _computed(tree.body, names)
-
-
-def _computed(node: ast.expr, names: Mapping[str, Any]) -> Any:
-    match node:
-        case ast.Constant(value=int() | float() as number):
-            return number
-        case ast.Name(id=name):
-            return names[name]
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_computed(operand, names)
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _COMPUTED:
-            return _COMPUTED[type(op)](_computed(left, names), _computed(right, names))
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPUTED:
-            return _COMPUTED[type(op)](_computed(left, names), _computed(right, names))
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            function: Any = _FUNCTIONS.get(name) or getattr(np, name, None)
-            if name in _FUNCTIONS or isinstance(function, np.ufunc):
-                return function(*(_computed(argument, names) for argument in arguments))
-    raise ValueError(f"formula must hold sums, products, powers, comparisons and functions; got {ast.unparse(node)}")
+    if formula.number is not None:
+        return formula.number
+    if not formula.inputs:
+        return names[formula.name]
+    function = _COMPUTED.get(formula.name) or getattr(np, formula.name)
+    return function(*(value_of(part, names) for part in formula.inputs))

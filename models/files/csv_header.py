@@ -98,9 +98,9 @@ def cells(line: str, separator: str) -> list[str]:
 
 
 def to_number(cell: str) -> float:
-    """A cell as a number, else NaN."""
+    """A cell as a number, else NaN; Python's `1_000` is none."""
     try:
-        return float(cell)
+        return math.nan if "_" in cell else float(cell)
     except ValueError:
         return math.nan
 

@@ -1,6 +1,4 @@
-"""Numbers out of a CSV file of any size, read in blocks: one too large or broken is refused and never fills the
-memory.
-"""
+"""Numbers out of a CSV file of any size: one too large or broken is refused and never fills the memory."""
 
 import csv
 import gzip
@@ -9,10 +7,9 @@ import math
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +20,7 @@ from models.files.source import WINDOWS, encoding_of, opened
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22  # read at once
+MOST_CELLS = 32_000_000  # numbers of a table: 256 MB
 LONGEST_LINE = 1 << 20  # characters
 MOST_COLUMNS = 256  # of a table of measurements
 MOST_CHARACTERS = 1 << 30  # of a file: 1 GB
@@ -32,9 +30,13 @@ _START = 1 << 16
 
 
 @dataclass(frozen=True)
-class Block:
-    """Rows of a table with the file's line number of each."""
+class Table:
+    """Columns of numbers: `values` (rows, columns) under the `header`, the file's line number of each row, and the
+    units that the file states by column.
+    """
 
+    header: list[str]
+    units: Mapping[str, str]
     values: NDArray[np.float64]
     lines: NDArray[np.int64]
 
@@ -42,16 +44,18 @@ class Block:
 Check = Callable[[list[str], Mapping[str, str]], Sequence[str]]
 
 
-def read_blocks(
+def read_table(
     path: Path,
     check: Check,
+    what: str = "record",
+    most_rows: int = MOST_CELLS,
     names: Collection[str] = (),
     clocks: Collection[str] = (),
     once: Collection[str] = (),
     gaps: Collection[str] = (),
-) -> Iterator[tuple[list[str], Block]]:
-    """Yield the header with each block of rows; `check` gets the header and the units that the file states by column,
-    and returns the names of the columns that must be finite.
+) -> Table:
+    """The table of a file; `check` gets the header and the units that the file states by column, and returns the names
+    of the columns that must be finite. More than `most_rows` of `what` it is are refused while they are read.
 
     Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted). Encodings (UTF-8, UTF-16, UTF-32
     and Windows-1252) and gzip are recognised, and lines about the file before the header, which is one that has one of
@@ -60,38 +64,49 @@ def read_blocks(
     channel its own time, are numbered (`Time`, `Time 2`); those of `once` may stand but once. Empty cells of `gaps`
     come out as NaN, too.
     """
-    with _opened(path) as file:
-        try:
-            encoding = encoding_of(_start(file))
-            text = io.TextIOWrapper(file, encoding=encoding, errors="replace", newline=None)
-            lines = _lines(path, text)
-            top = list(islice(lines, LONGEST_TOP))
-            form = find_header([line for _, line in top], names)
-            lines = chain(top[form.rows :], lines)
-            separator, header = form.separator, _header(path, form.line, form.separator, once)
-            units = dict(zip(header, form.units, strict=False))
-            needed = frozenset(_checked(header, units, check, encoding))
-            parser = _Parser(str(path), header, separator, needed, frozenset(clocks), frozenset(gaps))
-            yield header, parser.parse([])
-            block: list[tuple[int, str]] = []
-            size = 0
-            for number, line in lines:
-                block.append((number, line))
-                size += len(line)
-                if size > BLOCK_CHARACTERS:
-                    yield header, parser.parse(block)
-                    block, size = [], 0
-            yield header, parser.parse(block)
-        except EmptyError:
-            raise ValueError(f"{path}: record must have a header row and samples; got an empty file") from None
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise ValueError(
-                f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})"
-            ) from None
-        except OSError as error:
-            raise ValueError(
-                f"{path}: record must be a file that can be read; got: {error.strerror or error}"
-            ) from None
+    with _refusing(path), _opened(path) as text:
+        lines = _lines(path, text)
+        top = list(islice(lines, LONGEST_TOP))
+        form = find_header([line for _, line in top], names)
+        header = _header(path, form.line, form.separator, once)
+        units = dict(zip(header, form.units, strict=False))
+        needed = frozenset(_checked(header, units, check, text.encoding))
+        rows = _Rows(str(path), header, form.separator, needed, frozenset(clocks), frozenset(gaps))
+        most = min(most_rows, MOST_CELLS // len(header))
+        for block in _blocks(chain(top[form.rows :], lines)):
+            rows.take(block)
+            if rows.count > most:
+                raise ValueError(
+                    f"{path}: {what} with {len(header)} columns must have at most {most} rows; got more: cut it into"
+                    " several records, drop columns or sample it more slowly"
+                )
+        return Table(header, units, np.concatenate(rows.values), np.concatenate(rows.lines))
+
+
+@contextmanager
+def _refusing(path: Path) -> Iterator[None]:
+    """What goes wrong within as a ValueError of one sentence."""
+    try:
+        yield
+    except EmptyError:
+        raise ValueError(f"{path}: record must have a header row and samples; got an empty file") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
+    except OSError as error:
+        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
+
+
+def _blocks(lines: Iterator[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
+    """The lines in blocks of a bounded size; the last one may be empty."""
+    block: list[tuple[int, str]] = []
+    size = 0
+    for number, line in lines:
+        block.append((number, line))
+        size += len(line)
+        if size > BLOCK_CHARACTERS:
+            yield block
+            block, size = [], 0
+    yield block
 
 
 def _checked(header: list[str], units: Mapping[str, str], check: Check, encoding: str) -> Sequence[str]:
@@ -107,7 +122,8 @@ def _checked(header: list[str], units: Mapping[str, str], check: Check, encoding
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
+def _opened(path: Path) -> Iterator[io.TextIOWrapper]:
+    """The text of a file, packed or not, in the encoding that it begins with."""
     if not path.name.lower().endswith(ENDINGS):
         raise ValueError(
             f"{path}: record must be text (.csv, .tsv, .txt, .dat, each also .gz) or of a format that `capsule convert"
@@ -116,50 +132,31 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
     with opened(path, "record") as file:
         packed = file.read(2) == b"\x1f\x8b"
         file.seek(0)
-        if packed:
-            with gzip.open(file, "rb") as unpacked:
-                yield unpacked  # type: ignore[misc]
-        else:
-            yield file
-
-
-def _start(file: BinaryIO) -> bytes:
-    """The first bytes of a file, which stands at its beginning again."""
-    start = file.read(_START)
-    file.seek(0)
-    return start
+        with gzip.open(file, "rb") if packed else file as plain:
+            encoding = encoding_of(plain.read(_START))
+            plain.seek(0)
+            with io.TextIOWrapper(plain, encoding=encoding, errors="replace", newline=None) as text:
+                yield text
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
     """Non-blank lines with their numbers, counted from 1."""
-    number, blank, total, rest = 0, 0, 0, ""
-    while piece := text.read(BLOCK_CHARACTERS // 4):
-        total += len(piece)
+    blank, total = 0, 0
+    for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE + 1), ""), 1):
+        total, blank = total + len(line), blank + line.isspace()
+        if len(line) > LONGEST_LINE:
+            raise ValueError(
+                f"{path}, line {number}: line must be shorter than {LONGEST_LINE} characters; got a longer one: is this"
+                " a CSV file?"
+            )
         if total > MOST_CHARACTERS:
             raise ValueError(
                 f"{path}, line {number}: text must be at most {MOST_CHARACTERS} characters, unpacked; got more"
             )
-        *complete, rest = (rest + piece).split("\n")
-        for line in complete:
-            number += 1
-            _refuse_long(path, number, line)
-            if line and not line.isspace():
-                yield number, line
-                continue
-            blank += 1
-            if blank > MOST_BLANK:
-                raise ValueError(f"{path}, line {number}: record must have at most {MOST_BLANK} empty lines; got more")
-        _refuse_long(path, number + 1, rest)
-    if rest and not rest.isspace():
-        yield number + 1, rest
-
-
-def _refuse_long(path: Path, number: int, line: str) -> None:
-    if len(line) > LONGEST_LINE:
-        raise ValueError(
-            f"{path}, line {number}: line must be shorter than {LONGEST_LINE} characters; got a longer one: is this a"
-            " CSV file?"
-        )
+        if blank > MOST_BLANK:
+            raise ValueError(f"{path}, line {number}: record must have at most {MOST_BLANK} empty lines; got more")
+        if not line.isspace():
+            yield number, line.rstrip("\n")
 
 
 def _header(path: Path, line: str, separator: str, once: Collection[str]) -> list[str]:
@@ -194,19 +191,9 @@ def _split(where: str, line: str, separator: str) -> list[str]:
         raise ValueError(f"{where}: row must be plain CSV; got: {error}") from None
 
 
-def _number_or_gap(cell: str) -> float:
-    """A cell as a number; NaN where it is empty. Raises ValueError for anything else."""
-    if not cell.strip():
-        return math.nan
-    value = float(cell)
-    if not math.isfinite(value):
-        raise ValueError(f"number must be finite; got {cell!r}")
-    return value
-
-
 @dataclass
-class _Parser:
-    """Turns lines into rows: fast while every cell is a number, cell by cell to find the one that is not."""
+class _Rows:
+    """The rows of numbers so far: read fast where every cell is a number, else cell by cell."""
 
     where: str
     header: list[str]
@@ -214,80 +201,61 @@ class _Parser:
     needed: frozenset[str]
     clocks: frozenset[str]
     gaps: frozenset[str]
+    values: list[NDArray[np.float64]] = field(default_factory=list)
+    lines: list[NDArray[np.int64]] = field(default_factory=list)
+    count: int = 0
+    last_stamp: float = math.nan
 
-    def __post_init__(self) -> None:
-        self.loose: dict[int | str, Callable[[str], float]] = {
-            i: to_number for i, name in enumerate(self.header) if not name
-        }
-        self._clock = math.nan
-
-    def parse(self, block: list[tuple[int, str]]) -> Block:
-        numbers = np.array([number for number, _ in block], dtype=np.int64)
-        if not block:
-            return Block(np.empty((0, len(self.header))), numbers)
-        lines = [line for _, line in block]
+    def take(self, block: list[tuple[int, str]]) -> None:
+        """Add a block of numbered lines."""
         if self.separator != ",":
-            lines = [line.replace(",", ".") for line in lines]
+            block = [(number, line.replace(",", ".")) for number, line in block]
+        separator, shape = None if self.separator == SPACES else self.separator, (len(block), len(self.header))
+        values = np.zeros(shape)
         try:
-            values = self._load(lines)
+            text = [line for _, line in block]
+            if text:
+                values = np.loadtxt(text, delimiter=separator, comments=None, ndmin=2, quotechar='"')
         except ValueError:
-            self._inspect(numbers, lines)
-            try:
-                values = self._load(lines)
-            except ValueError as error:
-                got = " ".join(str(error).split())
-                raise ValueError(
-                    f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be numbers; got: {got}"
-                ) from None
-        if values.shape != (len(lines), len(self.header)):
-            self._inspect(numbers, lines)
+            values = self._by_cell(block)
+        if values.shape != shape:
+            self._by_cell(block)
             raise ValueError(
-                f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be plain numbers; got an unbalanced"
+                f"{self.where}, lines {block[0][0]} to {block[-1][0]}: rows must be plain numbers; got an unbalanced"
                 " quote"
             )
-        self._refuse_not_finite(values, numbers, lines)
-        for column in (int(column) for column, read in self.loose.items() if read is clock_s):
-            values[:, column] = over_midnight(values[:, column], self._clock)
-            self._clock = float(values[-1, column])
-        return Block(values, numbers)
+        self._refuse_not_finite(values, block)
+        self.values.append(values)
+        self.lines.append(np.array([number for number, _ in block], dtype=np.int64))
+        self.count += len(block)
 
-    def _load(self, lines: list[str]) -> NDArray[np.float64]:
-        separator = None if self.separator == SPACES else self.separator
-        return np.loadtxt(
-            lines, delimiter=separator, comments=None, ndmin=2, quotechar='"', converters=self.loose or None
-        )
-
-    def _inspect(self, numbers: NDArray[np.int64], lines: list[str]) -> None:
-        """Raise at the first cell that must be a number and is not; remember the further columns that hold something
-        else.
+    def _by_cell(self, block: list[tuple[int, str]]) -> NDArray[np.float64]:
+        """The numbers of a block, NaN where a cell is none, stamps in s. Raises ValueError for a row of another length
+        than the header's.
         """
-        for number, line in zip(numbers, lines, strict=True):
-            cells = _split(f"{self.where}, line {number}", line, self.separator)
-            if len(cells) != len(self.header):
-                raise ValueError(
-                    f"{self.where}, line {number}: row must have {len(self.header)} values as the header has; got"
-                    f" {len(cells)}"
-                )
-            for column, cell in enumerate(cells):
-                name = self.header[column]
-                if not np.isnan(to_number(cell)) or (column in self.loose and name not in self.gaps):
-                    continue
-                if name in self.gaps and not cell.strip():
-                    self.loose[column] = _number_or_gap
-                    continue
-                if name in self.clocks and not np.isnan(clock_s(cell)):
-                    self.loose[column] = clock_s
-                    continue
-                if name in self.needed:
-                    raise self._not_finite(int(number), name, cell)
-                self.loose[column] = to_number
-
-    def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64], lines: list[str]) -> None:
+        rows = [self._cells(number, line) for number, line in block]
+        values = np.array([[to_number(cell) for cell in row] for row in rows])
         for column, name in enumerate(self.header):
-            holes = self.loose.get(column) is _number_or_gap
-            if name in self.needed and not holes and not np.isfinite(values[:, column]).all():
-                row = int(np.argmin(np.isfinite(values[:, column])))
-                raise self._not_finite(int(numbers[row]), name, split(lines[row], self.separator)[column])
+            if name in self.clocks and np.isnan(values[:, column]).any():
+                stamps = np.array([clock_s(row[column]) for row in rows])
+                values[:, column] = over_midnight(stamps, self.last_stamp)
+                self.last_stamp = float(values[-1, column])
+        return values
 
-    def _not_finite(self, number: int, name: str, cell: str) -> ValueError:
-        return ValueError(f"{self.where}, line {number}: {name} must be a finite number; got {cell.strip()[:40]!r}")
+    def _cells(self, number: int, line: str) -> list[str]:
+        cells = _split(f"{self.where}, line {number}", line, self.separator)
+        if len(cells) != len(self.header):
+            raise ValueError(
+                f"{self.where}, line {number}: row must have {len(self.header)} values as the header has; got"
+                f" {len(cells)}"
+            )
+        return cells
+
+    def _refuse_not_finite(self, values: NDArray[np.float64], block: list[tuple[int, str]]) -> None:
+        """Raise at the first cell that must be a number and is none."""
+        needed = [column for column, name in enumerate(self.header) if name in self.needed]
+        for row, column in np.argwhere(~np.isfinite(values[:, needed])):
+            name, (number, line) = self.header[needed[column]], block[row]
+            cell = split(line, self.separator)[needed[column]].strip()
+            if cell or name not in self.gaps:
+                raise ValueError(f"{self.where}, line {number}: {name} must be a finite number; got {cell[:40]!r}")

@@ -1,4 +1,8 @@
-"""Units as people and instruments write them, with their factors: what a column's unit is in another one."""
+"""Units as people and instruments write them, with their factors: what a column's unit is in another one.
+
+A table of our own: to pint `g` is a mass and an angle a plain number, and words in any case, brackets and the endings
+of our columns' names would still have to be read here.
+"""
 
 import difflib
 import math
@@ -21,46 +25,24 @@ class Unit:
 GRAVITY: Final = 9.80665  # m/s2, standard
 # of SI
 _PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
-_PREFIX_WORDS: Final = {
-    "": "",
-    "nano": "n",
-    "micro": "u",
-    "milli": "m",
-    "m": "m",
-    "centi": "c",
-    "kilo": "k",
-    "mega": "M",
-}
+_BY_WORD: Final = {"": "", "nano": "n", "micro": "u", "milli": "m", "m": "m", "centi": "c", "kilo": "k", "mega": "M"}
 _PREFIXED: Final = {
-    "m": Unit("m", 1.0),
-    "s": Unit("s", 1.0),
-    "N": Unit("N", 1.0),
-    "g": Unit("N", 1e-3 * GRAVITY),
-    "gf": Unit("N", 1e-3 * GRAVITY),
-    "A": Unit("A", 1.0),
-    "V": Unit("V", 1.0),
-    "Hz": Unit("Hz", 1.0),
-    "Pa": Unit("Pa", 1.0),
+    **{symbol: Unit(symbol, 1.0) for symbol in ("m", "s", "N")},
+    **{symbol: Unit("N", 1e-3 * GRAVITY) for symbol in ("g", "gf")},
+    **{symbol: Unit(symbol, 1.0) for symbol in ("A", "V", "Hz", "Pa")},
     "bar": Unit("Pa", 1e5),
-    "Nm": Unit("Nm", 1.0),
-    "N_m": Unit("Nm", 1.0),
-    "N m": Unit("Nm", 1.0),
-    "N*m": Unit("Nm", 1.0),
-    "N·m": Unit("Nm", 1.0),
+    **{symbol: Unit("Nm", 1.0) for symbol in ("Nm", "N_m", "N m", "N*m", "N·m")},
     "rad": Unit("rev", 0.5 / math.pi),
 }
 _PLAIN: Final = {
-    "in": Unit("m", 0.0254),
-    "inch": Unit("m", 0.0254),
-    '"': Unit("m", 0.0254),
+    **{symbol: Unit("m", 0.0254) for symbol in ("in", "inch", '"')},
     "ft": Unit("m", 0.3048),
     "micron": Unit("m", 1e-6),
     "min": Unit("s", 60.0),
     "h": Unit("s", 3600.0),
     "lbf": Unit("N", 4.4482216152605),
     "psi": Unit("Pa", 6894.757293168),
-    "deg": Unit("rev", 1 / 360),
-    "°": Unit("rev", 1 / 360),
+    **{symbol: Unit("rev", 1 / 360) for symbol in ("deg", "°")},
     "rev": Unit("rev", 1.0),
     "rpm": Unit("Hz", 1 / 60),
     "%": Unit("", 0.01),
@@ -84,7 +66,7 @@ def _table() -> Mapping[str, Unit]:
     words = {
         prefix + word + plural: symbols[letter + symbol]
         for word, symbol in _WORDS.items()
-        for prefix, letter in _PREFIX_WORDS.items()
+        for prefix, letter in _BY_WORD.items()
         for plural in ("", "s")
         if letter + symbol in symbols
     }
@@ -103,11 +85,8 @@ def unit(text: str) -> Unit | None:
     if found or not plain:
         return found
     over = re.fullmatch(r"(.+?)(?:\s*/\s*|_per_|\s+per\s+|_)([^/_]+)", plain)
-    inverse = re.fullmatch(r"(.*?)[\s*.\u00b7]*([A-Za-z]+)\^?-1", plain)
-    parts = over or inverse
-    if parts is None:
-        return None
-    upper, lower = unit(parts[1] or "1"), unit(parts[2])
+    parts = over or re.fullmatch(r"(.*?)[\s*.\u00b7]*([A-Za-z]+)\^?-1", plain)
+    upper, lower = (unit(parts[1] or "1"), unit(parts[2])) if parts else (None, None)
     if upper is None or lower is None:
         return None
     dimension = f"{upper.dimension}/{lower.dimension}"

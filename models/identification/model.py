@@ -10,15 +10,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, StringConstraints, ValidationError
 
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.source import read_json, read_text
-from models.files.tables import is_number, shown
+from models.files.tables import shown
 from models.files.toml import parse_toml
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
@@ -27,6 +28,7 @@ from models.identification.record_checks import check_demand
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
 from models.rigs.rig import Rig
+from models.rigs.schema import Table
 from models.theta import Theta, spelled
 
 LARGEST_MODEL = 1 << 22  # bytes of a model file
@@ -67,6 +69,24 @@ HELD_OUT = "held_out_error"
 """
 
 
+_Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
+
+
+class _ModelFile(Table):
+    """A model file."""
+
+    model_config = ConfigDict(extra="ignore")
+    kind: str
+    verdict: str = ""
+    provenance: dict[str, Any] = Field(default_factory=dict)
+    held_out: dict[_Stage, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
+    cautions: dict[_Stage, str] = Field(default_factory=dict)
+    own_effects: dict[str, dict[str, str]] = Field(default_factory=dict)
+    nominal: dict[str, float]
+    calibrated: dict[str, float]
+    augmented: dict[str, float]
+
+
 @dataclass(frozen=True)
 class Model:
     """`stages` maps nominal, calibrated and augmented to values.
@@ -77,12 +97,12 @@ class Model:
     """
 
     kind: str
-    stages: dict[str, Theta]
+    stages: Mapping[str, Theta]
     verdict: str = ""
     provenance: dict[str, str] = field(default_factory=dict)
-    held_out: dict[str, float] = field(default_factory=dict)
+    held_out: Mapping[str, float] = field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = field(default_factory=dict)
-    cautions: dict[str, str] = field(default_factory=dict)
+    cautions: Mapping[str, str] = field(default_factory=dict)
     sealed: bool = field(default=True, compare=False)
     misfit: str = field(default="", compare=False)
 
@@ -117,24 +137,18 @@ class Model:
             raise ValueError(
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
-        own_effects = _own_effects(raw.get("own_effects", {}), catalogue)
-        stages = {stage: _values(raw.get(stage), stage, catalogue) for stage in STAGES}
-        provenance = raw.get("provenance", {})
-        if not isinstance(provenance, dict):
-            raise ValueError(f"model must have a table [provenance]; got {provenance!r}")
-        told = {str(k): str(v) for k, v in provenance.items()}
-        errors, cautions = _errors(raw.get("held_out", {})), _cautions(raw.get("cautions", {}))
-        return cls(
-            raw["kind"],
-            stages,
-            str(raw.get("verdict", "")),
-            told,
-            errors,
-            own_effects,
-            cautions,
-            CHECKSUM in raw,
-            _misfit(raw),
-        )
+        try:
+            file = _ModelFile.model_validate(raw)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            table, *keys = (str(part) for part in first["loc"])
+            at = " ".join([f"[{table}]", *keys])
+            raise ValueError(f"model {at}: {first['msg'].lower()}; got {shown(first['input'])}"[:200]) from None
+        _check_own_effects(file.own_effects, catalogue)
+        stages = {stage: _values(getattr(file, stage), stage, catalogue) for stage in STAGES}
+        told = {key: str(value) for key, value in file.provenance.items()}
+        known = (file.kind, stages, file.verdict, told, file.held_out, file.own_effects, file.cautions)
+        return cls(*known, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
         """Raises ValueError where its file carries the checksum of another content."""
@@ -174,9 +188,7 @@ class Model:
 
 
 def sealed(text: str) -> str:
-    """The text of a model file with the checksum of its content, which neither comments nor the order of keys change.
-    Raises ValueError for no TOML.
-    """
+    """A model file's text with the checksum of its content, comments and order apart. Raises ValueError for no TOML."""
     line = f'{CHECKSUM} = "{_checksum(parse_toml(text, "model"))}"'
     bare = re.sub(rf"^{CHECKSUM}\s*=.*\n", "", text, count=1, flags=re.MULTILINE)
     return f"{line}\n{bare}"
@@ -218,40 +230,17 @@ def _check_values(stage: str, values: Theta, declared: Sequence[tuple[Parameter,
             raise ValueError(f"model [{stage}] {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {value:g}")
 
 
-def _errors(raw: object) -> dict[str, float]:
-    if not isinstance(raw, Mapping) or not all(stage in STAGES for stage in raw):
-        raise ValueError(
-            f"model must have a table [held_out] with keys among {', '.join(STAGES)}, or none; got {raw!r}"[:200]
-        )
-    for stage, error in raw.items():
-        if not is_number(error) or error < 0:
-            raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {shown(error)}")
-    return {str(stage): float(error) for stage, error in raw.items()}
-
-
-def _cautions(raw: object) -> dict[str, str]:
-    if not isinstance(raw, Mapping) or not all(
-        stage in STAGES and isinstance(said, str) for stage, said in raw.items()
-    ):
-        raise ValueError(
-            f"model must have a table [cautions] with sentences under {', '.join(STAGES)}, or none; got {raw!r}"[:200]
-        )
-    return {str(stage): said for stage, said in raw.items()}
-
-
 def own_effects_of(thetas: Mapping[str, Theta], catalogue: Catalogue) -> dict[str, dict[str, str]]:
     """File and SHA-256 of each effect from outside that the values of a model name."""
     used = {name for theta in thetas.values() for name in theta.effects}
     return {o.effect.id: {"file": o.file, "sha256": o.sha256} for o in catalogue.own if o.effect.id in used}
 
 
-def _own_effects(raw: object, catalogue: Catalogue) -> dict[str, dict[str, str]]:
-    """The effects from outside that a model file names, each of which must be in use with the same content."""
-    if not isinstance(raw, Mapping) or not all(isinstance(origin, Mapping) for origin in raw.values()):
-        raise ValueError(f"model [own_effects] must hold a table for each effect; got {raw!r}"[:200])
+def _check_own_effects(named: Mapping[str, Mapping[str, str]], catalogue: Catalogue) -> None:
+    """The effects from outside that a model file names must be in use with the same content."""
     known = {origin.effect.id: origin.sha256 for origin in catalogue.own}
-    for name, origin in raw.items():
-        file, digest = str(origin.get("file", "")), str(origin.get("sha256", ""))
+    for name, origin in named.items():
+        file, digest = origin.get("file", ""), origin.get("sha256", "")
         if name not in known:
             wanted = f"--effects {file} (SHA-256 {digest[:12]})"
             raise ValueError(f"model must stand with {wanted}, for its effect {name!r}; got no such file")
@@ -260,15 +249,9 @@ def _own_effects(raw: object, catalogue: Catalogue) -> dict[str, dict[str, str]]
                 f"model must be used with the {file} that its effect {name!r} was found with (SHA-256 {digest[:12]});"
                 f" got another ({known[name][:12]})"
             )
-    return {str(name): {"file": str(o.get("file", "")), "sha256": str(o.get("sha256", ""))} for name, o in raw.items()}
 
 
-def _values(raw: object, stage: str, catalogue: Catalogue) -> Theta:
-    if not isinstance(raw, Mapping):
-        raise ValueError(f"model must have a table [{stage}]; it is missing")
-    for text, value in raw.items():
-        if not is_number(value):
-            raise ValueError(f"model [{stage}] {text} must be a finite number; got {shown(value)}")
+def _values(raw: Mapping[str, float], stage: str, catalogue: Catalogue) -> Theta:
     theta = Theta.read(raw)
     for effect, values in theta.effects.items():
         if effect not in catalogue:

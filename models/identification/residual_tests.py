@@ -8,7 +8,6 @@ import numpy as np
 from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
-from models.identification.search.validation import free_run
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -24,7 +23,7 @@ def residual_checks(
     Where an effect was found, its form need not be the true one to the last: autocorrelation up to `SET.unseen` is let
     pass, which among many numbers is beyond chance, but a tenth of the noise's power at most.
     """
-    criterion = free_run(kind)
+    criterion = kind.free_run
     rng = np.random.default_rng(seed)
     residual = evaluate(kind, records, fit.theta, criterion)
     actual, rounds = _numbers(residual), max(1, SET.imitated_numbers // (len(residual) * len(likely)))
@@ -42,18 +41,9 @@ def residual_checks(
     limits = SET.limit_wider * np.mean(largest, axis=0)
     if effects:
         limits[1] = max(limits[1], len(residual) * SET.unseen**2)
-    words = (
-        (
-            "residual_size",
-            "size of the residual",
-            "mean square of the residuals in units of the noise; 1 for a right model",
-        ),
-        (
-            "whiteness",
-            "whiteness",
-            f"mean of the first {SET.lags} squared autocorrelations of the residuals, times their number (Ljung-Box)",
-        ),
-    )
+    power = "mean square of the residuals in units of the noise; 1 for a right model"
+    rho = f"mean of the first {SET.lags} squared autocorrelations of the residuals, times their number (Ljung-Box)"
+    words = (("residual_size", "size of the residual", power), ("whiteness", "whiteness", rho))
     return tuple(
         Check(name, title, float(value), float(limit), bool(value <= limit or actual[0] < SET.unseen), meaning)
         for (name, title, meaning), value, limit in zip(words, actual, limits, strict=True)
@@ -61,9 +51,7 @@ def residual_checks(
 
 
 def chance_error(kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0) -> float:
-    """The largest reported error of `fit` on imitations of `records` on models `likely`; not a number where there are
-    no records.
-    """
+    """The largest reported error of `fit` on imitations of `records` on models `likely`; NaN without records."""
     if not records:
         return float("nan")
     rng = np.random.default_rng(seed)

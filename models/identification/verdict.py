@@ -1,6 +1,6 @@
 """One rule for every verdict: `named` and `none` only where every check of the report passes; else `unknown`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -44,6 +44,26 @@ def model_checks(
     1/sqrt(q) as much, so records left out may exceed 1 by 1/q times as much. The mean square of few residuals
     scatters as chi-square has it, which is allowed, too. `longest_s` is how long the longest record lasts.
     """
+    return tuple(
+        Check(name, title, float(value), float(limit), bool(value <= limit), meaning)
+        for name, title, value, limit, meaning in (
+            _validation(found, held_out, allowed, chance),
+            _within_bounds(kind, found),
+            *(
+                _of_effects(kind, found, spread, held_out, longest_s)
+                if found.effects
+                else _of_none(findings, held_out, chance)
+            ),
+            *_information(spread),
+        )
+    )
+
+
+_Row = tuple[str, str, float, float, str]
+"""A check's id, its name for people, value, limit and meaning."""
+
+
+def _validation(found: Search, held_out: Mapping[str, float], allowed: float, chance: float) -> _Row:
     limit = SET.clean * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, SET.near))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
@@ -53,70 +73,46 @@ def model_checks(
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"
     elif found.augmented.chi2 < left and by_chance(held_out.get("augmented", np.nan), chance):
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which errs on records never used as chance does"
-    checks = [
-        _check("validation", "validation cost", left, limit, of),
-        _check(
-            "bounds",
-            "parameters at their bounds",
-            len(at_bounds(kind, found.augmented, found.effects)),
-            0,
-            "a parameter of the base or of an effect that is at its bound would have gone further",
-        ),
-    ]
-    if found.effects:
-        amplitudes = [(name, kind.declared(name).amplitude().name) for name in found.effects]
-        untold = sum(name not in spread or not spread[name].told for name in amplitudes)
-        checks.append(
-            _check(
-                "effects_told",
-                "effects whose size is not identifiable",
-                untold,
-                0,
-                "its 95 % interval is as wide as itself",
-            )
-        )
-        periods = [1 / found.augmented.theta[name] for name in _frequencies(kind, found.effects)]
-        if periods:
-            checks.append(
-                _check(
-                    "periods",
-                    "period of an effect over the longest record",
-                    max(periods) / longest_s,
-                    1 / SET.seen_again,
-                    "what does not come back within a record may be any slow change",
-                )
-            )
-        if held_out:
-            before = max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
-            checks.append(
-                _check(
-                    "held_out",
-                    "held-out error, augmented over the better without",
-                    held_out["augmented"] / before,
-                    1,
-                    "of records never used before",
-                )
-            )
-    else:
-        weak = sum(finding.severity == "weakens" for finding in findings)
-        checks.append(_check("records", "findings that weaken a verdict", weak, 0, "see the findings on the records"))
-        if np.isfinite(chance):
-            over_chance = held_out["calibrated"] / max(chance, 1e-300)
-            words = "of the free run, by the most that noise and uncertain parameters make of it"
-            checks.append(_check("held_out", "held-out error over chance", over_chance, SET.beyond_chance, words))
+    return "validation", "validation cost", left, limit, of
+
+
+def _within_bounds(kind: Kind, found: Search) -> _Row:
+    count = len(at_bounds(kind, found.augmented, found.effects))
+    meaning = "a parameter of the base or of an effect that is at its bound would have gone further"
+    return "bounds", "parameters at their bounds", count, 0, meaning
+
+
+def _of_effects(
+    kind: Kind, found: Search, spread: Mapping[Name, Estimate], held_out: Mapping[str, float], longest_s: float
+) -> Iterator[_Row]:
+    amplitudes = [(name, kind.declared(name).amplitude().name) for name in found.effects]
+    untold = sum(name not in spread or not spread[name].told for name in amplitudes)
+    yield "effects_told", "effects whose size is not identifiable", untold, 0, "its 95 % interval is as wide as itself"
+    waves = [(name, p.name) for name in found.effects for p in kind.declared(name).parameters() if p.unit == "Hz"]
+    if waves:
+        longest = max(1 / found.augmented.theta[name] for name in waves) / longest_s
+        meaning = "what does not come back within a record may be any slow change"
+        yield "periods", "period of an effect over the longest record", longest, 1 / SET.seen_again, meaning
+    if held_out:
+        share = held_out["augmented"] / max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
+        yield "held_out", "held-out error, augmented over the better without", share, 1, "of records never used before"
+
+
+def _of_none(findings: Sequence[RecordFinding], held_out: Mapping[str, float], chance: float) -> Iterator[_Row]:
+    weak = sum(finding.severity == "weakens" for finding in findings)
+    yield "records", "findings that weaken a verdict", weak, 0, "see the findings on the records"
+    if np.isfinite(chance):
+        over = held_out["calibrated"] / max(chance, 1e-300)
+        meaning = "of the free run, by the most that noise and uncertain parameters make of it"
+        yield "held_out", "held-out error over chance", over, SET.beyond_chance, meaning
+
+
+def _information(spread: Mapping[Name, Estimate]) -> Iterator[_Row]:
     base = [estimate.told for name, estimate in spread.items() if isinstance(name, str)]
     if base:
         share = float(np.mean([not told for told in base]))
-        checks.append(
-            _check(
-                "information",
-                "share of calibrated parameters that are not identifiable",
-                share,
-                0.99,
-                "1: these records cannot tell",
-            )
-        )
-    return tuple(checks)
+        title = "share of calibrated parameters that are not identifiable"
+        yield "information", title, share, 0.99, "1: these records cannot tell"
 
 
 WORSE: Final = "worse_on_held_out_records"
@@ -182,11 +178,3 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
         if any(near(fit.theta[axis.name], bound, p) for bound in bounds):
             found.append(spelled(axis.name))
     return found
-
-
-def _frequencies(kind: Kind, effects: Sequence[str]) -> list[tuple[str, str]]:
-    return [(name, p.name) for name in effects for p in kind.declared(name).parameters() if p.unit == "Hz"]
-
-
-def _check(name: str, title: str, value: float, limit: float, meaning: str) -> Check:
-    return Check(name, title, float(value), float(limit), bool(value <= limit), meaning)

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.optimize import brentq
-
 from models.laws.hyperelastic import WallConstants, circumferential_stress, longitudinal_stress
+from models.laws.stick_slip import where_it_reaches
 from models.parameter import load_set
 
 
@@ -53,10 +52,7 @@ class FlatCar:
         """When the spring carries `force_N`, in s; `ValueError` unless it is positive."""
         if not force_N > 0:
             raise ValueError(f"force_N must be positive; got {force_N:g}")
-        end = 0.01
-        while self.spring_force(end) < force_N:
-            end *= 1.5
-        return float(brentq(lambda t: float(self.spring_force(t)) - force_N, 0.0, end, xtol=1e-14))
+        return where_it_reaches(self.spring_force, force_N, 0.01, 1e-14)
 
     def hoop_stress_for(self, spring_force_N: Any) -> Any:
         """`sigma_c = f_el/(tan(theta) S)` in Pa that goes with a spring force, any shape (paper C Eq. 8, 9)."""

@@ -1,4 +1,4 @@
-"""Hyperelastic intestine wall, lengthwise and around (paper A Eq. 1-3, after Ciarletta 2009)."""
+"""Hyperelastic intestine wall, lengthwise and around, and its tension (paper A Eq. 1-3, 12, after Ciarletta 2009)."""
 
 from __future__ import annotations
 
@@ -65,3 +65,12 @@ def circumferential_stress(stretch: Any, wall: WallConstants) -> Any:
     invariant = (stretch**4 + 3) / (4 * stretch**2)
     collagen = _collagen((stretch**4 - 3) / (2 * stretch**4), invariant, wall)
     return _matrix(stretch, wall) + collagen + _muscle(stretch, wall.k1_cm_Pa, wall.k2_cm)
+
+
+def wall_tension(u: Any, wall: WallConstants, section_m2: float, stretched_length_m: float) -> Any:
+    """`T(u) = sign(u) H_l(1 + |u|/L_s) s` in N of the wall that the capsule has dragged along by `u` in m (any shape),
+    section `s` in m^2, stretched length `L_s` in m.
+
+    Odd in `u`; 38.2 mN at 0.25 mm and 163.2 mN at 1 mm for the default capsule. Source: paper A Eq. 12.
+    """
+    return np.sign(u) * longitudinal_stress(1 + np.abs(u) / stretched_length_m, wall) * section_m2

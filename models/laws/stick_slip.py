@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from models.laws.hyperelastic import WallConstants
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, wall_tension
 from models.parameter import load_set
 
 Tension = Callable[[Any], Any]
@@ -61,6 +60,13 @@ def printed_tension(stretched_length_m: float) -> Tension:
     return lambda u: printed_force(1 + u / stretched_length_m) - printed_force(1.0)
 
 
+def where_it_reaches(rising: Tension, value: float, end: float, tolerance: float) -> float:
+    """Where a `rising` law that begins at 0 has the `value`, looked for up to `end` and beyond."""
+    while rising(end) < value:
+        end *= 1.5
+    return float(brentq(lambda at: float(rising(at)) - value, 0.0, end, xtol=tolerance))
+
+
 def stick_slip_tooth(tension: Tension, amplitude_N: float, capsule_speed: float, recoil_speed: float) -> Tooth:
     """Rise `u_c/v_c` and fall `u_c/(v_c + v_i)` where `T(u_c) = f_c`, the amplitude (paper A Eq. 11, 12, 14, 16).
 
@@ -70,10 +76,7 @@ def stick_slip_tooth(tension: Tension, amplitude_N: float, capsule_speed: float,
     for name, value in (("amplitude_N", amplitude_N), ("capsule_speed", capsule_speed), ("recoil_speed", recoil_speed)):
         if not value > 0:
             raise ValueError(f"{name} must be positive; got {value:g}")
-    end = 1e-4
-    while tension(end) < amplitude_N:
-        end *= 1.5
-    drag = float(brentq(lambda u: float(tension(u)) - amplitude_N, 0.0, end, xtol=1e-15))
+    drag = where_it_reaches(tension, amplitude_N, 1e-4, 1e-15)
     return Tooth(drag, drag / capsule_speed, drag / (capsule_speed + recoil_speed))
 
 

@@ -21,18 +21,22 @@ def missing_in_layouts(kind: RigKind, header: Sequence[str]) -> list[tuple[list[
 
 
 def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured: bool = True) -> None:
-    """Refuse a header that lacks a column of `kind`, saying which, and what in the header was probably meant."""
-    missing = kind.columns(header).lacking(header, with_measured)
+    """Refuse a header that lacks a column of `kind`, saying which, and what in the header was probably meant; one of a
+    whole record of another kind without any measured column of `kind`; and optional columns in another unit, which
+    would be ignored without a word.
+    """
+    held = kind.columns(header)
+    missing = held.lacking(header, with_measured)
+    whole = [one for one in KINDS.values() if not one.columns(header).lacking(header)]
+    if not missing and len(whole) == 1 and kind not in whole and not set(held.measured) & set(header):
+        raise ValueError(f"{where}: record must be one of a {kind.id} rig; got the columns of kind {whole[0].id}")
+    optional = (name for name in (*held.given_by_rig, *held.optional) if name not in header)
+    for name in (name for alternatives in missing for name in alternatives) if missing else optional:
+        _refuse_unit(where, name, header, kind)
     if not missing:
-        _refuse_another_kind(where, kind, header)
         return
-    for alternatives in missing:
-        for name in alternatives:
-            _refuse_unit(where, name, header, kind)
-    others = [other.id for other in KINDS.values() if other != kind and _fits(other, header)]
     wanted = _wanted(kind, header, with_measured)
-    if others:
-        found = " or ".join(others)
+    if found := " or ".join(one.id for one in whole if one != kind):
         raise ValueError(
             f"{where}: record must be one of a {kind.id} rig (column {wanted} is missing); got the columns of kind"
             f" {found}"
@@ -59,25 +63,6 @@ def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
         if close:
             return f"; where it has {close[0]!r}, did you mean {name!r}?"
     return "" if free else "; it has no further columns"
-
-
-def check_unit_names(where: str, kind: RigKind, header: Sequence[str]) -> None:
-    """Refuse optional columns of `kind` written in another unit; they would be ignored without a word."""
-    held = kind.columns(header)
-    for name in (*held.given_by_rig, *held.optional):
-        if name not in header:
-            _refuse_unit(where, name, header, kind)
-
-
-def _refuse_another_kind(where: str, kind: RigKind, header: Sequence[str]) -> None:
-    """A whole record of one other kind that holds no measured column of `kind` was not made on such a rig."""
-    others = [other for other in KINDS.values() if _fits(other, header)]
-    if len(others) == 1 and kind not in others and not set(kind.columns(header).measured) & set(header):
-        raise ValueError(f"{where}: record must be one of a {kind.id} rig; got the columns of kind {others[0].id}")
-
-
-def _fits(kind: RigKind, header: Sequence[str]) -> bool:
-    return all(set(alternatives) & set(header) for alternatives in kind.columns(header).required())
 
 
 def _refuse_unit(where: str, name: str, header: Sequence[str], kind: RigKind) -> None:

@@ -10,40 +10,29 @@ from models.files.units import factor, split_unit, unit, unit_of
 from models.rigs.columns import TIME
 from models.rigs.mapping import MappedColumn
 
-WORDS: Final[Mapping[str, tuple[str, ...]]] = {
-    "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),
-    "position": ("position", "displacement", "distance", "extension", "travel", "stroke", "place", "x", "q", "weg"),
-    "carriage": ("carriage", "magnet", "stage", "slide", "motor", "actuator", "driven"),
-    "force": ("force", "load", "kraft", "pull", "fx", "fy", "fz", "ft", "tangential", "friction"),
-    "load": ("load", "normal", "fn", "last", "weight"),
-    "friction": ("friction", "mu", "cof", "reibung", "reibwert", "traction"),
-    "coefficient": ("coefficient", "coeff", "mu", "cof", "reibwert"),
-    "angle": ("angle", "joint", "rotation", "position", "theta", "phi", "q", "winkel"),
-    "torque": ("torque", "moment", "effort", "tau", "drehmoment"),
-    "current": ("current", "i", "strom"),
-    "voltage": ("voltage", "u", "v", "spannung"),
-    "velocity": ("velocity", "speed", "v", "omega", "qd", "dq", "qdot"),
-    "frequency": ("frequency", "f"),
-    "storage": ("storage", "elastic", "e'", "g'"),
-    "loss": ("loss", "viscous", "e''", "g''"),
-    "valley": ("valley", "minimum", "lower"),
-    "peak": ("peak", "maximum", "upper"),
-    "drive": ("drive", "switch", "pulse", "trigger"),
+WORDS: Final[Mapping[str, str]] = {
+    "t": "time timestamp elapsed seconds clock zeit",
+    "position": "position displacement distance extension travel stroke place x q weg",
+    "carriage": "carriage magnet stage slide motor actuator driven",
+    "force": "force load kraft pull fx fy fz ft tangential friction",
+    "load": "load normal fn last weight",
+    "friction": "friction mu cof reibung reibwert traction",
+    "coefficient": "coefficient coeff mu cof reibwert",
+    "angle": "angle joint rotation position theta phi q winkel",
+    "torque": "torque moment effort tau drehmoment",
+    "current": "current i strom",
+    "voltage": "voltage u v spannung",
+    "velocity": "velocity speed v omega qd dq qdot",
+    "frequency": "frequency f",
+    "storage": "storage elastic e' g'",
+    "loss": "loss viscous e'' g''",
+    "valley": "valley minimum lower",
+    "peak": "peak maximum upper",
+    "drive": "drive switch pulse trigger",
 }
 """Words with which people name what a part of our columns' names means; a beginning of one (`pos`, `disp`) will do."""
-_WISHED: Final = (
-    "command",
-    "cmd",
-    "reference",
-    "desired",
-    "target",
-    "setpoint",
-    "demand",
-    "goal",
-    "nominal",
-    "feedforward",
-)
-"""Words in the names of what was wanted and not measured."""
+# words in the names of what was wanted and not measured
+_WISHED: Final = "command cmd reference desired target setpoint demand goal nominal feedforward"
 
 
 def proposed(
@@ -52,21 +41,36 @@ def proposed(
     """A source in `header` for each of the `missing` columns, alternatives side by side, where one is recognised, and
     for the `optional` ones in what is left.
 
-    `units` are those that the file states by column. A column is recognised by its unit and the words of its name; one
-    that is missing also as the only one left whose unit fits.
+    `units` are those that the file states by column. A column is recognised by its unit and the words of its name, the
+    likeliest first: of two as likely ones that was measured goes before one that was commanded, then the shorter name.
+    One that is missing is recognised also as the only one left whose unit fits.
     """
     free = {name: _read(name, units.get(name, "")) for name in header if name}
-    wanted = {name: tuple(group) for group in missing for name in group}
-    further = {name: (name,) for name in optional}
-    found: dict[tuple[str, ...], MappedColumn] = {}
-    _take_likeliest(found, wanted, free)
-    for target, group in wanted.items():
+    group_of = {name: group for group in [*missing, *([name] for name in optional)] for name in group}
+    found: dict[str, MappedColumn] = {}
+
+    def take(target: str, name: str) -> None:
+        if name in free and not found.keys() & set(group_of[target]):
+            found[target] = MappedColumn(target, name, free.pop(name)[1] or None)
+
+    def take_likeliest(targets: list[str]) -> None:
+        likely = [
+            (-score, _wished(stem), len(_words(stem)), k, name)
+            for k, target in enumerate(targets)
+            for name, (stem, stated) in free.items()
+            if (score := _likeness(target, stem, stated))
+        ]
+        for *_, k, name in sorted(likely):
+            take(targets[k], name)
+
+    wanted = [name for group in missing for name in group]
+    take_likeliest(wanted)
+    for target in wanted:
         fitting = [name for name, (_, stated) in free.items() if stated and _fits(stated, target)]
         if len(fitting) == 1:
-            _take(found, group, target, fitting[0], free)
-    _take_likeliest(found, further, free)
-    order = [*wanted, *further]
-    return sorted(found.values(), key=lambda entry: order.index(entry.target))
+            take(target, fitting[0])
+    take_likeliest(list(optional))
+    return [found[target] for target in group_of if target in found]
 
 
 def to_scale(
@@ -79,8 +83,7 @@ def to_scale(
     by their names, but in a sensor's own unit (volts, counts, pixels), which only the experimenter can tell in ours.
     """
     taken, lines = {entry.column for entry in found}, []
-    targets = {entry.target for entry in found}
-    for target in (group[0] for group in missing if not targets & set(group)):
+    for target in (group[0] for group in missing if not {entry.target for entry in found} & set(group)):
         for name in header:
             stem, stated = _read(name, units.get(name, ""))
             if name and name not in taken and stated and not _fits(stated, target) and _likeness(target, stem, ""):
@@ -89,36 +92,6 @@ def to_scale(
                 taken.add(name)
                 break
     return lines
-
-
-def _take_likeliest(
-    found: dict[tuple[str, ...], MappedColumn],
-    wanted: Mapping[str, tuple[str, ...]],
-    free: dict[str, tuple[str, str]],
-) -> None:
-    """Sources by name for what is `wanted` with its alternatives, the likeliest first: of two as likely ones that was
-    measured goes before one that was commanded, then the shorter name.
-    """
-    targets = list(wanted)
-    likely = [
-        (-score, _wished(stem), len(_words(stem)), targets.index(target), name)
-        for target in targets
-        for name, (stem, stated) in free.items()
-        if (score := _likeness(target, stem, stated))
-    ]
-    for *_, k, name in sorted(likely):
-        _take(found, wanted[targets[k]], targets[k], name, free)
-
-
-def _take(
-    found: dict[tuple[str, ...], MappedColumn],
-    group: tuple[str, ...],
-    target: str,
-    name: str,
-    free: dict[str, tuple[str, str]],
-) -> None:
-    if group not in found and name in free:
-        found[group] = MappedColumn(target, name, free.pop(name)[1] or None)
 
 
 def toml_lines(entries: Sequence[MappedColumn]) -> str:
@@ -162,9 +135,9 @@ def _words(stem: str) -> list[str]:
 
 
 def _wished(stem: str) -> bool:
-    return any(len(word) > 2 and wished.startswith(word) for word in _words(stem) for wished in _WISHED)
+    return any(len(word) > 2 and wished.startswith(word) for word in _words(stem) for wished in _WISHED.split())
 
 
 def _means(word: str, part: str) -> bool:
-    known = (part, *WORDS.get(part, ()))
+    known = (part, *WORDS.get(part, "").split())
     return word in known or (len(word) > 2 and any(one.startswith(word) for one in known)) or word == part[0]

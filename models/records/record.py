@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -12,17 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.csv_reader import Block, read_blocks
-from models.records.header import check_header, check_unit_names, missing_in_layouts
+from models.files.csv_reader import Table, read_table
+from models.files.units import unit_of
+from models.records.header import check_header, missing_in_layouts
 from models.records.proposal import proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
-from models.rigs.mapping import MappedColumn, check_stated
+from models.rigs.mapping import MappedColumn, contradiction
 from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
-MOST_CELLS = 32_000_000  # numbers of a record: 256 MB
 USED = "_used"
 """Column of a record: 1 where the measured value counts, 0 where there is none or it was filled in."""
 LARGEST_SAMPLE = 1e12
@@ -127,14 +128,24 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     rows where nothing was measured: it keeps its value there, and the column `USED` says where it has one of its own.
     A `lenient` reading takes times and ranges as they stand: what the checks say something about.
     """
-    path = Path(path)
-    reading = _Reading(str(path), rig, driven_only, lenient)
-    names = {*KINDS[rig.kind].known, *(entry.column for entry in rig.columns.entries)}
-    clocks = {TIME, *(entry.column for entry in rig.columns.entries if entry.target == TIME)}
-    gaps = {*reading.sparse, *(entry.column for entry in rig.columns.entries if entry.target in reading.sparse)}
-    for header, block in read_blocks(path, reading.check_header, names, clocks, KINDS[rig.kind].known, gaps):
-        reading.take(header, block)
-    return _complete(_name(path), str(path), reading)
+    path, kind, sources = Path(path), KINDS[rig.kind], dict[str, MappedColumn]()
+
+    def check(header: list[str], units: Mapping[str, str]) -> list[str]:
+        sources.update(find_columns(str(path), rig, header, units, driven_only))
+        return [source.column for source in sources.values()]
+
+    sparse = _sparse(kind)
+    table = read_table(
+        path,
+        check,
+        f"record of kind {kind.id}",
+        kind.layout.limit,
+        names={*kind.known, *(entry.column for entry in rig.columns.entries)},
+        clocks={TIME, rig.columns.entry(TIME).column},
+        once=kind.known,
+        gaps={*sparse, *(rig.columns.entry(name).column for name in sparse)},
+    )
+    return _record(_name(path), str(path), rig, table, sources, driven_only, lenient)
 
 
 def record_of(
@@ -150,22 +161,25 @@ def record_of(
     """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file;
     a line is a row. A measured column of a time series may hold NaN, where nothing was measured.
     """
-    where = where or name
+    where, header = where or name, list(columns)
     lengths = {column: np.shape(values) for column, values in columns.items()}
     if not columns or len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
-    reading = _Reading(where, rig, driven_only)
-    header = list(columns)
-    checked = reading.check_header(header, units)
-    gaps = {source.column for target, source in reading.sources.items() if target in reading.sparse}
-    for column in checked:
-        wrong = np.isinf(columns[column]) if column in gaps else ~np.isfinite(columns[column])
+    sources = find_columns(where, rig, header, units, driven_only)
+    for target, source in sources.items():
+        values = columns[source.column]
+        wrong = np.isinf(values) if target in _sparse(KINDS[rig.kind]) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise ValueError(f"{where}, row {row}: {column} must be a finite number; got {columns[column][row]}")
+            raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
-    reading.take(header, Block(values, np.arange(len(values))))
-    return replace(_complete(name, where, reading), notes=notes)
+    table = Table(header, units, values, np.arange(len(values)))
+    return replace(_record(name, where, rig, table, sources, driven_only), notes=notes)
+
+
+def _sparse(kind: RigKind) -> tuple[str, ...]:
+    """Our columns that need no value in every row."""
+    return tuple(name for one in kind.layouts if one.time for name in one.measured)
 
 
 def find_columns(
@@ -178,29 +192,27 @@ def find_columns(
     the table `[columns]` to paste into the rig file.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    optional = KINDS[rig.kind].columns(targets).measured if driven_only else ()
-    sources = rig.columns.sources(where, header, KINDS[rig.kind].known, optional)
+    kind = KINDS[rig.kind]
+    optional = kind.columns(targets).measured if driven_only else ()
+    sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
     try:
-        check_header(where, KINDS[rig.kind], ours, with_measured=not driven_only)
-        check_unit_names(where, KINDS[rig.kind], ours)
-        check_stated(where, sources, units)
+        check_header(where, kind, ours, with_measured=not driven_only)
+        for target, source in sources.items():
+            if stated := contradiction(target, source, units):
+                wanted = unit_of(target) or "plain numbers"
+                raise ValueError(f"{where}: column {target} must be in {wanted}; the file states {stated}")
     except ValueError as error:
-        raise _with_proposal(error, where, rig, header, units, sources) from None
+        raise _with_proposal(error, rig, header, units, sources) from None
     return sources
 
 
 def _with_proposal(
-    error: ValueError,
-    where: str,
-    rig: Rig,
-    header: Sequence[str],
-    units: Mapping[str, str],
-    sources: Mapping[str, MappedColumn],
+    error: ValueError, rig: Rig, header: Sequence[str], units: Mapping[str, str], sources: Mapping[str, MappedColumn]
 ) -> ValueError:
     """The error with a table `[columns]` that may put it right, where one can be found."""
-    good = {target: source for target, source in sources.items() if _agrees(where, target, source, units)}
+    good = {target: source for target, source in sources.items() if not contradiction(target, source, units)}
     used = {source.column for source in good.values()}
     free = [name for name in header if name not in used]
     variants = missing_in_layouts(KINDS[rig.kind], list(good))
@@ -216,156 +228,69 @@ def _with_proposal(
     return told
 
 
-def _agrees(where: str, target: str, source: MappedColumn, units: Mapping[str, str]) -> bool:
-    try:
-        check_stated(where, {target: source}, units)
-    except ValueError:
-        return False
-    return True
-
-
-def _complete(name: str, where: str, reading: _Reading) -> Record:
-    rig, columns = reading.rig, reading.columns()
-    if "velocity_m_s" in KINDS[rig.kind].layout.given_by_rig and "velocity_m_s" not in columns:
+def _record(
+    name: str,
+    where: str,
+    rig: Rig,
+    table: Table,
+    sources: Mapping[str, MappedColumn],
+    driven_only: bool,
+    lenient: bool = False,
+) -> Record:
+    """The record of a table in which our columns stand at their `sources`, checked row by row."""
+    kind, rows, raw = KINDS[rig.kind], len(table.lines), dict(zip(table.header, table.values.T, strict=True))
+    ours = {
+        target: source.values(raw[source.column], table.units.get(source.column, ""))
+        for target, source in sources.items()
+    }
+    read = {source.column for source in sources.values()}
+    further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
+    columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
+    _refuse_wrong(where, kind, columns, table.lines, lenient)
+    least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum
+    if rows < least:
+        raise ValueError(f"{where}: record of kind {kind.id} must have at least {least} rows; got {rows}")
+    for key in (key for key in _sparse(kind) if key in ours):
+        columns |= kept_between(where, key, columns[key], least)
+    if "velocity_m_s" in kind.layout.given_by_rig and "velocity_m_s" not in columns:
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
-        columns["velocity_m_s"] = np.full(reading.rows, rig.velocity_m_s)
-    return Record(name, rig.kind, columns, where, reading.lines())
+        columns["velocity_m_s"] = np.full(rows, rig.velocity_m_s)
+    return Record(name, rig.kind, columns, where, table.lines)
+
+
+def _refuse_wrong(
+    where: str, kind: RigKind, columns: Mapping[str, Array], lines: NDArray[np.int64], lenient: bool
+) -> None:
+    """Refuse stamps that do not rise, values of our columns out of their ranges (where `lenient` those of a size of
+    which nothing can be said), and valleys above their peaks.
+    """
+    if kind.layout.time and not lenient:
+        time = columns[TIME]
+        wrong = ~(np.diff(time) > 0)
+        if wrong.any():
+            row = int(np.argmax(wrong)) + 1
+            raise ValueError(
+                f"{where}, line {lines[row]}: t_s must increase; got {time[row]:.12g} after {time[row - 1]:.12g}"
+            )
+    for name, values in ((name, values) for name, values in columns.items() if name in kind.known):
+        limits = kind.range(name)
+        if limits is not None:
+            wrong = ~limits.holds(values) & (not lenient or np.abs(values) > LARGEST_SAMPLE)
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise ValueError(f"{where}, line {lines[row]}: {name} must be {limits.words}; got {values[row]:g}")
+    if kind.rising is not None and set(kind.rising) <= columns.keys():
+        low, high = kind.rising
+        wrong = ~(columns[high] > columns[low])
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise ValueError(
+                f"{where}, line {lines[row]}: {high} must be above {low}; got {columns[high][row]:g} and"
+                f" {columns[low][row]:g}"
+            )
 
 
 def _name(path: Path) -> str:
-    name = path.name
-    for ending in (".gz", ".csv", ".tsv", ".txt"):
-        if name.lower().endswith(ending):
-            name = name[: -len(ending)]
-    return name or path.name
-
-
-@dataclass
-class _Reading:
-    """The blocks of one file so far; checks each block as it comes."""
-
-    where: str
-    rig: Rig
-    driven_only: bool
-    lenient: bool = False
-    header: Sequence[str] = ()
-    blocks: list[Array] = field(default_factory=list)
-    numbers: list[NDArray[np.int64]] = field(default_factory=list)
-    rows: int = 0
-    last_time: float = -np.inf
-    sources: dict[str, MappedColumn] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def kind(self) -> RigKind:
-        """The rig's kind."""
-        return KINDS[self.rig.kind]
-
-    @property
-    def sparse(self) -> tuple[str, ...]:
-        """Our columns that need no value in every row."""
-        return tuple(name for one in self.kind.layouts if one.time for name in one.measured)
-
-    def check_header(self, header: list[str], units: Mapping[str, str]) -> list[str]:
-        """Find our columns in the header of a file that states these `units`; the names of those that are read."""
-        self.sources = find_columns(self.where, self.rig, header, units, self.driven_only)
-        self.units = units
-        return [source.column for source in self.sources.values()]
-
-    def take(self, header: Sequence[str], block: Block) -> None:
-        """Add the rows of `block` to the record."""
-        if any(not source.plain for source in self.sources.values()):
-            header, block = self._ours(header, block)
-        self.header = header
-        self.rows += len(block.lines)
-        limit = min(self.kind.layout.limit, MOST_CELLS // len(header))
-        if self.rows > limit:
-            raise ValueError(
-                f"{self.where}: record of kind {self.kind.id} with {len(header)} columns must have at most {limit}"
-                " rows; got more: cut it into several records, drop columns or sample it more slowly"
-            )
-        if not self.lenient:
-            self._check_time(block)
-            self._check_ranges(block)
-        else:
-            self._check_ranges(block, beyond=LARGEST_SAMPLE)
-        self._check_peaks(block)
-        self.blocks.append(block.values)
-        self.numbers.append(block.lines)
-
-    def lines(self) -> NDArray[np.int64]:
-        """The line of each row."""
-        return np.concatenate(self.numbers)
-
-    def columns(self) -> dict[str, Array]:
-        """The record's columns by name, once all blocks are taken."""
-        layout = self.kind.layout
-        least = (2 if layout.time else 1) if self.driven_only else layout.minimum
-        if self.rows < least:
-            raise ValueError(
-                f"{self.where}: record of kind {self.kind.id} must have at least {least} rows; got {self.rows}"
-            )
-        columns: dict[str, Array] = {}
-        for index, name in enumerate(self.header):
-            column = np.concatenate([values[:, index] for values in self.blocks])
-            if name in self.sources:
-                source = self.sources[name]
-                column = source.unwrapped(column, self.units.get(source.column, ""))
-            if name and (name in self.kind.known or not np.isnan(column).all()):
-                columns[name] = column
-        for name in (name for name in self.sparse if name in columns):
-            columns |= kept_between(self.where, name, columns[name], least)
-        return columns
-
-    def _ours(self, header: Sequence[str], block: Block) -> tuple[Sequence[str], Block]:
-        """The block with our columns first, then those that are further ones."""
-        read = {source.column for source in self.sources.values()}
-        further = [k for k, name in enumerate(header) if name not in read and name not in self.sources]
-        ours = [
-            source.values(block.values[:, header.index(source.column)], self.units.get(source.column, ""))
-            for source in self.sources.values()
-        ]
-        values = np.column_stack([*ours, block.values[:, further]])
-        return [*self.sources, *(header[k] for k in further)], Block(values, block.lines)
-
-    def _check_time(self, block: Block) -> None:
-        if not self.kind.layout.time or not len(block.lines):
-            return
-        time = block.values[:, list(self.header).index(TIME)]
-        before = np.concatenate(([self.last_time], time[:-1]))
-        wrong = np.flatnonzero(~(time > before))
-        if wrong.size:
-            row = int(wrong[0])
-            raise ValueError(
-                f"{self.where}, line {block.lines[row]}: t_s must increase; got {time[row]:.12g} after"
-                f" {before[row]:.12g}"
-            )
-        self.last_time = float(time[-1])
-
-    def _check_ranges(self, block: Block, beyond: float = 0.0) -> None:
-        """Refuse values out of the ranges of our columns; only those `beyond` a size, where that is given."""
-        for index, name in enumerate(self.header):
-            limits = self.kind.range(name) if name in self.kind.known else None
-            row = self.kind.first_wrong(name, block.values[:, index])
-            if row is not None and beyond:
-                far = np.flatnonzero(np.abs(block.values[:, index]) > beyond)
-                row = int(far[0]) if far.size else None
-            if limits is not None and row is not None:
-                raise ValueError(
-                    f"{self.where}, line {block.lines[row]}: {name} must be {limits.words}; got"
-                    f" {block.values[row, index]:g}"
-                )
-
-    def _check_peaks(self, block: Block) -> None:
-        rising = self.kind.rising
-        if rising is None or not set(rising) <= set(self.header):
-            return
-        low, high = (block.values[:, list(self.header).index(name)] for name in rising)
-        wrong = np.flatnonzero(~(high > low))
-        if wrong.size:
-            row = int(wrong[0])
-            raise ValueError(
-                f"{self.where}, line {block.lines[row]}: {rising[1]} must be above {rising[0]}; got {high[row]:g} and"
-                f" {low[row]:g}"
-            )
+    """The file's name without its endings."""
+    return re.sub(r"(?i)(\.(csv|tsv|txt))?(\.gz)?$", "", path.name, count=1) or path.name

@@ -3,8 +3,7 @@
 from typing import Any
 
 from models.drives.drive import Drive
-from models.drives.magnet_pair import MagnetPair
-from models.drives.magnetic import Magnetic
+from models.drives.magnetic import Magnetic, MagnetPair
 from models.rigs.columns import Columns
 from models.rigs.kind import IN_GUT, Instead, RigKind
 from models.rigs.magnets import Magnet, Magnets, read_magnets

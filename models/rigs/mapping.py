@@ -36,16 +36,10 @@ class MappedColumn:
             _factor(self.unit, self.target)
 
     def values(self, raw: Any, stated: str = "") -> NDArray[np.float64]:
-        """Values of the file (n,), whose own unit is `stated`, as ours."""
+        """Values of the file (n,), whose own unit is `stated`, as ours, NaN where there are none."""
         values = self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.factor(stated)
-        return self.unwrapped(values, stated)
-
-    def unwrapped(self, values: NDArray[np.float64], stated: str = "") -> NDArray[np.float64]:
-        """Values in our unit (n,), NaN where there are none, without the jumps of `wrap`."""
-        if self.wrap is None:
-            return values
         known = np.isfinite(values)
-        if known.any():
+        if self.wrap is not None and known.any():
             values[known] = np.unwrap(values[known], period=self.wrap * abs(self.factor(stated)))
         return values
 
@@ -109,9 +103,7 @@ class ColumnMap:
         return found
 
 
-def check_stated(where: str, sources: Mapping[str, MappedColumn], units: Mapping[str, str]) -> None:
-    """Refuse a column of ours whose file states another unit for it than its name does."""
-    for target, source in sources.items():
-        stated, ours = units.get(source.column, ""), unit_of(target)
-        if source.plain and unit(stated) and factor(stated, ours) != 1.0:
-            raise ValueError(f"{where}: column {target} must be in {ours or 'plain numbers'}; the file states {stated}")
+def contradiction(target: str, source: MappedColumn, units: Mapping[str, str]) -> str:
+    """The unit that a file states for a column of ours which it has under our name, where it is another than ours."""
+    stated = units.get(source.column, "")
+    return stated if source.plain and unit(stated) and factor(stated, unit_of(target)) != 1.0 else ""

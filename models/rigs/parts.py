@@ -6,9 +6,8 @@ from typing import Final
 from models.drives.drive import Drive
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
-from models.surfaces.air import Air
 from models.surfaces.gut import Wall
-from models.surfaces.plate import Plate
+from models.surfaces.plate import Air, Plate
 from models.surfaces.surface import Surface
 
 

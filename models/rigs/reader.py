@@ -119,19 +119,12 @@ class _File:
 
     def body(self, surface: Surface | None) -> tuple[Capsule, Tissue]:
         """Body and gut of a rig whose body lies on `surface`, the gut where nothing is said."""
-        if self.kind.of_paper:
-            capsule = self.read("capsule", PaperCapsuleTable, optional=True).capsule()
-        elif surface is None or surface.kind == "gut":
-            capsule = self.read("capsule", CapsuleTable).capsule()
-            return capsule, self._tissue(TissueTable, capsule)
-        else:
-            if surface.kind == "plate" and surface.friction_coefficient is None:
-                raise ValueError(
-                    f"{self.where}: [surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is"
-                    " missing"
-                )
-            capsule = self.read("capsule", BodyTable).capsule()
-        return capsule, self._tissue(PaperTissueTable, capsule, optional=True)
+        paper, gut = self.kind.of_paper, surface is None or surface.is_gut
+        body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable
+        capsule = self.read("capsule", body, optional=paper).capsule()
+        if paper or not gut:
+            return capsule, self._tissue(PaperTissueTable, capsule, optional=True)
+        return capsule, self._tissue(TissueTable, capsule)
 
     def _tissue(self, model: type[TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
         if "lumen_diameter_m" not in self.raw.get("tissue", {}):

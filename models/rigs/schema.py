@@ -1,16 +1,30 @@
 """Tables of a file: their keys with range, meaning and example, and sentences for what is wrong with them."""
 
+import math
 import typing
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache, partial
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Strict,
+    ValidationError,
+    create_model,
+)
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from pydantic_core import CoreSchema, ErrorDetails
+from pydantic_core.core_schema import no_info_after_validator_function
 
-from models.files.tables import shown
+from models.files.tables import INTEGER, LARGEST_INTEGER, check_magnitude, shown
 from models.files.units import unit_of
 from models.parameter import nearest
 
@@ -25,6 +39,8 @@ Friction = Annotated[float, Field(ge=0, le=10)]
 Angle = Annotated[float, Field(ge=1, le=89)]
 Remanence = Annotated[float, Field(ge=1e-3, le=3)]
 Real = Annotated[float, Field(gt=-1e9, lt=1e9)]
+Numbers = Annotated[tuple[float, ...], Strict(False)]
+Words = Annotated[tuple[str, ...], Strict(False)]
 
 
 class Table(BaseModel):
@@ -44,11 +60,106 @@ class Table(BaseModel):
 
 
 T = TypeVar("T", bound=Table)
+R = TypeVar("R")
 
 
-def key(meaning: str, default: Any = ..., example: str = "") -> Any:
-    """A key of a table: what it means, its default (none: it must be there) and a value of it as TOML writes it."""
-    return Field(default, description=meaning, examples=[example])
+def key(
+    meaning: str, default: Any = ..., least: float | None = None, most: float | None = None, *, example: str = ""
+) -> Any:
+    """A key of a table: what it means, its default (none: it must be there), the least and the most that it may be, and
+    a value of it as TOML writes it.
+    """
+    return Field(default, description=meaning, examples=[example], ge=least, le=most)
+
+
+@dataclass(frozen=True, eq=False)
+class Among:
+    """Of a word: it is one of the `choices`, also of those that join them later."""
+
+    choices: Collection[str]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core), "enum": list(self.choices)}
+
+    def check(self, word: str) -> str:
+        """The word, where it is one of them."""
+        if word not in self.choices:
+            known = list(self.choices)
+            raise ValueError(f"must be one of {', '.join(known)}; got {word!r}; {nearest(word, known)}")
+        return word
+
+
+class NamedTable(Table):
+    """The table `[where]` of a scenario, a deployment or a campaign. One that breaks what its keys declare, or what
+    `model_post_init` asks of them, is not made: a ValueError of one sentence names table and key.
+    """
+
+    where: ClassVar[str]
+
+    def __init__(self, /, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise _refused(type(self), values, error) from None
+        for name in values:
+            check_magnitude(getattr(self, name), f"{self.where}.{name}")
+
+    @classmethod
+    def read(cls, tables: Mapping[str, Any]) -> Self:
+        """The table among those of a file. Raises ValueError."""
+        content = tables.get(cls.where, {})
+        if not isinstance(content, Mapping):
+            raise ValueError(f"{cls.where} must be a table; got {shown(content)}")
+        return cls(**content)
+
+    def but(self, **changed: Any) -> Self:
+        """The same but for what is `changed`. Raises ValueError."""
+        return type(self)(**{**dict(self), **changed})
+
+
+def from_table(cls: type[R], content: Mapping[str, Any], where: str, skip: Collection[str] = ()) -> R:
+    """The frozen dataclass that the table `[where]` describes, its fields being the known keys but for those to `skip`.
+    Raises ValueError of one sentence.
+    """
+    if skip and isinstance(content, Mapping):
+        content = {name: value for name, value in content.items() if name not in skip}
+    made = _table_of(cls, where).read({where: content})  # type: ignore[arg-type]
+    return cls(**{name: getattr(made, name) for name in content})
+
+
+@cache
+def _table_of(cls: type[Any], where: str) -> type[NamedTable]:
+    """The table whose keys are the fields of a dataclass."""
+    hints = typing.get_type_hints(cls)
+    keys: dict[str, Any] = {
+        one.name: (_from_toml(hints[one.name], f"{where}.{one.name}"), ... if _required(one) else None)
+        for one in fields(cls)
+        if one.name != "folder"
+    }
+    made = create_model(cls.__name__, __base__=NamedTable, **keys)
+    made.where = where
+    return made
+
+
+def _required(field: Any) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _from_toml(hint: Any, where: str) -> Any:
+    """A hint as it is read from TOML, where tuples are lists and records tables."""
+    if typing.get_origin(hint) is tuple:
+        return Annotated[hint, Strict(False)]
+    for part in (hint, *typing.get_args(hint)):
+        if is_dataclass(part) and isinstance(part, type):
+            return Annotated[Any, BeforeValidator(partial(_record, part, where))]
+    return Annotated[int, Field(gt=-LARGEST_INTEGER, lt=LARGEST_INTEGER)] if hint is int else hint
+
+
+def _record(cls: type[R], where: str, content: Any) -> R:
+    return from_table(cls, content, where)
 
 
 def field_of(table: type[Table], name: str) -> FieldInfo:
@@ -158,4 +269,51 @@ def _expected(error: ErrorDetails, table: type[Table], name: str) -> str:
         return f"one of {limits['expected']}"
     if {"gt", "ge", "lt", "le"} & set(limits) and name in table.model_fields:
         return range_words(table, name)
-    return {"bool_type": "true or false", "string_type": "text"}.get(error["type"], "a finite number")
+    wanted = {
+        "bool_type": "true or false",
+        "string_type": "text",
+        "int_type": INTEGER,
+        "tuple_type": f"a list of {'text' if 'str' in str(table.model_fields[name].annotation) else 'numbers'}",
+    }
+    return wanted.get(error["type"], "a finite number")
+
+
+_FIRST = {"extra_forbidden": 0, "missing": 1}
+"""Errors of which is told before others."""
+
+
+def _refused(table: type[NamedTable], content: Mapping[str, Any], error: ValidationError) -> ValueError:
+    """What is wrong with the `content` of a table, in one sentence."""
+    errors = sorted(error.errors(include_url=False), key=lambda e: _FIRST.get(e["type"], len(_FIRST)))
+    first, where = errors[0], table.where
+    name = str(first["loc"][0]) if first["loc"] else ""
+    if first["type"] == "extra_forbidden":
+        known = list(table.model_fields)
+        return ValueError(f"keys of [{where}] must be among {', '.join(known)}; got {name!r}; {nearest(name, known)}")
+    if first["type"] == "missing":
+        lacking = ", ".join(str(e["loc"][0]) for e in errors if e["type"] == "missing")
+        return ValueError(f"[{where}] must have {lacking}; got {', '.join(content) or 'nothing'}")
+    if first["type"] == "value_error":
+        said = str(first["ctx"]["error"])
+        return ValueError(said if not name or f"{where}.{name}" in said else f"{where}.{name} {said}")
+    got = shown(first["input"])
+    if first["type"] in ("less_than", "greater_than"):
+        return ValueError(f"{where}.{name} must be {INTEGER}; got {got}")
+    if first["type"] == "literal_error":
+        choices = first["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
+        return ValueError(f"{where}.{name} must be one of {choices}; got {got}")
+    if not {"ge", "le"} & set(first.get("ctx", {})):
+        return ValueError(f"{where}.{name} must be {_expected(first, table, name)}; got {got}")
+    lower, upper = ends(table, name)
+    if math.isinf(upper):
+        must = "be zero or more" if lower == 0 else f"be at least {lower:g}"
+    else:
+        must = f"lie in [{lower:g}, {upper:g}]"
+    return ValueError(f"{where}.{name} must {must}; got {first['input']:g}")
+
+
+def ends(table: type[Table], key: str) -> tuple[float, float]:
+    """The least and the most that a key may be; infinite where there is no bound."""
+    lower, upper = bounds(table, key)
+    least = lower.ge if isinstance(lower, Ge) else -math.inf
+    return float(least), float(upper.le) if isinstance(upper, Le) else math.inf  # type: ignore[arg-type]

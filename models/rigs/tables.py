@@ -49,8 +49,7 @@ class Checks(Table):
     """What is known of the records of this rig: findings of `capsule check` that no longer stop a fit, by id."""
 
     accept: list[str] = key(
-        "in `[checks]`, findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict; in"
-        " `[operator]`, whether the controller takes setpoints from the bus",
+        "findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict",
         [],
     )
 
@@ -118,9 +117,7 @@ class Drive(Table):
 
     inner_mass_kg: Mass = key("mass of the inner mass", example="0.074")
     spring_stiffness_N_per_m: NotNegative = key("stiffness of its spring to the body", example="256.0")
-    force_N: Real = key(
-        "in `[drive]`, the coil's force while it is on; in `[limits]`, the greatest force on the wall", example="1.25"
-    )
+    force_N: Real = key("the coil's force while it is on", example="1.25")
     reaction_on_body: bool = key(
         "true: the coil sits in the body; false: an outside field acts on the inner mass alone", example="true"
     )
@@ -144,6 +141,12 @@ class Surface(Table):
         example='"plate"',
     )
     friction_coefficient: Friction | None = key("coefficient of Coulomb friction; required for a plate", None)
+
+    def check(self) -> None:
+        if self.kind == "plate" and self.friction_coefficient is None:
+            raise ValueError(
+                "[surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is missing"
+            )
 
     @property
     def is_gut(self) -> bool:

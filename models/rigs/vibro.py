@@ -1,5 +1,7 @@
 """An inner mass on a spring shakes the capsule along: its coil is switched, the capsule's place is measured."""
 
+from dataclasses import fields
+
 from models.drives.coil import Winding
 from models.drives.drive import Drive
 from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
@@ -16,26 +18,18 @@ def _drive(rig: Rig, by_voltage: bool) -> Drive:
     front, rear = (
         None if gap is None or stiff is None else Stop(gap, stiff) for gap in (d.front_stop_gap_m, d.rear_stop_gap_m)
     )
-    numbers = (
-        d.inner_mass_kg,
-        d.spring_stiffness_N_per_m,
-        d.spring_damping_N_s_per_m,
-        d.force_N,
-        d.reaction_on_body,
-        front,
-        rear,
-    )
+    own = d.model_dump(include={field.name for field in fields(Vibro)}) | {"front": front, "rear": rear}
     if not by_voltage:
-        return Vibro(*numbers)
+        return Vibro(**own)
     if d.rated_voltage_V is not None:
-        return RatedVibro(*numbers, d.rated_voltage_V)
+        return RatedVibro(**own, rated_voltage_V=d.rated_voltage_V)
     if d.coil_resistance_Ohm is None or d.force_constant_N_per_A is None:
         raise ValueError(
             "[drive] must have the key 'rated_voltage_V', or 'force_constant_N_per_A' and 'coil_resistance_Ohm', where"
             " the coil is driven by a voltage; they are missing"
         )
     winding = Winding.of(d.coil_resistance_Ohm, d.coil_inductance_H, d.current_limit_A, d.force_constant_N_per_A)
-    return VoltageVibro(*numbers, d.force_constant_N_per_A, winding)
+    return VoltageVibro(**own, coil_force_N_per_A=d.force_constant_N_per_A, winding=winding)
 
 
 VIBRO = RigKind(

@@ -12,10 +12,8 @@ import numpy as np
 
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hoop import blend_weight
-from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
-from models.laws.resistance import pressure_integrals
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, wall_tension
+from models.laws.resistance import mucus_drag, pressure_integrals
 from models.parameter import Parameter
 from models.surfaces.surface import FULL, Held, Levels, Surface, Values
 
@@ -100,7 +98,11 @@ class Wall(Surface):
         return self.tissue.recovery_time_s
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return base_parameters(self.tissue)
+        mu, source = self.tissue.friction_coefficient, "paper V Eq. 13; tissue differs by 15 % and more"
+        return (
+            Parameter("hoop_stress_factor", 1.0, "1", 0.65, 1.45, source, fit=True),
+            Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
+        )
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         mu = p["friction_coefficient"]
@@ -209,14 +211,3 @@ def settle(free: Any, stop: Any, smoothing: Any = 0.0) -> Any:
     if isinstance(smoothing, int | float) and smoothing == 0:
         return slides
     return np.where(b < 0, 2 * smoothing * free / (root + np.abs(b)), slides)  # the same, with its slope at free = 0
-
-
-def base_parameters(tissue: Tissue) -> tuple[Parameter, ...]:
-    """What differs from rig to rig: the factor on the hoop stress and the friction coefficient."""
-    mu = tissue.friction_coefficient
-    return (
-        Parameter(
-            "hoop_stress_factor", 1.0, "1", 0.65, 1.45, "paper V Eq. 13; tissue differs by 15 % and more", fit=True
-        ),
-        Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
-    )

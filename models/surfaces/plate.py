@@ -1,4 +1,4 @@
-"""A rigid plate under the body: Coulomb friction and nothing else."""
+"""What holds no wall: a rigid plate under the body with Coulomb friction, and the air with nothing."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -29,3 +29,23 @@ class Plate(Surface):
 
     def equations(self, p: Values) -> list[str]:
         return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the load on the plate"]
+
+
+@dataclass(frozen=True)
+class Air(Surface):
+    """A body of `mass_kg` (without an inner mass) that nothing holds: `m a = F_act`."""
+
+    mass_kg: float
+
+    @property
+    def body_kg(self) -> float:
+        return self.mass_kg
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return ()
+
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
+        return 0.0, 0.0
+
+    def equations(self, p: Values) -> list[str]:
+        return ["m a = F_act"]

@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from models.files.csv_reader import read_blocks
+from models.files.csv_reader import read_table
 from plant.experiments.excitation import piecewise_runs, pulse_width, random_runs, random_wander
 from plant.tables import Floats
 
@@ -155,11 +155,10 @@ class Recorded:
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         file = Path(self.folder) / self.path
-        found = [(header, block.values) for header, block in read_blocks(file, self._check)]
-        values = np.concatenate([block for _, block in found])
-        if not len(values):
+        table = read_table(file, self._check)
+        if not len(table.lines):
             raise ValueError(f"{file}: record must have samples; got none")
-        time, column = (values[:, found[0][0].index(name)] for name in ("t_s", self.column))
+        time, column = (table.values[:, table.header.index(name)] for name in ("t_s", self.column))
         t = dt * np.arange(round(duration_s / dt) + 1)
         return np.asarray(np.interp(t, time - time[0], column))
 

@@ -45,7 +45,7 @@ def scenario(effect: str, folder: Path) -> TrackScenario:
         hoop_factor=answer["hoop_stress_factor"],
         hidden={effect: numbers},
     )
-    path = Sine(12.0, 0.05).trajectory(SECONDS)
+    path = Sine(amplitude_mm=12.0, frequency_Hz=0.05).trajectory(SECONDS)
     belief = read_rig(folder / "rig.toml")
     return TrackScenario(effect, SECONDS, 1, "magnetic", truth, Instruments(), belief, path, Limits(), Control())
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from models.identification import close
-from models.identification.fitting.fit import Problem, descend
+from models.identification.fitting.fit import Problem
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
@@ -48,7 +48,7 @@ def ladder(kind: VibroTableKind, theta: Theta, effects: Sequence[str], rest: Rec
         some = list(effects[:count])
         fit = theta.only(some)
         for secant in (0.3, 0.1):
-            fit = fit | descend(Problem.of(kind, [rest], some, 0), fit, secant, 12).theta
+            fit = fit | Problem.of(kind, [rest], some, 0).descend(fit, secant, 12).theta
         out.append(1e3 * kind.error([held], [kind.predict(held, fit)]))
     return out
 

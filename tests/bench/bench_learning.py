@@ -80,10 +80,10 @@ def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace)
     loop = replace(
         plain,
         duration_s=seconds,
-        reference=Steps(places, options.speed, DWELL_S).trajectory(seconds),
+        reference=Steps(positions_mm=places, speed_mm_s=options.speed, dwell_s=DWELL_S).trajectory(seconds),
         instruments=replace(plain.instruments, localisation=replace(plain.instruments.localisation, std=options.noise)),
         truth=replace(gut(plain, seed), hidden=hidden),
-        control=replace(plain.control, tick_s=TICK_S[kind]),
+        control=plain.control.but(tick_s=TICK_S[kind]),
     )
     return SilScenario(loop, pace=PACE)
 

@@ -72,7 +72,7 @@ def drive(kind: str, effect: str, size: float, seed: int, seconds: float, tick_s
     plain = load_track_scenario(FOLDER / f"track_{name}.toml")
     way = far / speed + 1.0
     places = tuple(far * (k % 2 == 0) for k in range(int((seconds - 1) / way)))
-    path = Steps(places, speed, 1.0).trajectory(seconds)
+    path = Steps(positions_mm=places, speed_mm_s=speed).trajectory(seconds)
     rig = replace(gut(plain, seed), hidden=numbers(effect, size, 0.5 * seconds))
     control = replace(plain.control, tick_s=tick_s)
     scenario = replace(plain, duration_s=seconds, reference=path, truth=rig, control=control)

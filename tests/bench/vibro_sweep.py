@@ -15,8 +15,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.app.console import json_text
-from hil.app.report.document import document, heading
-from hil.app.report.theme import INK, figure_html, styled
+from hil.report.builder import page
+from hil.report.theme import INK, styled
 from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.drives.kinds import TrueVibro
@@ -112,9 +112,9 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     write_text(out / "vibro_sweep.json", json_text(found))
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
     story = f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s."
-    head = heading(f"{len(results)} drives", "Vibro drives on the gut", story)
-    figure = figure_html(_figure(found), "figure-1")
-    write_text(out / "vibro_sweep.html", document("Vibro drives", head, [("speed", "Mean speed", figure)]))
+    told = {"eyebrow": f"{len(results)} drives", "title": "Vibro drives on the gut", "story": story}
+    text = page("plot.html.j2", **told, heading="Mean speed", drawn=_figure(found))
+    write_text(out / "vibro_sweep.html", text)
     return found
 
 

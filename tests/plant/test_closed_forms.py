@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
-from models.laws.hyperelastic import WallConstants
+from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import environmental_resistance
-from models.laws.tension import wall_tension
 from plant import layout as at
 from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
 from plant.experiments.excitation import pulse_width

@@ -4,7 +4,8 @@ import asyncio
 import logging
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from threading import Lock
 from typing import Any, Final
@@ -18,7 +19,6 @@ RETRIES: Final = 3  # of a run whose worker is lost
 AHEAD: Final = 4  # jobs for each worker that are sent at once
 _ONE: Final = Lock()
 _KEPT: Final = "what has ended is on file, and the same command goes on from there"
-Part = tuple[tuple[Job, ...], bool]
 
 
 def scheduled(parts: Sequence[Sequence[Job]], address: str, patience_s: float = PATIENCE_S) -> Iterator[list[Row]]:
@@ -29,33 +29,41 @@ def scheduled(parts: Sequence[Sequence[Job]], address: str, patience_s: float = 
     last, run by run and one at a time; a run that still kills its workers becomes a row with `error`. Raises ValueError
     where Dask, the scheduler, this program on a worker, or for `patience_s` every worker is missing.
     """
-    client = _connected(address)
+    suspects: list[Job] = []
+    with _connected(address) as client:
+        for part, rows in _answers(client, parts, address, patience_s):
+            if isinstance(rows, int):
+                suspects += part
+            else:
+                yield rows
+        for job in suspects:
+            for _, rows in _answers(client, [[job]], address, patience_s):
+                yield [lost(job, rows)] if isinstance(rows, int) else rows
+
+
+def _answers(
+    client: Any, parts: Sequence[Sequence[Job]], address: str, patience_s: float
+) -> Iterator[tuple[Sequence[Job], list[Row] | int]]:
+    """Each chunk as it ends, with its rows or how many workers it has killed."""
     from distributed import wait
 
-    waiting: list[Part] = [(tuple(part), False) for part in reversed(parts)]
-    flying: dict[Any, Part] = {}
-    seen = time.monotonic()
-    with client:
-        while waiting or flying:
-            workers = _workers(client)
-            seen = time.monotonic() if workers else seen
-            if time.monotonic() - seen > patience_s:
-                raise ValueError(
-                    f"--scheduler must have workers; {address} has named none for {patience_s:g} s; {_KEPT}"
-                )
-            while waiting and len(flying) < AHEAD * max(workers, 1) and not (flying and _suspect(waiting[-1], flying)):
-                part = waiting.pop()
-                flying[client.submit(_packed(part[0]), retries=RETRIES, pure=False)] = part
-            try:
-                for future in wait(list(flying), timeout=LOOK_S, return_when="FIRST_COMPLETED").done:
-                    rows, again = _outcome(future, *flying[future])
-                    del flying[future]
-                    waiting[:0] = again
-                    yield rows
-            except TimeoutError:
-                continue
-            except CancelledError:
-                raise ValueError(f"--scheduler must stay until the last run; {address} has gone; {_KEPT}") from None
+    waiting, flying, seen = deque(parts), dict[Any, Sequence[Job]](), time.monotonic()
+    while waiting or flying:
+        workers = _workers(client)
+        seen = time.monotonic() if workers else seen
+        if time.monotonic() - seen > patience_s:
+            raise ValueError(f"--scheduler must have workers; {address} has named none for {patience_s:g} s; {_KEPT}")
+        while waiting and len(flying) < AHEAD * max(workers, 1):
+            part = waiting.popleft()
+            flying[client.submit(_packed(part), retries=RETRIES, pure=False)] = part
+        try:
+            for future in wait(list(flying), timeout=LOOK_S, return_when="FIRST_COMPLETED").done:
+                rows = _outcome(future)
+                yield flying.pop(future), rows
+        except TimeoutError:
+            continue
+        except CancelledError:
+            raise ValueError(f"--scheduler must stay until the last run; {address} has gone; {_KEPT}") from None
 
 
 def run_alone(jobs: Sequence[Job]) -> list[Row]:
@@ -66,7 +74,7 @@ def run_alone(jobs: Sequence[Job]) -> list[Row]:
         return run_jobs(jobs)
 
 
-def _packed(jobs: tuple[Job, ...]) -> Callable[[], list[Row]]:
+def _packed(jobs: Sequence[Job]) -> Callable[[], list[Row]]:
     """A chunk as a function that travels by value and is opened on the worker alone, so the scheduler need not have
     this program.
     """
@@ -116,23 +124,20 @@ def _workers(client: Any) -> int:
         return 0
 
 
-def _suspect(next_one: Part, flying: Mapping[Any, Part]) -> bool:
-    return next_one[1] or any(alone for _, alone in flying.values())
-
-
-def _outcome(future: Any, jobs: tuple[Job, ...], alone: bool) -> tuple[list[Row], list[Part]]:
-    """The rows of a chunk that has ended, and what of it is to be done again. TimeoutError where its worker died with
+def _outcome(future: Any) -> list[Row] | int:
+    """The rows of a chunk that has ended, or how many workers it has killed. TimeoutError where its worker died with
     the rows.
     """
     from distributed import KilledWorker
 
     try:
-        return future.result(timeout=ANSWER_S), []
+        rows: list[Row] = future.result(timeout=ANSWER_S)
     except (TimeoutError, CancelledError):
         raise
     except KilledWorker as error:
-        return ([lost(jobs[0], error.allowed_failures + 1)], []) if alone else ([], [((job,), True) for job in jobs])
+        return int(error.allowed_failures) + 1
     # A run's own error is a row; what comes here is a worker that cannot run any.
     except Exception as error:  # noqa: BLE001
         got = f"{type(error).__name__}: {error}"
         raise ValueError(f"--scheduler must have workers with this program installed; one answers {got}") from None
+    return rows

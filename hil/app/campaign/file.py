@@ -20,7 +20,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -28,11 +28,13 @@ from hil.app.campaign.loop import Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
-from models.files.tables import Declared, limited
+from models.files.tables import LARGEST_INTEGER
 from models.files.toml import in_file, read_toml
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
+from models.rigs import schema
+from models.rigs.schema import Among, NamedTable
 from models.theta import Theta
 
 Distribution = tuple[str, tuple[Any, ...]]
@@ -79,24 +81,24 @@ _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]
 
 TABLES: Final = ("campaign", "draw", "grid", "variants")
 MOST_RUNS: Final = 1_000_000  # of a campaign
-METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
+METRICS: Final = tuple(field.name for field in fields(Score) if field.type in (float, int))
 ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
 
 
-@dataclass(frozen=True)
-class Head(Declared, where="campaign"):
-    """`[campaign]`. `chunk` runs go to a worker at once; `metric` is what the report is about, a number that `track`
-    prints.
-    """
+class Head(NamedTable):
+    """`[campaign]`."""
 
-    scenario: str
-    engine: str = limited("track", among=ENGINES)
-    cases: int = limited(1, 1, MOST_RUNS)
-    seed: int = limited(0, 0)
-    chunk: int = limited(4, 1, 1000)
-    metric: str = limited("tracking_rmse_m", among=METRICS)
-    model: str = ""
-    stage: str = limited("augmented", among=STAGES)
+    where = "campaign"
+    scenario: str = schema.key("the scenario, beside this file")
+    engine: Annotated[str, Among(ENGINES)] = schema.key("`track`, or `sil`: over the bus", "track")
+    cases: int = schema.key("cases, each with a seed and draws of its own", 1, 1, MOST_RUNS)
+    seed: int = schema.key("sets every random number", 0, 0, LARGEST_INTEGER)
+    chunk: int = schema.key("runs that go to a worker at once", 4, 1, 1000)
+    metric: Annotated[str, Among(METRICS)] = schema.key(
+        "what the report is about, a number of `track`", "tracking_rmse_m"
+    )
+    model: str = schema.key("a model that its controllers know, relative to this file", "")
+    stage: Annotated[str, Among(STAGES)] = schema.key("which stage of it", "augmented")
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,15 @@
 """The report of a campaign: how the metric is distributed, and its worst cases with the command that repeats each."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any, Final
 
 import numpy as np
 import plotly.graph_objects as go
 
-from hil.app.quantities import number, scale
-from hil.app.report.document import document, heading, table
-from hil.app.report.theme import figure_html, line_colour, styled, symbol
-from hil.app.report.words import column_words
+from hil.report.builder import page
+from hil.report.quantities import number, scale
+from hil.report.theme import axes, line_colour, styled, symbol
+from hil.report.words import column_words
 
 Row = Mapping[str, Any]
 WORST: Final = 12  # cases on the page
@@ -30,8 +29,8 @@ def groups(rows: Sequence[Row], draws: Sequence[str]) -> dict[str, list[Row]]:
     parted: dict[str, list[Row]] = {}
     varied = [key for key in _keys(rows, draws) if key not in draws]
     for row in rows:
-        words = [_point_words(key, row["point"][key]) for key in varied if key in row["point"]]
-        parted.setdefault(", ".join(words) or "all", []).append(row)
+        words = _point_words({key: row["point"][key] for key in varied if key in row["point"]})
+        parted.setdefault(words or "all", []).append(row)
     return parted
 
 
@@ -65,21 +64,23 @@ def worst_of(rows: Sequence[Row], metric: str, count: int = WORST) -> list[Row]:
 def page_html(name: str, metric: str, rows: Sequence[Row], draws: Sequence[str], repeat: str) -> str:
     """One self-contained page; `repeat` is the command that repeats a run but for its number."""
     parted = groups(rows, draws)
-    words, unit = column_words(metric)
-    finite = [value_of(row, metric) for row in rows if np.isfinite(value_of(row, metric))]
-    factor, unit = scale(finite, unit)
+    factor, unit = scale([value_of(row, metric) for row in _finite(rows, metric)], column_words(metric)[1])
+    words = column_words(metric)[0]
     label = f"{words} in {unit}" if unit else words
-    title = f"{name}: {words} over {len(rows)} runs"
-    sections = [
-        ("numbers", "Numbers", _summary_table(parted, metric, unit, factor)),
-        ("worst", "Worst cases", _worst_table(rows, metric, unit, factor, repeat)),
-        ("spread", "How it is spread", figure_html(_spread(parted, metric, label, factor), "figure-0")),
-    ]
     numeric = [key for key in _keys(rows, draws) if _numeric(rows, key)]
-    for k, key in enumerate(numeric, start=1):
-        figure = figure_html(_over(parted, metric, key, label, factor), f"figure-{k}")
-        sections.append((f"over-{k}", f"Over {key_words(key)[0]}", figure))
-    return document(title, heading("Campaign", title), sections)
+    return page(
+        "campaign.html.j2",
+        name=name,
+        words=words,
+        unit=unit,
+        factor=factor,
+        repeat=repeat,
+        count=len(rows),
+        groups={group: summary_of(part, metric) for group, part in parted.items()},
+        worst=[(row, value_of(row, metric), _point_words(row["point"])) for row in worst_of(rows, metric)],
+        spread=_spread(parted, metric, label, factor),
+        over=[(key_words(key)[0], _over(parted, metric, key, label, factor)) for key in numeric],
+    )
 
 
 def key_words(key: str) -> tuple[str, str]:
@@ -99,31 +100,13 @@ def _numeric(rows: Sequence[Row], key: str) -> bool:
     return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
 
 
-def _summary_table(parted: Mapping[str, Sequence[Row]], metric: str, unit: str, factor: float) -> str:
-    lines = []
-    for name, rows in parted.items():
-        s = summary_of(rows, metric)
-        numbers = [number(factor * s[key], 4) for key in _NUMBERS]
-        counts = [str(s[key]) for key in ("runs", "failed", "unsafe", "hard_violations")]
-        lines.append([escape(name), *counts, *numbers])
-    heads = ("", "runs", "failed", "unsafe", "violations", *(f"{name}, {unit}" if unit else name for name in _NUMBERS))
-    return table(heads, lines)
-
-
-def _worst_table(rows: Sequence[Row], metric: str, unit: str, factor: float, repeat: str) -> str:
-    lines = []
-    for row in worst_of(rows, metric):
-        point = ", ".join(_point_words(key, value) for key, value in row["point"].items())
-        value = escape(str(row["error"])) if row.get("error") else number(factor * value_of(row, metric), 4)
-        lines.append([value, escape(point), f"<code>{escape(repeat)} --run {row['run']}</code>"])
-    words = column_words(metric)[0]
-    return table((f"{escape(words)}, {unit}" if unit else escape(words), "case", "repeat it with"), lines, left=3)
-
-
-def _point_words(key: str, value: Any) -> str:
-    """A key of the scenario and its value, as `magnet stiffness 24.3 N/m` or `controller pid friction`."""
-    words, unit = key_words(key)
-    return f"{words} {number(value, 4) if isinstance(value, float) else value} {unit}".rstrip()
+def _point_words(point: Mapping[str, Any]) -> str:
+    """Keys of the scenario and their values, as `magnet stiffness 24.3 N/m, controller pid friction`."""
+    said = []
+    for key, value in point.items():
+        words, unit = key_words(key)
+        said.append(f"{words} {number(value, 4) if isinstance(value, float) else value} {unit}".rstrip())
+    return ", ".join(said)
 
 
 def _finite(rows: Sequence[Row], metric: str) -> list[Row]:
@@ -146,13 +129,11 @@ def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, factor
 
 
 def _over(parted: Mapping[str, Sequence[Row]], metric: str, key: str, title: str, factor: float) -> go.Figure:
-    figure = go.Figure()
+    figure = axes(" in ".join(filter(None, key_words(key))), title, 420)
     for k, (name, rows) in enumerate(parted.items()):
         good = _finite(rows, metric)
         marker = {"size": 6, "color": line_colour(k), "symbol": symbol(k), "opacity": 0.7}
         look = {"mode": "markers", "marker": marker, "showlegend": len(parted) > 1}
         values, runs = [factor * value_of(row, metric) for row in good], [f"run {row['run']}" for row in good]
         figure.add_scatter(x=[row["point"][key] for row in good], y=values, name=name, text=runs, **look)
-    words, unit = key_words(key)
-    figure.update_xaxes(title_text=f"{words} in {unit}" if unit else words).update_yaxes(title_text=title)
-    return styled(figure, 420)
+    return figure

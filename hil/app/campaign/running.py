@@ -6,22 +6,40 @@ import fcntl
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.worker import Job, Row, pooled
-from hil.app.console import InterruptionError, output_to_notes, plain, progress_bar
+from hil.app.console import InterruptionError, output_to_notes, progress_bar
+from hil.report.quantities import plain
 
 Key = int | str
 
 
-def check_workers(workers: int | None, scheduler: str | None) -> None:
-    """Refuse numbers of processes that cannot be, or any beside a cluster. Raises ValueError."""
-    if workers is not None and not 1 <= workers <= 1024:
-        raise ValueError(f"--workers must lie in [1, 1024]; got {workers}")
-    if workers is not None and scheduler is not None:
-        raise ValueError(f"--workers must be left out with --scheduler, whose cluster has its own; got {workers}")
+@dataclass(frozen=True)
+class Workers:
+    """What does the runs: so many processes (None: one a core), or the cluster of a scheduler. Raises ValueError."""
+
+    processes: int | None = None
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.processes is not None and not 1 <= self.processes <= 1024:
+            raise ValueError(f"--workers must lie in [1, 1024]; got {self.processes}")
+        if self.processes is not None and self.scheduler is not None:
+            raise ValueError(
+                f"--workers must be left out with --scheduler, whose cluster has its own; got {self.processes}"
+            )
+
+    def rows(self, parts: Sequence[Sequence[Job]]) -> Iterator[list[Row]]:
+        """The rows of each chunk as it ends."""
+        if not parts:
+            return iter(())
+        if self.scheduler is not None:
+            return scheduled(parts, self.scheduler)
+        return pooled(parts, min(self.processes or os.cpu_count() or 1, len(parts)))
 
 
 def run_missing(
@@ -29,20 +47,18 @@ def run_missing(
     jobs: Sequence[Job],
     results: Results,
     chunk: int,
-    workers: int | None,
-    scheduler: str | None,
+    workers: Workers,
     said: Callable[[Row], str] = lambda _: "runs",
 ) -> list[Row]:
-    """Do the jobs that `results` does not hold, `chunk` at a time, on `workers` processes (else one a core) or on the
-    cluster of `scheduler`; the rows of all, in their order. `said` is what progress says of a row that has come. Raises
-    InterruptionError that says what was kept.
+    """Do the jobs that `results` does not hold, `chunk` at a time; the rows of all, in their order. `said` is what
+    progress says of a row that has come. Raises InterruptionError that says what was kept.
     """
     missing = [which for which, job in enumerate(jobs) if job.number not in results.done]
     over = len(jobs) - len(missing)
     parts = [tuple(jobs[which] for which in part) for part in chunks(missing, chunk)]
     try:
         with output_to_notes(), progress_bar(title, even=True) as report:
-            for rows in _ended(parts, workers, scheduler):
+            for rows in workers.rows(parts):
                 results.add(rows)
                 over += len(rows)
                 report(said(rows[-1]), over / len(jobs))
@@ -51,14 +67,6 @@ def run_missing(
         kept = f"{there} of {len(jobs)} runs are on file in {results.path}"
         raise InterruptionError(f"interrupted: {kept}; the same command goes on from there") from error
     return [results.done[job.number] for job in jobs]
-
-
-def _ended(parts: Sequence[Sequence[Job]], workers: int | None, scheduler: str | None) -> Iterator[list[Row]]:
-    if not parts:
-        return iter(())
-    if scheduler is not None:
-        return scheduled(parts, scheduler)
-    return pooled(parts, min(workers or os.cpu_count() or 1, len(parts)))
 
 
 class Results:
@@ -118,8 +126,14 @@ class Results:
             data = data[os.write(self._file, data) :]
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Let go of the file, as the end of a `with` does."""
         os.close(self._file)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def _key(row: Mapping[str, Any]) -> Key:

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -12,7 +13,7 @@ from typing import Any, Final, Protocol
 from hil.app.child_process import end_with_parent
 from hil.app.write import file_trouble
 
-TRIES: Final = 3  # pools that a run may cost
+TRIES: Final = 3  # workers that a run may cost
 Row = dict[str, Any]
 
 
@@ -51,39 +52,43 @@ def run_job(job: Job) -> Row:
 
 
 def pooled(parts: Sequence[Sequence[Job]], workers: int) -> Iterator[list[Row]]:
-    """The rows of each chunk as it ends, computed by `workers` processes. Chunks that were under way when a worker died
-    are done again, one at a time; one that has cost `TRIES` pools is done run by run, and a run that still kills its
-    worker becomes a row with `error`.
+    """The rows of each chunk as it ends, computed by `workers` processes. The runs of chunks that were under way when a
+    worker died are done again at the end, one at a time; one that kills `TRIES` workers becomes a row with `error`.
     """
-    waiting = [(tuple(part), 0) for part in reversed(parts)]
+    waiting, suspects = deque(parts), deque[Job]()
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
-            flying: dict[Future[list[Row]], tuple[tuple[Job, ...], int]] = {}
-            try:
-                while waiting or flying:
-                    while (
-                        waiting and len(flying) < workers + 1 and not (flying and (_suspect(flying) or waiting[-1][1]))
-                    ):
-                        part, tries = waiting.pop()
-                        flying[pool.submit(run_jobs, part)] = part, tries
-                    for future in wait(flying, return_when=FIRST_COMPLETED).done:
-                        yield future.result()
-                        del flying[future]
-            except BrokenProcessPool:
-                for part, tries in flying.values():
-                    if tries + 1 < TRIES:
-                        waiting.append((part, tries + 1))
-                    elif len(part) > 1:
-                        waiting += [((job,), 1) for job in part]
-                    else:
-                        yield [lost(part[0], TRIES)]
-            except (KeyboardInterrupt, GeneratorExit):
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        flying: dict[Future[list[Row]], Sequence[Job]] = {}
+        with _pool(workers) as pool, contextlib.suppress(BrokenProcessPool):
+            while waiting or flying:
+                while waiting and len(flying) <= workers:
+                    flying[pool.submit(run_jobs, waiting[0])] = waiting[0]
+                    waiting.popleft()
+                for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                    yield future.result()
+                    del flying[future]
+        suspects.extend(job for part in flying.values() for job in part)
+    deaths = 0
+    while suspects:
+        with _pool(1) as pool, contextlib.suppress(BrokenProcessPool):
+            while suspects:
+                yield pool.submit(run_jobs, [suspects[0]]).result()
+                suspects.popleft()
+                deaths = 0
+        deaths += 1
+        if suspects and deaths == TRIES:
+            yield [lost(suspects.popleft(), TRIES)]
+            deaths = 0
 
 
-def _suspect(flying: Mapping[Future[list[Row]], tuple[tuple[Job, ...], int]]) -> bool:
-    return any(tries for _, tries in flying.values())
+@contextlib.contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that end with this one, and are not waited for where it is interrupted."""
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
+        try:
+            yield pool
+        except (KeyboardInterrupt, GeneratorExit):
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def lost(job: Job, deaths: int) -> Row:

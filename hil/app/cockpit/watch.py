@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.app.quantities import DASH, fixed, quantity
-from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
-from hil.bus.codec import Refusal
+from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
+from hil.report.quantities import DASH, fixed, quantity
 
 KEPT: Final = 200
 """Events that are kept while a bus is watched, and kinds of refusals that are told apart."""
@@ -41,18 +40,15 @@ class Occurrence:
     grade: str = "note"
 
     def document(self) -> list[Any]:
-        """As the page gets it."""
         return [round(self.time_s, 3), self.words, self.grade]
 
 
 class FrameWatch:
-    """Takes frames in order of time and never raises; its memory is bounded. `last` holds each frame's last good
-    values.
-    """
+    """Takes frames in order of time, never raises, in bounded memory; `last` are last good values by frame."""
 
     def __init__(self, catalogue: Catalogue, kept: int = KEPT) -> None:
         self.catalogue = catalogue
-        self.reception = Reception({frame.id: Receiver(frame) for frame in catalogue.frames.values()})
+        self.reception = Reception(catalogue.frames.values())
         self.last: dict[str, dict[str, float]] = {}
         self.at: dict[str, float] = {}
         self.events: deque[Occurrence] = deque(maxlen=kept)
@@ -93,7 +89,6 @@ class FrameWatch:
                 self.say(now, f"{self._sender(name)} is silent", "bad")
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
-        """Add an event."""
         self.events.append(Occurrence(time_s, words, grade))
         self.events_count += 1
 
@@ -107,17 +102,12 @@ class FrameWatch:
         return None if late else self.last[name]
 
     def document(self) -> dict[str, Any]:
-        """What the page's cards show."""
         return {
             "nodes": self._nodes(),
             "readings": readings(self),
             "model": self._model(),
             "bus": self._bus(),
-            "refused": [
-                [r.frame.name, str(why), n]
-                for r in self._receivers()
-                for why, n in sorted(r.statistics.refused.items())
-            ],
+            "refused": [[r.frame.name, str(why), n] for r in self._receivers() for why, n in sorted(r.refused.items())],
         }
 
     def _by_source(self, data: bytes) -> Receiver:
@@ -178,7 +168,7 @@ class FrameWatch:
         span = sum(s for s, _, _ in self._seconds)
         frames, bits = (sum(one[k] for one in self._seconds) for k in (1, 2))
         rate, load = (frames / span, bits / span / self.catalogue.bit_rate) if span else (0.0, 0.0)
-        statistics = [r.statistics for r in self._receivers()]
+        statistics = list(self._receivers())
         return {
             "rate": f"{fixed(rate, 0)} /s",
             "load": f"{fixed(100 * load, 1)} %",
@@ -210,7 +200,6 @@ class FrameWatch:
     def _tell(
         self, t: float, name: str, before: Mapping[str, float] | None, values: Mapping[str, float], since: float
     ) -> None:
-        """The events that a good frame is."""
         sender = self._sender(name)
         if name.endswith(_BEAT) and name in self._silent:
             self._silent.discard(name)
@@ -276,7 +265,6 @@ def readings(watch: FrameWatch) -> dict[str, str]:
 
 
 def grade_of(state: str) -> str:
-    """How a state is to be shown."""
     return next((grade for grade, states in _GRADES.items() if state in states), "note")
 
 

@@ -13,16 +13,16 @@ from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
 from hil.app.demo.story import RIG, Learned, Mission, Progress, Told, found_in
 from hil.app.learn.identify import answer_at_once
-from hil.app.report import report_json
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
-from hil.app.sil.command import judged
 from hil.app.sil.loop import learning_of
+from hil.app.sil.sil import judged
 from hil.app.sil.story import NUMBERS, came_to, story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.write import write_files
 from hil.log.log import LockstepLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from hil.report.numbers import report_json
 from models.files.toml import toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hil.app.demo.loop import HOLDOUT, SCENARIOS, SEEDS
-from hil.app.demo.story import RIG, Progress, Told, found_in
+from hil.app.demo.story import BEFORE, RIG, Progress, Told, found_in
 from hil.app.simulate import write_simulated
 from hil.app.write import write_files
 from models.files.toml import toml_text
@@ -17,7 +17,6 @@ from models.identification.finding import NEXT_CSV, Proposal
 from models.rigs.reader import read_rig
 from plant.experiments.series import rig_text
 
-BEFORE: Final = "before"
 POOR: Final = ("pass_1", "pass_2")
 NEXT: Final = "next"
 _SEARCHED: Final = 0.45  # share of the work up to the end of the first search

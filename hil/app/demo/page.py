@@ -2,215 +2,141 @@
 before and after.
 """
 
-from collections.abc import Sequence
-from html import escape
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
 
-from hil.app.demo.figures import improvement_figure, left_over_figure, mission_figure
-from hil.app.demo.next_record import BEFORE
-from hil.app.demo.story import Learned, Mission, Story, Told
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, Told
 from hil.app.identify.close_loop import MODEL, REPORT
-from hil.app.quantities import DASH, quantity, scale, unit_words
-from hil.app.quantities import told as numbers_told
-from hil.app.report import headline
-from hil.app.report.document import document, heading, mixed_table, table
-from hil.app.report.figure_traces import motion_figure, trace_figure
-from hil.app.report.panels import panels
-from hil.app.report.tables import separations_table
-from hil.app.report.theme import figure_html
-from hil.app.report.words import classes_words, column_words, effect_words, error_story, listed, parameter_words
 from hil.app.sil.story import PAGE as LEARNED
-from hil.app.sil.story import error_figure, parts_table
+from hil.app.sil.story import error_figure
+from hil.report.builder import page
+from hil.report.figure_residuals import residual_figure
+from hil.report.figure_summary import stage_bar
+from hil.report.figure_traces import motion_figure, trace_figure
+from hil.report.panels import panels
+from hil.report.quantities import DASH, quantity, scale, told, unit_words
+from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
+from hil.report.words import (
+    classes_words,
+    column_words,
+    effect_words,
+    error_scale,
+    error_story,
+    headline,
+    parameter_words,
+    tested_part,
+)  # fmt: skip
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 
-POINTS: Final = 4000  # of a line
-_LINES: Final = (
-    "<p>Dots are samples. The solid line is their local mean while the capsule moves forward, the dotted one while it"
-    " moves backward; orange is the model before, teal the one after.</p>"
-)
+SIGNALS: Final = ("x_m", "v_m_s")
+HEADROOM: Final = 1.15  # above the highest bar
 Line = tuple[Story, Told]
 
 
-def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Story, Learned]] = ()) -> str:
-    """The page for all stories, driven ones first and in full, then those that `learned` while they ran."""
+def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
+    """The page for all stories, driven ones first and in full, then those that learned while they ran."""
+    lines = [(story, one) for story, one in ends if isinstance(one, Told)]
+    learned = [(story, one) for story, one in ends if isinstance(one, Learned)]
     loops = [line for line in lines if line[1].missions]
-    poor = [(story, told, told.before) for story, told in lines if told.before is not None]
-    compared = _figure(improvement_figure(loops), "improvement") if loops else ""
-    sections = [("numbers", "Before and after", _table(lines) + compared)]
-    parts = [(story, _loop(story, told)) for story, told in loops]
-    parts += [(story, _proposed(story, told, before)) for story, told, before in poor]
-    parts += [(story, _learned(story, one)) for story, one in learned]
-    sections += [(story.name, _capital(story.title), part) for story, part in parts]
-    title = "Drive, record, find what the model lacks, drive again"
-    story = " ".join(
-        [
-            *(_sentence(story, told) for story, told in loops),
-            *(_told_later(story, told, before) for story, told, before in poor),
-            *(f"{_capital(story.title)}: {told.caution}" for story, told in lines if told.caution),
-            *(f"{_capital(story.title)}: {one.sentence}." for story, one in learned),
-        ]
-    )
-    head = heading(f"Capsule demo · {len(lines) + len(learned)} stories · {seconds:.0f} s", title, story, "named")
-    return document(title, head, sections)
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
-
-
-def _sentence(story: Story, told: Told) -> str:
-    """What a loop came to, in a sentence."""
-    first, last = (quantity(told.missions[stage].numbers["tracking_rmse_m"], "m") for stage in (STAGES[0], _last(told)))
-    names = listed(effect_words(effect.id) for effect in told.finding.effects) or "no effect"
-    again = f"tracking error {first} before, {last} with the {_last(told)} model"
-    again = again if _last(told) != STAGES[0] else "no model passed"
-    return f"{story.name.capitalize()} rig: kept from everyone was {_kept(told)}; named was {names}; {again}."
-
-
-def _told_later(story: Story, told: Told, before: Finding) -> str:
-    """What poor records came to and what the proposed one added, in a sentence."""
-    return (
-        f"{_capital(story.title)}: kept from everyone was {_kept(told)}; the verdict was “{_said(before)}” on the first"
-        f" records, “{_said(told.finding)}” with the proposed one."
+    return page(
+        "demo.html.j2",
+        lines=[_line(story, one) for story, one in lines],
+        learned=[{"story": story, "told": one, "error": error_figure(one.numbers)} for story, one in learned],
+        seconds=seconds,
+        improvement=improvement_figure(loops) if loops else None,
+        stages=[*STAGES],
+        files={"report": REPORT, "model": MODEL, "before": BEFORE, "next": NEXT_TOML, "learned": LEARNED},
     )
 
 
-def _said(finding: Finding) -> str:
-    classes = classes_words(finding)
-    return f"{finding.verdict}: {classes}" if classes else finding.verdict
-
-
-def _last(told: Told) -> str:
-    """The last stage that the gate let in."""
-    return [stage for stage in STAGES if stage in told.missions][-1]
-
-
-def _table(lines: Sequence[Line]) -> str:
-    heads = ("Story", "Error of", *STAGES, "noise floor", "Verdict", "Report")
-    rows = []
-    for story, told in lines:
-        link = f'<a href="{story.name}/{REPORT}">report</a>'
-        rows.append([escape(story.title), *told.errors(), escape(headline(told.finding)), link])
-        if told.missions:
-            again = "&nbsp;&nbsp;the same run driven again"
-            rows.append([again, "tracking, rms", *told.tracked(), "", _gate(told), ""])
-    return mixed_table([(head, place in (0, 1, 6, 7)) for place, head in enumerate(heads)], rows)
-
-
-def _gate(told: Told) -> str:
-    return "; ".join(
-        f'gate, {stage}: <span class="{"pass" if verdict.passed else "fail"}">{escape(verdict.sentence)}</span>'
-        for stage, verdict in told.gate.items()
-    )
-
-
-def _loop(story: Story, told: Told) -> str:
-    """A driven story from what was hidden to what came of it."""
-    finding, key = told.finding, story.name
-    stages = ", ".join(f"{_tracked(mission)} with the {stage} model" for stage, mission in told.missions.items())
-    parts = [
-        (
-            f"<p>Kept from controller, model and search: <b>{escape(_kept(told))}</b>. The rig was driven over the bus"
-            " under the nominal model; close-loop read the logs of those runs. The mission below was never among"
-            " them.</p>"
-        ),
-        f"<h3>Residual</h3>{_LINES}{_figure(left_over_figure(finding), f'{key}-residual')}",
-        f"<h3>Effect: the truth beside what was found</h3><p>{escape(headline(finding))}</p>{_truth_table(told)}",
-        _held_out(finding, key),
-        f"<h3>Acceptance test</h3><p>{_gate(told)}</p>",
-        (
-            "<h3>The same run again</h3><p>Rms (largest) tracking error of the true path, under one seed:"
-            f" {escape(stages)}. The thick grey line is where the capsule was to go.</p>"
-        ),
-        _figure(mission_figure(told.missions), f"{key}-mission"),
-        (
-            f'<p><a href="{key}/{REPORT}">Report of close-loop</a>, <a href="{key}/{MODEL}">model</a>; beside them the'
-            " scenario and log of every run.</p>"
-        ),
-    ]
-    return "".join(parts)
-
-
-def _proposed(story: Story, told: Told, before: Finding) -> str:
-    """From records that cannot tell what was hidden, over the record that was proposed, to what is told with it."""
-    finding, proposal, key = told.finding, before.proposal, story.name
-    motion = (
-        f"{_figure(motion_figure(proposal), f'{key}-motion')}{separations_table(proposal)}"
-        if proposal is not None
-        else "<p>Nothing was proposed.</p>"
-    )
-    return "".join(
-        [
-            f"<p>Kept from model and search: <b>{escape(_kept(told))}</b>.</p>",
-            f"<h3>The first records</h3><p>{escape(headline(before))}"
-            f' <a href="{key}/{BEFORE}/{REPORT}">Their report</a>.</p>',
-            f"<h3>The record that close-loop proposes</h3>{motion}",
-            f"<h3>With that record</h3><p>{escape(headline(finding))}</p>{_truth_table(told)}",
-            _held_out(finding, key),
-            f'<p><a href="{key}/{REPORT}">Report of close-loop</a>, <a href="{key}/{MODEL}">model</a>; beside them the'
-            f" scenario and record of every run, and the proposal in <code>{key}/{BEFORE}/{NEXT_TOML}</code>.</p>",
-        ]
-    )
-
-
-def _learned(story: Story, one: Learned) -> str:
-    """A run that learned: error over time with its instants, and the error between them."""
-    return "".join(
-        [
-            f"<p>Kept from controller, model and search: <b>{escape(_kept(one))}</b>, which began on the way."
-            f" What came of it: {escape(one.sentence)}.</p>",
-            _figure(error_figure(one.numbers), f"{story.name}-error"),
-            parts_table(one.numbers),
-            f'<p><a href="{story.name}/{LEARNED}">The whole story</a>.</p>',
-        ]
-    )
-
-
-def _held_out(finding: Finding, key: str) -> str:
-    """The held-out error in words and the record in a picture."""
+def _line(story: Story, one: Told) -> dict[str, Any]:
+    """A story's numbers in words, and its figures: of all printed ones none, of driven ones the missions, of one that
+    proposed a record the motion.
+    """
+    finding, shown = one.finding, {"story": story, "told": one, "headline": headline(one.finding)}
+    if not one.missions and one.before is None:
+        return shown
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    return (
-        f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>"
-        f"{_figure(trace_figure(panels(finding, held)[0], POINTS), f'{key}-held-out')}"
-    )
+    shown |= {"truth": truth_rows(one), "error_story": error_story(finding)}
+    shown["held"] = trace_figure(panels(finding, held)[0], POINTS)
+    if one.before is not None:
+        proposal = one.before.proposal
+        shown |= {"motion": proposal and motion_figure(proposal), "before": headline(one.before)}
+        return shown | {"verdicts": [_verdict(one.before), _verdict(finding)]}
+    driven = [stage for stage in STAGES if stage in one.missions]
+    shown |= {"tracked": {stage: _tracked(mission) for stage, mission in one.missions.items()}, "last": driven[-1]}
+    return shown | {"residual": left_over_figure(finding), "mission": mission_figure(one.missions)}
 
 
-def _kept(told: Told | Learned) -> str:
-    """What the simulated rig kept to itself."""
-    return listed(map(effect_words, told.hidden)) or "nothing"
+def _verdict(finding: Finding) -> str:
+    return ": ".join(filter(None, (finding.verdict, classes_words(finding))))
 
 
-def _truth_table(told: Told) -> str:
+def _tracked(mission: Mission) -> dict[str, str]:
+    rms, largest = (quantity(mission.numbers[key], "m") for key in ("tracking_rmse_m", "tracking_max_m"))
+    return {"rms": rms, "largest": largest, "stopped": mission.numbers["stopped_because"]}
+
+
+def truth_rows(one: Told) -> list[list[str]]:
     """What the simulated rig kept to itself beside what was found, a row a number."""
-    rows = []
-    for name, numbers in told.truth.items():
+    rows: dict[tuple[str, str], list[str]] = {}
+    for name, numbers in one.truth.items():
         for key, value in numbers.items():
-            truth = quantity(value, column_words(key)[1]) if isinstance(value, int | float) else escape(str(value))
-            rows.append([escape(effect_words(name)), escape(parameter_words(key)), truth, DASH, DASH])
-    place = {(row[0], row[1]): row for row in rows}
-    for effect in told.finding.effects:
+            truth = quantity(value, column_words(key)[1]) if isinstance(value, int | float) else str(value)
+            place = effect_words(name), parameter_words(key)
+            rows[place] = [*place, truth, DASH, DASH]
+    for effect in one.finding.effects:
         for key, estimate in effect.parameters.items():
-            words, named = effect_words(effect.id), parameter_words(key)
-            row = place.get((words, named))
-            if row is None:
-                rows.append(row := [escape(words), escape(named), DASH, DASH, DASH])
+            place = effect_words(effect.id), parameter_words(key)
+            row = rows.setdefault(place, [*place, DASH, DASH, DASH])
             factor, unit = scale([estimate.value, *estimate.ci95], estimate.unit)
             low, high = (factor * end for end in estimate.ci95)
-            found = numbers_told(factor * estimate.value, (low, high))
+            found = told(factor * estimate.value, (low, high))
             row[3] = f"{found.value} {unit_words(unit)}".rstrip()
             row[4] = f"{found.low} … {found.high} {unit_words(unit)}".rstrip() if estimate.told else "not told"
-    note = (
-        "<p>The rig's effect has another form than the model's, so lengths and places compare one to one, heights only"
-        " roughly.</p>"
-    )
-    return table(["effect", "parameter", "truth", "found", "95 % interval"], rows, left=2) + note
+    return [*rows.values()]
 
 
-def _tracked(mission: Mission) -> str:
-    rms, largest = (mission.numbers[key] for key in ("tracking_rmse_m", "tracking_max_m"))
-    stopped = mission.numbers["stopped_because"]
-    return f"{quantity(rms, 'm')} ({quantity(largest, 'm')})" + (f", stopped ({stopped})," if stopped else "")
+def improvement_figure(loops: Sequence[Line]) -> go.Figure:
+    """Bars by stage, two panels a loop: error of the prediction and of the tracking."""
+    shown: list[tuple[str, dict[str, float]]] = []
+    for story, one in loops:
+        factor, unit = error_scale(one.finding)
+        errors = one.finding.error[tested_part(one.finding)]
+        shown.append((f"{story.name}: prediction, {unit}", {s: factor * errors[s] for s in STAGES if s in errors}))
+        rms = {stage: mission.numbers["tracking_rmse_m"] for stage, mission in one.missions.items()}
+        factor, unit = scale(rms.values(), "m")
+        shown.append((f"{story.name}: tracking, {unit}", {stage: factor * error for stage, error in rms.items()}))
+    titles = [title for title, _ in shown]
+    figure = make_subplots(rows=1, cols=len(shown), subplot_titles=titles, horizontal_spacing=0.07)
+    for column, (_, errors) in enumerate(shown, start=1):
+        for stage, value in errors.items():
+            here = {"x": [stage], "showlegend": column == 1, "row": 1, "col": column}
+            figure.add_bar(y=[value], **here, **stage_bar(stage, [value]))
+        figure.update_yaxes(range=[0, HEADROOM * max(errors.values(), default=1.0)], row=1, col=column)
+    styled(figure, 340, bargap=0.35).update_layout(legend={"y": -0.04, "yanchor": "top"})
+    return figure.update_xaxes(showticklabels=False)
 
 
-def _figure(figure: object, name: str) -> str:
-    return figure_html(figure, name) if figure is not None else ""
+def left_over_figure(finding: Finding) -> go.Figure | None:
+    """Measured minus predicted over place and speed, before and after."""
+    before, after = ("calibrated", "augmented") if finding.effects else ("nominal", "calibrated")
+    drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
+    kept = [replace(p, signals={name: values for name, values in p.signals.items() if name in SIGNALS}) for p in drawn]
+    return residual_figure([panel for panel in kept if {before, after} <= set(panel.predicted)], before, after)
+
+
+def mission_figure(missions: Mapping[str, Mission]) -> go.Figure:
+    """Where the capsule was to go and went under each model, and by how much it was off."""
+    figure = axes("time in s", ("position in mm", "error in mm"), 560)
+    first = next(iter(missions.values()))
+    line(figure, first.time_s, 1e3 * first.reference_m, "reference", {"color": MUTED, "width": 3.0}, points=3000)
+    for stage, mission in missions.items():
+        for row, metres in ((1, mission.position_m), (2, mission.position_m - mission.reference_m)):
+            look = {"color": STAGE_COLOURS[stage], "width": 1.6}
+            line(figure, mission.time_s, 1e3 * metres, stage, look, row, points=3000)
+    return figure

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from controller.supervision.acceptance import Acceptance
 from hil.app.identify.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
-from hil.app.quantities import DASH, change, quantity
-from hil.app.report.words import error_cells, tested_part
 from hil.app.write import write_files
+from hil.report.quantities import DASH, change, quantity
+from hil.report.words import error_cells, tested_part
 from models.identification import Model, close
 from models.identification.finding import STAGES, Finding
 from models.rigs.reader import read_rig
@@ -22,7 +22,7 @@ from models.sets import measured_path
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-RIG = "rig.toml"
+RIG, BEFORE = "rig.toml", "before"
 
 
 @dataclass(frozen=True)
@@ -77,20 +77,18 @@ class Learned:
     hidden: tuple[str, ...]
 
 
+End = Told | Learned
+
+
 class Story(Protocol):
-    """One line of the demo."""
+    """One line of the demo: its `name`, which is its folder's, and what it is about."""
 
     @property
-    def name(self) -> str:
-        """Its folder."""
-        ...
-
+    def name(self) -> str: ...
     @property
-    def title(self) -> str:
-        """What it is about, in words."""
-        ...
+    def title(self) -> str: ...
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told | Learned:
+    def tell(self, folder: Path, seed: int, report: Progress) -> End:
         """Do it all, with every file in `folder`."""
         ...
 

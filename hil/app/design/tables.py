@@ -13,7 +13,7 @@ from controller.drives import driven_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import linearise
 from hil.app.console import text_table
-from hil.app.quantities import number
+from hil.report.quantities import number
 from models.theta import spelled
 
 MARGINS = ("gain", "phase in deg", "more delay in ms", "sensitivity")

@@ -14,10 +14,10 @@ from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.drive_map import designed, rough_map
 from controller.vibro.design.study import VibroStudy, vibro_study
 from hil.app.console import text_table
-from hil.app.design.page import listed_html, loop_figures, page_html, table_html
+from hil.app.design.page import Drawn, loop_figures, page_html
 from hil.app.design.tables import MARGINS, margin_numbers
-from hil.app.quantities import number
-from hil.app.report.theme import axes, line_look
+from hil.report.quantities import number
+from hil.report.theme import axes, line, line_look
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
@@ -108,31 +108,28 @@ def _loop_table(found: VibroStudy) -> Table:
 
 def vibro_html(found: VibroStudy, title: str) -> str:
     """The page, complete in itself."""
-    own = {"Square waves over their frequency": ("", period_figure(found)), "Gears": ("", gear_figure(found))}
-    numbers = listed_html(vibro_lines(found)) + "".join(map(table_html, vibro_tables(found)))
+    own = [Drawn("Square waves over their frequency", period_figure(found)), Drawn("Gears", gear_figure(found))]
     head = f"Design for {title}: inner mass, {1e3 * found.delay_s:g} ms of delay"
-    return page_html(head, numbers, own | loop_figures(found.loops))
+    return page_html(head, vibro_lines(found), vibro_tables(found), [*own, *loop_figures(found.loops)])
 
 
 def period_figure(found: VibroStudy) -> go.Figure:
     """Mean speed of square waves over frequency at every amplitude of the map, at the duty that goes furthest."""
-    figure, table = go.Figure(), found.table
+    figure, table = axes("frequency in Hz", "mean speed in mm/s", 420), found.table
     for k, amplitude in enumerate(table.amplitude):
         speed = table.speed[:, :, k]
         best = np.take_along_axis(speed, np.abs(speed).argmax(axis=1)[:, None], axis=1)[:, 0]
-        look = {"mode": "lines+markers", "name": f"amplitude {amplitude:g}", "line": line_look(k)}
-        figure.add_scatter(x=1 / table.period_s, y=1e3 * best, **look)
-    figure.add_vline(x=found.resonance.held_Hz, line={"dash": "dot", "width": 1})
-    return axes(figure, "frequency in Hz", "mean speed in mm/s", 420)
+        name = f"amplitude {amplitude:g}"
+        line(figure, 1 / table.period_s, 1e3 * best, name, line_look(k), mode="lines+markers")
+    return figure.add_vline(x=found.resonance.held_Hz, line={"dash": "dot", "width": 1})
 
 
 def gear_figure(found: VibroStudy) -> go.Figure:
     """The waveform of every gear at the speed that it is made for."""
-    figure = go.Figure()
+    figure = axes("t in ms", "share of the coil's force", 360)
     for k, gear in enumerate(found.drive.gears):
         wave = gear.waveform(gear.home_m_s)
         t = 1e3 * wave.period_s * np.asarray(wave.edges)
-        line = {"shape": "hv", **line_look(k)}
         name = f"{1e3 * gear.home_m_s:.3g} mm/s, impact {gear.impact}"
-        figure.add_scatter(x=t, y=[*wave.levels, wave.levels[-1]], mode="lines", name=name, line=line)
-    return axes(figure, "t in ms", "share of the coil's force", 360)
+        line(figure, t, np.array([*wave.levels, wave.levels[-1]]), name, {"shape": "hv", **line_look(k)})
+    return figure

@@ -1,32 +1,24 @@
 """Every key of the input files with unit, range, default and meaning, read from the schema that checks the files."""
 
 import dataclasses
-import math
-import typing
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from controller.limits import Limits
-from controller.registry import CONTROLLERS, ESTIMATORS
-from hil.app.docs.meanings import MEANINGS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
-from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Pace, PlantTable
-from hil.app.scenario.model_offer import OfferTable
+from hil.app.scenario.deployment import BusTable, ControlTable, Pace, PlantTable
+from hil.app.scenario.model_offer import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
-from hil.drives.cia402.protocol import MODES
 from hil.drives.makers import ACTUATORS
-from hil.drives.odrive.protocol import FREE_NODES, OdriveTable
-from hil.drives.table import HOMES
 from hil.formats.table import FORMATS
 from hil.nodes.controller.operator import OperatorLimits
 from models.files.units import unit_at_end
-from models.identification.finding import STAGES
 from models.rigs.columns import RANGES, TIME
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
-from models.rigs.schema import Table, field_of
+from models.rigs.schema import NamedTable, Table, field_of
 from models.rigs.tables import BodyTable, CapsuleTable, Checks, ColumnTable, Noise, TissueTable
 
 _COMMON: Final[Mapping[str, tuple[type[Table], ...]]] = {
@@ -52,22 +44,21 @@ def rig_tables() -> Mapping[str, tuple[type[Table], ...]]:
         if f"[{name}]" not in found:
             *most, last = [kind.id for kind in users]
             found[f"[{name}] of {', '.join(most)} and {last}"] = [users[0].further[name]]
-    strict = {name: sorted(dict.fromkeys(tables), key=_free) for name, tables in found.items()}
+    strict = {name: sorted(dict.fromkeys(tables), key=_optional) for name, tables in found.items()}
     return {**{name: tuple(tables) for name, tables in strict.items()}, **_COMMON}
 
 
-def _free(table: type[Table]) -> int:
+def _optional(table: type[Table]) -> int:
     """How many keys may be left out."""
     return sum(not field.is_required() for field in table.model_fields.values())
 
 
-DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
+DEPLOYMENT_TABLES: Final[Mapping[str, type[NamedTable]]] = {
     "[bus]": BusTable,
     "[bus] of a scenario": SimulatedBusTable,
     "[control]": ControlTable,
     "[control] of a scenario": Control,
     **{f'[reference] with kind = "{kind}"': shape for kind, shape in REFERENCES.items()},
-    "[limits]": Limits,
     "[model]": ModelTable,
     "[offer]": OfferTable,
     "[operator]": OperatorLimits,
@@ -83,27 +74,6 @@ _WHERE: Final[Mapping[type[Table], str]] = {
     TissueTable: "in the gut",
     BodyTable: "on a plate",
 }
-_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
-    "controller": tuple(CONTROLLERS),
-    "estimator": ESTIMATORS,
-    "stage": STAGES,
-    "home": HOMES,
-    "mode": tuple(MODES),
-}
-
-_NESTED: Final[Mapping[str, str]] = {"options": '`"index.sub" = value`', "endpoints": '`"path" = id`'}
-"""Tables within a table, by what stands in a line of them."""
-
-CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
-    (JogTable, "life_ms"): (1, 200),
-    **{
-        (cls, field.name): field.metadata["range"]
-        for cls in DEPLOYMENT_TABLES.values()
-        for field in dataclasses.fields(cls)
-        if math.isfinite(field.metadata.get("range", (math.nan,))[0])
-    },
-}
-"""Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 
 
 def unit_of(key: str) -> str:
@@ -116,9 +86,14 @@ def rig_keys() -> str:
     return "\n\n".join(f"### {_head(name)}\n\n{_rows(_pydantic(models))}" for name, models in rig_tables().items())
 
 
+_FEW: Final = 3
+"""So many choices stand with an "or" between them."""
+
+
 def deployment_keys() -> str:
     """The tables that a deployment or a scenario has beside those of the rig, as Markdown."""
-    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_dataclass(cls))}" for name, cls in DEPLOYMENT_TABLES.items())
+    tables = {name: _pydantic((table,)) for name, table in DEPLOYMENT_TABLES.items()} | {"[limits]": _limits()}
+    return "\n\n".join(f"### {_head(name)}\n\n{_rows(rows)}" for name, rows in tables.items())
 
 
 def columns() -> str:
@@ -148,25 +123,19 @@ def formats() -> str:
     return "\n".join(lines)
 
 
-def all_keys() -> Iterator[str]:
-    """Every key of a deployment or a scenario, which needs a meaning."""
-    for cls in DEPLOYMENT_TABLES.values():
-        yield from (field.name for field in dataclasses.fields(cls))
-
-
 def _head(name: str) -> str:
     table, _, rest = name.partition("]")
     return f"`{table}]`{rest}"
 
 
-def _rows(rows: Iterator[tuple[str, str, str, str, str]]) -> str:
+def _rows(rows: Iterator[tuple[str, str, str, str]]) -> str:
     lines = ["| key | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
-    for key, span, default, meaning, source in rows:
-        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {meaning}{source and f' ({source})'} |")
+    for key, span, default, meaning in rows:
+        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {meaning} |")
     return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
 
 
-def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str, str]]:
+def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str]]:
     strictest, loosest = models[0].model_json_schema(), models[-1].model_json_schema()
     for key, schema in strictest["properties"].items():
         default = loosest["properties"][key].get("default")
@@ -177,14 +146,15 @@ def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, 
             said = "required"
         else:
             said = "may be left out" if default is None else _value(default)
-        yield key, span(schema), said, field_of(models[0], key).description or "", ""
+        yield key, span(schema) or _free(schema), said, field_of(models[0], key).description or ""
 
 
 def span(schema: Mapping[str, Any]) -> str:
     """The range or the choices that the JSON schema of a key allows, "" where it is free."""
     inner = next((part for part in schema.get("anyOf", [schema]) if part.get("type") != "null"), schema)
     if "const" in inner or "enum" in inner:
-        return " or ".join(f"`{value}`" for value in inner.get("enum", [inner.get("const")]))
+        words = [f"`{value}`" for value in inner.get("enum", [inner.get("const")])]
+        return (" or " if len(words) <= _FEW else ", ").join(words)
     if inner.get("type") == "boolean":
         return "true or false"
     if "minItems" in inner:
@@ -193,25 +163,17 @@ def span(schema: Mapping[str, Any]) -> str:
     return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 
 
-def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str, str]]:
-    hints = typing.get_type_hints(cls)
-    for field in dataclasses.fields(cls):
-        known = Limits.ranges().get(field.name) if cls is Limits else CHECKED.get((cls, field.name))
-        if known is not None:
-            lower, upper = known
-            span = f">= {lower:g}" + (f", <= {upper:g}" if math.isfinite(upper) else "")
-        elif field.name in _CHOICES:
-            span = ", ".join(f"`{name}`" for name in _CHOICES[field.name])
-        elif (cls, field.name) == (OdriveTable, "node_id"):
-            span = ", ".join(map(str, FREE_NODES))
-        else:
-            listed = "list of text" if "str" in str(hints[field.name]) else "list of numbers"
-            other = listed if "tuple" in str(hints[field.name]) else ""
-            other = _NESTED.get(field.name, other)
-            span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
-        missing = field.default is dataclasses.MISSING
-        default, source = "required" if missing else _value(field.default), field.metadata.get("source", "")
-        yield field.name, span, default, MEANINGS[field.name], source
+def _free(schema: Mapping[str, Any]) -> str:
+    """What a key without a range holds."""
+    if schema.get("type") == "array":
+        return "list of text" if schema["items"].get("type") == "string" else "list of numbers"
+    return {"string": "text", "number": "number"}.get(schema.get("type", ""), "")
+
+
+def _limits() -> Iterator[tuple[str, str, str, str]]:
+    for field in dataclasses.fields(Limits):
+        lower, upper = Limits.ranges()[field.name]
+        yield field.name, f">= {lower:g}, <= {upper:g}", _value(field.default), field.metadata["meaning"]
 
 
 def _value(value: Any) -> str:

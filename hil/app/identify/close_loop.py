@@ -6,19 +6,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from rich.table import Table
 
 from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
-from hil.app.report import headline, report_html, report_json
-from hil.app.report.cards import grouped
-from hil.app.report.dependence import story
-from hil.app.report.words import error_cells, error_scale, tidy
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
-from models.effects import CATALOGUE, Catalogue
+from hil.report.closed_loop import report_html
+from hil.report.dependence import story
+from hil.report.numbers import report_json
+from hil.report.words import error_cells, error_scale, grouped, headline, tidy
+from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
@@ -33,32 +34,34 @@ _MM = 1e3  # in a metre
 
 
 def close_loop(
-    records: Sequence[Path],
-    rig: Path,
-    out: Path,
-    holdout: Sequence[Path] = (),
+    records: Annotated[
+        list[Path], argument("RECORD...", "Training records: CSV, CAN logs, or files that convert reads.")
+    ],
+    rig: RigFile,
+    out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
+    holdout: Annotated[
+        list[Path],
+        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch."),
+    ],
     *,
-    json_output: bool = False,
-    seed: int = 0,
-    effects: Catalogue = CATALOGUE,
-) -> Finding:
-    """Find what the model lacks and write `report.html`, `report.json`, `model.toml` and, where something is left to be
-    told apart, `next_experiment.toml` and `.csv` to the folder `out`, all or none. SIGTERM ends it as Ctrl-C does. A
-    second one into the same folder is refused.
+    json_output: Json = False,
+    seed: Seed = 0,
+    effects: OwnEffects,
+) -> None:
+    """Find what the model lacks and write report, numbers, model and next experiment, all or none; SIGTERM ends it as
+    Ctrl-C does.
     """
     with sole_writer(out, "--out"):
-        finding = _closed(records, rig, out, holdout, seed, effects)
+        finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects))
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
     else:
         print_summary(finding, out)
-    return finding
 
 
 def _closed(
     records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int, effects: Catalogue
 ) -> Finding:
-    """Read, find and write."""
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
     belief = effects.given_to(read_deployed_rig(rig))
     train, held = read_series(records, holdout, belief)
@@ -80,9 +83,7 @@ def _termination_interrupts() -> Iterator[None]:
 def read_series(
     records: Sequence[Path], holdout: Sequence[Path], rig: Rig, *, lenient: bool = False
 ) -> tuple[list[Record], list[Record]]:
-    """Training and held-out records with names of their own; a file that is given twice is refused. `lenient`: times
-    and values as they stand, for checks that say something about them.
-    """
+    """Training and held-out records with names of their own; `lenient`: times and values as they stand."""
     seen: set[str] = set()
     for path in (*records, *holdout):
         place = os.path.realpath(path)  # unlike `Path.resolve`, it takes a link that leads to itself
@@ -110,9 +111,7 @@ def read_told(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool 
 
 
 def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:
-    """Close the loop with progress on standard error and write its files to `out`; a next experiment from before does
-    not stay.
-    """
+    """Close the loop and write its files to `out`; a next experiment from before does not stay."""
     with progress_bar(title) as progress, output_to_notes():
         finding, model = close(rig, train, held, progress, seed=seed)
         files = result_files(finding, model)
@@ -123,7 +122,6 @@ def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path,
 
 
 def result_files(finding: Finding, model: Model) -> dict[str, str]:
-    """The files' contents by name; those of the next experiment where one is proposed."""
     files = {REPORT: report_html(finding), NUMBERS: json_text(report_json(finding)), MODEL: model.to_toml()}
     if finding.proposal is None:
         return files

@@ -1,16 +1,17 @@
 """`capsule predict`: the measured column as a model that close-loop wrote predicts it from the driven column alone."""
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.console import note, output_to_notes, print_json, say, summary
+from hil.app.console import answer, note, output_to_notes
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
-from models.effects import CATALOGUE, Catalogue
+from models.effects import Catalogue
 from models.files.tables import check_word
 from models.files.toml import in_file
 from models.identification.finding import STAGES
@@ -19,21 +20,22 @@ from models.records.record import Record
 
 
 def predict(
-    record: Path,
-    rig: Path,
-    model: Path,
-    out: Path,
+    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.")],
+    rig: RigFile,
+    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.")],
+    out: Annotated[Path, option("--out", "PRED.csv", "Where the prediction goes.")],
     *,
-    stage: str = "augmented",
-    json_output: bool = False,
-    effects: Catalogue = CATALOGUE,
+    stage: Stage = "augmented",
+    json_output: Json = False,
+    effects: OwnEffects,
 ) -> None:
-    """Write the free-running prediction of `record` to `out`, one row a sample (a condition, for a table of runs)."""
+    """Write the free-running prediction, one row a sample (a condition, for a table of runs)."""
     check_word(stage, "--stage", STAGES)
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
-    belief = effects.given_to(read_deployed_rig(rig))
-    learned = read_model(model, belief.kind, whole=False, catalogue=effects)
+    known = Catalogue.read(effects)
+    belief = known.given_to(read_deployed_rig(rig))
+    learned = read_model(model, belief.kind, whole=False, catalogue=known)
     driven = read_told(record, belief, driven_only=True)
     with in_file(model):
         learned.check(belief, driven)
@@ -45,19 +47,13 @@ def predict(
     write_table(out, columns)
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
-    if json_output:
-        told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
-        print_json({**told, "rows": rows, "rms": differences})
-        return
-    say(f"{stage} model, {rows} rows: {out}")
-    for name, value in differences.items():
-        summary().print(f"rms of {name}, measured minus predicted: {value:.4g}")
+    told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
+    lines = (f"rms of {name}, measured minus predicted: {value:.4g}" for name, value in differences.items())
+    answer(json_output, {**told, "rows": rows, "rms": differences}, f"{stage} model, {rows} rows: {out}", *lines)
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
-    """Root mean square of measured minus predicted for each measured column that the record has, where the rows are the
-    same.
-    """
+    """Root mean square of measured minus predicted, by measured column that both have."""
     return {
         name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
         for name in record.layout.measured

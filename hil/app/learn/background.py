@@ -1,6 +1,4 @@
-"""The process that identifies beside a run. It may be killed, stopped or cut off at any time: a lesson then fails, and
-the run goes on.
-"""
+"""The process that identifies beside a run; it may die at any time: a lesson then fails, and the run goes on."""
 
 import contextlib
 import os
@@ -9,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
-from typing import Final
+from typing import Final, Self
 
 from hil.app.child_process import end_with_parent
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
@@ -24,12 +22,9 @@ _SPAWN: Final = get_context("spawn")
 
 
 class Background:
-    """A process of lowest priority that identifies, one question at a time; where there are two cores it leaves the one
-    with the lowest number to the controller.
-
-    A thread alone waits for it, which `begin` starts before the controller takes its core and priority: what that
-    thread starts again later has neither. A future never raises: where the process dies, however it does, the answer is
-    that it did. The next question begins another one, and where that cannot be the answer says so.
+    """A process of lowest priority that identifies, one question at a time, and leaves the first core to the
+    controller. A thread alone waits for it, which `begin` starts before the controller takes its core and priority. A
+    future never raises: where the process dies, or cannot be started, the answer says so.
     """
 
     def __init__(self) -> None:
@@ -39,14 +34,16 @@ class Background:
         self._closed = False
 
     def begin(self) -> None:
-        """Start the process now, not with the first question."""
         self._keeper.submit(self._start).exception()
 
     def __call__(self, question: LearningQuestion) -> Future[LearningAnswer]:
         """Ask; the answer comes when it comes."""
         return self._keeper.submit(self._ask, question)
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """Kill the process, within `CLOSED_S` also one that is stopped; an answer that is still to come is given up."""
         self._closed = True
         self._keeper.shutdown(wait=False, cancel_futures=True)
@@ -122,7 +119,6 @@ def _end_words(code: int) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    """Answer until the pipe ends."""
     _stand_back()
     pipe.send(None)
     with contextlib.suppress(EOFError, OSError):

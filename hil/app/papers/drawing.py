@@ -6,7 +6,7 @@ from typing import Any
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike
 
-from hil.app.report.theme import INK, styled
+from hil.report.theme import INK, styled
 
 PRINTED, DERIVED, MEASURED, THIRD, FOURTH = "#0072b2", "#d55e00", INK, "#009e73", "#cc79a7"
 

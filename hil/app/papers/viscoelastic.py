@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from hil.app.papers.row import Row, Verdict, row, speed_key
-from models.laws.force_speed import sliding_resistance
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hoop import low_speed_moduli
-from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, wall_tension
+from models.laws.resistance import mucus_drag, sliding_resistance
 from models.parameter import load_set
 from models.sets import load_measurement
 

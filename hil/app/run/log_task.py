@@ -1,10 +1,12 @@
 """The controller's task that the record beside a log describes."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from controller.excursion import Experiment
 from hil.app.scenario.bus_scenario import parse_sil_scenario
@@ -13,64 +15,52 @@ from hil.app.scenario.model_offer import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
 from hil.nodes.controller.node import Task
 from models.effects import CATALOGUE, Catalogue
-from models.files.tables import is_number, shown
+from models.files.tables import shown
 from models.files.toml import parse_toml
 from models.theta import Theta
 
-Test = Callable[[object], bool]
+
+class _Stated(BaseModel):
+    """What a run writes beside its log."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
 
-def _values(raw: object) -> bool:
-    return isinstance(raw, dict) and all(is_number(value) for value in raw.values())
+class _Offer(_Stated):
+    values: dict[str, float]
+    at_s: float
 
 
-def _numbers(raw: object) -> bool:
-    return isinstance(raw, list) and all(is_number(value) for value in raw)
+class _Experiment(_Stated):
+    times_s: list[float]
+    places_m: list[float]
+    at_s: float
 
 
-def _offer(raw: object) -> bool:
-    return isinstance(raw, dict) and _values(raw.get("values")) and is_number(raw.get("at_s"))
-
-
-def _experiment(raw: object) -> bool:
-    return (
-        isinstance(raw, dict)
-        and _numbers(raw.get("times_s"))
-        and _numbers(raw.get("places_m"))
-        and is_number(raw.get("at_s"))
-    )
-
-
-_KEYS: Final[Mapping[str, tuple[Test, str]]] = {
-    "controller": (lambda raw: isinstance(raw, str), "text"),
-    "values": (_values, "an object of finite numbers"),
-    "deployment": (lambda raw: isinstance(raw, str), "the text of a rig file"),
-    "scenario": (lambda raw: isinstance(raw, str), "the text of a scenario file"),
-    "dry_run": (lambda raw: isinstance(raw, bool), "true or false"),
-    "entries": (
-        lambda raw: isinstance(raw, int) and not isinstance(raw, bool) and 0 <= raw < 1 << 63,
-        "a number of frames",
-    ),
-    "offered": (lambda raw: raw is None or _offer(raw), "an object of values and at_s"),
-    "learned": (lambda raw: isinstance(raw, list) and all(map(_offer, raw)), "a list of objects of values and at_s"),
-    "experiments": (
-        lambda raw: isinstance(raw, list) and all(map(_experiment, raw)),
-        "a list of objects of times_s, places_m and at_s",
-    ),
-}
+class _Record(_Stated):
+    controller: str = Field("", description="text")
+    values: dict[str, float] = Field({}, description="an object of finite numbers")
+    deployment: str = Field("", description="the text of a rig file")
+    scenario: str = Field("", description="the text of a scenario file")
+    dry_run: bool = Field(False, description="true or false")
+    entries: int = Field(0, ge=0, lt=1 << 63, description="a number of frames")
+    offered: _Offer | None = Field(None, description="an object of values and at_s")
+    learned: list[_Offer] = Field([], description="a list of objects of values and at_s")
+    experiments: list[_Experiment] = Field([], description="a list of objects of times_s, places_m and at_s")
 
 
 def checked(record: Mapping[str, Any]) -> None:
     """Raises ValueError for a key of a log's record that holds what no run writes there."""
-    for key, (good, wanted) in _KEYS.items():
-        if key in record and not good(record[key]):
-            raise ValueError(f"{key} must be {wanted}; got {shown(record[key])}")
+    try:
+        _Record.model_validate(dict(record))
+    except ValidationError as error:
+        key = str(error.errors()[0]["loc"][0])
+        wanted = _Record.model_fields[key].description
+        raise ValueError(f"{key} must be {wanted}; got {shown(record[key])}") from None
 
 
 def task_of(record: Mapping[str, Any], where: str, known: Catalogue = CATALOGUE) -> Task:
-    """The controller's task that a log's record describes, whose rig may have the `known` effects. Raises ValueError
-    where it does not.
-    """
+    """The controller's task of a log's record, whose rig may have the `known` effects. Raises ValueError."""
     checked(record)
     if not {"controller", "values"} <= set(record) or not {"deployment", "scenario"} & set(record):
         raise ValueError(

@@ -1,6 +1,4 @@
-"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`, those
-of an operator, and the drive's own where that is another maker's.
-"""
+"""SCENARIO.toml on the bus: a closed loop with bus, faults, operator, and another maker's drive."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,7 +8,15 @@ from typing import Any, Final
 
 import can
 
-from hil.app.scenario.deployment import DATA_BIT_RATES, Pace, check_key, check_no_key, check_tick, operator_limits
+from hil.app.scenario.deployment import (
+    KEY_FILE,
+    DataBitRate,
+    Pace,
+    check_key,
+    check_no_key,
+    check_tick,
+    operator_limits,
+)
 from hil.app.scenario.jog_script import Step, steps
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
@@ -24,56 +30,52 @@ from hil.nodes.frame_map import frame_map_of, frames
 from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.simulated.fmu_plant import read_fmu
 from hil.simulated.plant_node import SLOT_S
-from models.files.tables import Declared, check_word, limited
+from models.files.tables import check_word
 from models.files.toml import in_file, read_toml, toml_text
 from models.parameter import nearest
+from models.rigs.schema import NamedTable, Words, key
 
 
-@dataclass(frozen=True)
-class BusTable(Declared, where="bus"):
-    """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before
-    the run is failed; a run has at least 60 s. `fd`, `data_bitrate` and `key_file` as in a deployment's; the path is
-    relative to the scenario, and every node begins with the same epoch, which is not kept.
-    """
+class BusTable(NamedTable):
+    """`[bus]` of a scenario: every node begins with the same epoch, which is not kept."""
 
-    force_sensor: bool = False
-    longest_s_per_s: float = 60.0
-    fd: bool = False
-    data_bitrate: int = limited(5_000_000, *DATA_BIT_RATES)
-    key_file: str = ""
+    where = "bus"
+    force_sensor: bool = key("whether the force sensor speaks, too", False)
+    longest_s_per_s: float = key(
+        "wall clock that a simulated second may take before the run is failed; a run has 60 s at least", 60.0
+    )
+    fd: bool = key("opens the interface for CAN FD", False)
+    data_bitrate: DataBitRate = key("bit rate of the data of CAN FD frames", 5_000_000)
+    key_file: str = key(KEY_FILE, "")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def model_post_init(self, _: Any) -> None:
         check_key(self.key_file, self.fd)
         if not self.longest_s_per_s > 0:
             raise ValueError(f"bus.longest_s_per_s must be positive; got {self.longest_s_per_s:g}")
 
 
-@dataclass(frozen=True)
-class FmuTable(Declared, where="plant"):
-    """Table `[plant]`: the FMU, relative to the scenario, that steps in place of the simulated plant. What is sensed
-    and how, and what hides in the sensors, stays the scenario's.
-    """
+class FmuTable(NamedTable):
+    """`[plant]` of a scenario: what is sensed and how, and what hides in the sensors, stays the scenario's."""
 
-    fmu: str
+    where = "plant"
+    fmu: str = key("FMU that stands in for the simulated plant, relative to the scenario; `capsule sil` alone reads it")
 
 
-@dataclass(frozen=True)
-class JogTable(Declared, where="jog"):
-    """Table `[jog]`: an operator who steers as `source`, with setpoints that live for `life_ms`: the lines of a
-    `script` as `capsule jog --script` reads it, from the run's begin on; the dead-man switch is released after them.
-    """
+class JogTable(NamedTable):
+    """`[jog]`: an operator who steers in a scenario."""
 
-    script: tuple[str, ...]
-    source: str = "script"
-    life_ms: float = 100.0
+    where = "jog"
+    script: Words = key(
+        "what an operator does from the run's begin on, in lines as `capsule jog --script` reads them: `speed MM_S"
+        " SECONDS`, `position MM SECONDS`, `release SECONDS`, which comes first; released after them"
+    )
+    source: str = key("who steers, by the names of `OperatorSetpoint`", "script")
+    life_ms: float = key(
+        "how long each setpoint counts, from its arrival less what it was held back on the way", 100.0, 1, 200
+    )
 
-    def __post_init__(self) -> None:
-        frame = frames()[SETPOINT]
-        life, known = frame.field("TimeToLive_ms"), list(frame.field("Source").names.values())
-        if not life.lower <= self.life_ms <= life.upper:
-            raise ValueError(f"jog.life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {self.life_ms:g}")
-        check_word(self.source, "jog.source", known)
+    def model_post_init(self, _: Any) -> None:
+        check_word(self.source, "jog.source", list(frames()[SETPOINT].field("Source").names.values()))
 
     def planned(self) -> tuple[Step, ...]:
         """What is sent, one after the other. Raises ValueError for a line that says nothing."""
@@ -82,9 +84,8 @@ class JogTable(Declared, where="jog"):
 
 @dataclass(frozen=True)
 class SilScenario:
-    """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
-    the file names none. `drive` is another maker's, which then is set up already; `operator` is what setpoints are held
-    to, and `jog` who sends them; `pace` is that of a run that learns.
+    """A closed `loop` over the bus and what goes wrong in it; its tick is the command frame's cycle where the file
+    names none; `drive` is another maker's, set up already.
     """
 
     loop: TrackScenario
@@ -98,9 +99,7 @@ class SilScenario:
 
 
 def watched_bus(channel: str) -> LocalBus:
-    """The local bus on which `capsule sil` shows a run and `capsule cockpit` sees it. Raises ValueError where there can
-    be none.
-    """
+    """The local bus on which `capsule sil` shows a run to `capsule cockpit`. Raises ValueError."""
     try:
         return LocalBus(channel, fd=True)
     except can.CanInitializationError as error:
@@ -108,9 +107,7 @@ def watched_bus(channel: str) -> LocalBus:
 
 
 def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:
-    """Read and check a scenario file, with the reference of another one where that is given; with its text. A
-    ValueError of one sentence says which key, what it must be and what it is.
-    """
+    """Read and check a scenario file and its text, with the reference of another one where given. Raises ValueError."""
     raw, text = read_toml(path, "scenario")
     if reference is not None:
         raw = with_reference(raw, reference, "scenario")
@@ -124,11 +121,11 @@ def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
     if scenario.plant is not None:
         path = folder / scenario.plant.fmu
         read_fmu(path, scenario.loop.truth)
-        scenario = replace(scenario, plant=FmuTable(str(path)))
+        scenario = replace(scenario, plant=FmuTable(fmu=str(path)))
     if scenario.bus.key_file:
         key_file = folder / scenario.bus.key_file
         authenticator(read_key(key_file))
-        scenario = replace(scenario, bus=replace(scenario.bus, key_file=str(key_file)))
+        scenario = replace(scenario, bus=scenario.bus.but(key_file=str(key_file)))
     return scenario
 
 
@@ -142,7 +139,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in own})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s
-        loop = replace(loop, control=replace(loop.control, tick_s=cycle))
+        loop = replace(loop, control=loop.control.but(tick_s=cycle))
     slots = loop.control.tick_s / SLOT_S
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")

@@ -1,17 +1,18 @@
 """The table `[checks]`: what a closed-loop run is held to, for all controllers or, as `[checks.mpc]`, for one."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from controller.registry import CONTROLLERS, leads
 from controller.trajectory import STEP_S, Trajectory
-from models.files.tables import from_table
 from models.parameter import nearest
+from models.rigs.schema import NamedTable
 from plant.session import Instruments
 
 Table = Mapping[str, Any]
@@ -19,8 +20,10 @@ Span = tuple[float, float]
 _AT_REST: Final = 1e-7  # m/s
 
 
-@dataclass(frozen=True)
-class Checks:
+Bound = Annotated[float, Field(ge=0)] | None
+
+
+class Checks(NamedTable):
     """Upper limits on what `capsule track` finds, None: not judged. Errors are those of the true position, judged as
     `[control]` says.
 
@@ -31,43 +34,39 @@ class Checks:
     speed on. `failed_ticks` are those late, failed or stopped, `lost_ticks` those without an estimate.
     """
 
-    rmse_mm: float | None = None
-    worst_mm: float | None = None
-    final_mm: float | None = None
-    wall_force_mN: float | None = None
-    hard_violations: float | None = None
-    lost_ticks: float | None = None
-    failed_ticks: float | None = None
-    drift_mm: float | None = None
-    recovered_within_s: float | None = None
-    settled_within_s: float | None = None
-    speed_error_percent: float | None = None
-    drift_from_s: float | None = None
-    recovered_mm: float | None = None
-    settled_mm: float | None = None
-    speed_after_s: float = 3.0
+    where = "checks"
+    rmse_mm: Bound = None
+    worst_mm: Bound = None
+    final_mm: Bound = None
+    wall_force_mN: Bound = None
+    hard_violations: Bound = None
+    lost_ticks: Bound = None
+    failed_ticks: Bound = None
+    drift_mm: Bound = None
+    recovered_within_s: Bound = None
+    settled_within_s: Bound = None
+    speed_error_percent: Bound = None
+    drift_from_s: Bound = None
+    recovered_mm: Bound = None
+    settled_mm: Bound = None
+    speed_after_s: Annotated[float, Field(ge=0)] = 3.0
 
 
 @dataclass(frozen=True)
 class CheckTable:
-    """`common` holds for every controller without a table of its `own`, which has the common limits in it where it
-    names no others.
-    """
+    """`common` limits hold for a controller without a table of its `own`, which has them in it."""
 
     common: Checks = Checks()
     own: Mapping[str, Checks] = field(default_factory=dict)
 
     def of(self, controller: str) -> Checks:
-        """What the named controller is held to."""
         return self.own.get(controller, self.common)
 
 
 def read_checks(
     table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
 ) -> CheckTable:
-    """`[checks]` of a scenario. Raises ValueError for an unknown key or controller, and for a check that the run has
-    nothing to judge by.
-    """
+    """`[checks]` of a scenario. Raises ValueError for what is unknown and what the run cannot be judged by."""
     able = [name for name in CONTROLLERS if kind in leads(name)]
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
@@ -78,7 +77,10 @@ def read_checks(
             )
 
     def read(numbers: Table, where: str) -> Checks:
-        checks = from_table(Checks, numbers, where)
+        try:
+            checks = Checks(**numbers)
+        except ValueError as error:
+            raise ValueError(str(error).replace("checks", where, 1)) from None
         _judgeable(checks, where, reference, last_fault_s(instruments), judged_from_s, duration_s)
         return checks
 
@@ -123,10 +125,6 @@ def _stretches(flags: NDArray[np.bool_]) -> list[tuple[Span, bool]]:
 def _judgeable(
     checks: Checks, where: str, reference: Trajectory, fault_s: float | None, judged_from_s: float, duration_s: float
 ) -> None:
-    for name in (f.name for f in fields(Checks)):
-        value = getattr(checks, name)
-        if value is not None and value < 0:
-            raise ValueError(f"{where}.{name} must be zero or more; got {value:g}")
     for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
         if (getattr(checks, within) is None) != (getattr(checks, size) is None):
             raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")

@@ -1,21 +1,21 @@
-"""RIG.toml of a deployment: the rig file's tables, and those that say which bus, which controller, where to go and
-within what limits.
-"""
+"""RIG.toml of a deployment: the rig file's tables, and those of bus, controller, reference and limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import can
+from pydantic import Field
 
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
-from controller.registry import CONTROLLERS, checked_estimator, leads
+from controller.registry import CONTROLLERS, leads
 from controller.supervision.acceptance import Acceptance, judge
 from controller.trajectory import Trajectory
-from hil.app.scenario.model_offer import Offered, OfferTable, offer_of, read_offer
+from hil.app.scenario.model_offer import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
+from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator
 from hil.bus.catalogue import load_catalogue
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
@@ -23,13 +23,12 @@ from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.effects import CATALOGUE, Catalogue
-from models.files.tables import Declared, from_table, limited
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
-from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
+from models.rigs.schema import Among, NamedTable, from_table, key
 from models.theta import Theta
 
 PLANNING: Final = 0.4
@@ -41,30 +40,31 @@ OWN_TABLES: Final = (
 )  # fmt: skip
 
 
-DATA_BIT_RATES: Final = (1_000_000, 8_000_000)  # of CAN FD
+DataBitRate = Annotated[int, Field(ge=1_000_000, le=8_000_000)]
+SamplePoint = Annotated[float, Field(ge=0.5, le=0.9)]
+Priority = Annotated[int, Field(ge=0, le=99)]
+KEY_FILE: Final = (
+    "file with the key of authenticated frames, this user's alone (0600), relative to this one; needs `fd`"
+)
 
 
-@dataclass(frozen=True)
-class BusTable(Declared, where="bus"):
-    """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's. `fd` opens it for
-    CAN FD, whose data go at `data_bitrate`; the sample points are shares of a bit. With `key_file`, relative to the
-    deployment file, every frame is authenticated.
-    """
+class BusTable(NamedTable):
+    """`[bus]`: a python-can interface."""
 
-    interface: str
-    channel: str | int = ""
-    bitrate: int = 1_000_000
-    fd: bool = False
-    data_bitrate: int = limited(5_000_000, *DATA_BIT_RATES)
-    sample_point: float = limited(0.667, 0.5, 0.9)
-    data_sample_point: float = limited(0.667, 0.5, 0.9)
-    key_file: str = ""
+    where = "bus"
+    interface: str = key("name of the python-can interface, such as `socketcan`, or `capsule_local` between processes")
+    channel: str | int = key("its channel, such as `can0`", "")
+    bitrate: int = key("bit rate, which must be that of `hil/capsule.dbc`", 1_000_000)
+    fd: bool = key("opens the interface for CAN FD", False)
+    data_bitrate: DataBitRate = key("bit rate of the data of CAN FD frames", 5_000_000)
+    sample_point: SamplePoint = key("where a bit is sampled, as a share of it, with `fd`", 0.667)
+    data_sample_point: SamplePoint = key("likewise a bit of the data", 0.667)
+    key_file: str = key(KEY_FILE, "")
 
-    def __post_init__(self) -> None:
+    def model_post_init(self, _: Any) -> None:
         rate = load_catalogue().bit_rate
         if self.bitrate != rate:
             raise ValueError(f"bus.bitrate must be {rate}, as capsule.dbc has it; got {self.bitrate}")
-        super().__post_init__()
         check_key(self.key_file, self.fd)
         if self.fd:
             self.timing()
@@ -91,68 +91,62 @@ NEAR_POINT: Final = 0.05
 """By how much a sample point may be off what is asked for."""
 
 
-@dataclass(frozen=True)
-class ControlTable(Declared, where="control"):
-    """`[control]`: which controller at which tick, the noise of the localisation and its pixels or steps, how long from
-    the drive's being enabled on, and how long to wait for that; `priority` 1 to 99 asks for SCHED_FIFO, `core` from 0
-    on for one core alone. Unless `probe` is false a short motion to and fro comes before the reference.
-    """
+class ControlTable(NamedTable):
+    """`[control]`: which controller at which tick, and for how long from the drive's being enabled on."""
 
-    controller: str = limited("feedforward", among=CONTROLLERS)
-    tick_s: float = limited(2e-3, 5e-4, 0.02)
-    seen_noise_m: float = limited(5e-4, 0.0, 0.01)
-    resolution_m: float = limited(0.0, 0.0, 0.01)
-    duration_s: float = limited(10.0, 0.01, 86400.0)
-    give_up_s: float = limited(5.0, 0.5, 3600.0)
-    priority: int = limited(0, 0, 99)
-    core: int = limited(-1, -1)
-    estimator: str = "default"
-    probe: bool = True
-
-    def __post_init__(self) -> None:
-        if self.core < -1:
-            raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
-        super().__post_init__()
-        checked_estimator(self.estimator)
+    where = "control"
+    controller: Annotated[str, Among(CONTROLLERS)] = key("name of the controller", "feedforward")
+    tick_s: float = key("period of the control loop", 2e-3, 5e-4, 0.02)
+    seen_noise_m: float = key("standard deviation of the localisation that the estimator expects", 5e-4, 0.0, 0.01)
+    resolution_m: float = key(
+        "pixels or steps of the localisation, 0 where they are finer than its noise", 0.0, 0.0, 0.01
+    )
+    duration_s: float = key("how long to run", 10.0, 0.01, 86400.0)
+    give_up_s: float = key(
+        "how long the drive may take to be enabled, localisation included, before the run is given up", 5.0, 0.5, 3600.0
+    )
+    priority: Priority = key("1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not", 0)
+    core: int = key("processor core to run on, -1 for any", -1, -1, 4095)
+    estimator: Estimator = key(ESTIMATOR, "default")
+    probe: bool = key(PROBE, True)
 
 
-@dataclass(frozen=True)
-class ModelTable(Declared, where="model"):
-    """`[model]`: a file that close-loop wrote and its report.json, paths relative to the rig file."""
+class PlantTable(NamedTable):
+    """`[plant]`: what `capsule plant` simulates where no rig is at hand; the controller never reads that scenario."""
 
-    file: str
-    report: str
-    stage: str = limited("augmented", among=STAGES)
-
-
-@dataclass(frozen=True)
-class PlantTable(Declared, where="plant"):
-    """`[plant]`: the scenario, relative to the file, whose plant `capsule plant` simulates where no rig is at hand, and
-    the real-time priority that it asks for. The controller never reads that scenario.
-    """
-
-    scenario: str
-    priority: int = limited(0, 0, 99)
+    where = "plant"
+    scenario: str = key(
+        "scenario whose plant `capsule plant` simulates, relative to this file; the controller never reads it"
+    )
+    priority: Priority = key("1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not", 0)
 
 
-@dataclass(frozen=True)
-class Pace(Declared, where="learning"):
-    """How much of motion and rest is gathered since the model broke (`gathered_s`), of which the last `held_out_share`
-    is held out; how long an answer may take (`answer_s`: simulated time then waits for it; inf: it comes when it
-    comes); how long a learned model is on trial (`trial_s`). It is taken back where its tracking error is `worse` times
-    what it was over as long before. Where what was gathered does not suffice, an experiment of about `experiment_s` is
-    driven that leads up to `experiment_mm` (0: none is) to either side of where the reference rests, its own strokes at
-    about `experiment_mm_s`.
-    """
+class Pace(NamedTable):
+    """`[learning]`: an `answer_s` that is infinite waits for no answer: it comes when it comes."""
 
-    gathered_s: float = limited(75.0, 10.0, 240.0)
-    held_out_share: float = limited(0.2, 0.1, 0.5)
-    answer_s: float = limited(60.0, 1.0)
-    trial_s: float = limited(60.0, 5.0, 600.0)
-    worse: float = limited(1.0, 0.5, 2.0)
-    experiment_mm: float = limited(0.0, 0.0, 50.0)
-    experiment_mm_s: float = limited(2.0, 0.1, 50.0)
-    experiment_s: float = limited(20.0, 4.0, 60.0)
+    where = "learning"
+    gathered_s: float = key(
+        "how much of what is measured since the model broke is asked about, with `--learn`", 75.0, 10.0, 240.0
+    )
+    held_out_share: float = key("share of it, at its end, on which what was found is judged", 0.2, 0.1, 0.5)
+    answer_s: float = key(
+        "how long simulated time waits for an answer; on a real bus it comes when it comes", 60.0, 1.0
+    )
+    trial_s: float = key("how long a model that was taken is on trial", 60.0, 5.0, 600.0)
+    worse: float = key(
+        "it is taken back where its tracking error is this many times that of as long before", 1.0, 0.5, 2.0
+    )
+    experiment_mm: float = key(
+        "how far to either side of where the reference rests an experiment may lead the capsule that the search asks"
+        " for; 0: none is driven",
+        0.0,
+        0.0,
+        50.0,
+    )
+    experiment_mm_s: float = key(
+        "speed of an experiment's own strokes, which go at half and twice of it, too", 2.0, 0.1, 50.0
+    )
+    experiment_s: float = key("how long an experiment lasts at most, the way back apart", 20.0, 4.0, 60.0)
 
 
 @dataclass(frozen=True)
@@ -163,13 +157,13 @@ class DeployedPlant:
     bus: BusTable
     priority: int = 0
     drive: ActuatorTable | None = None
+    folder: Path = Path()
 
 
 @dataclass(frozen=True)
 class Deployment:
-    """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
-    gate's, where asked; `drive` the carriage's settings where it is another maker's; `operator` what setpoints
-    from the bus are held to, `pace` that of a run that learns.
+    """A controller to run on a bus: `values` of a learned model, the gate's `verdict`, the `drive` where another
+    maker's, what setpoints are held to (`operator`), the `pace` of learning.
     """
 
     name: str
@@ -202,16 +196,12 @@ class Deployment:
         )
 
     def believed(self, values: Theta) -> ControlModel:
-        """The control model of its rig with the `values` of a model's parameters. Raises ValueError for a rig that
-        cannot be controlled.
-        """
+        """The control model with the `values` of a model; ValueError for a rig that cannot be controlled."""
         return control_model(self.rig, values, self.control.tick_s)
 
 
 def load_deployment(path: Path, reference: Path | None = None, known: Catalogue = CATALOGUE) -> Deployment:
-    """Read and check a deployment file, with the reference of another one where that is given; its rig may have the
-    `known` effects. Anything wrong is a ValueError of one sentence.
-    """
+    """Read and check a deployment file, its rig with `known` effects. Raises ValueError of one sentence."""
     raw, text = read_toml(path, "rig file")
     if reference is not None:
         raw = with_reference(raw, reference, "control")
@@ -227,9 +217,7 @@ def load_deployment(path: Path, reference: Path | None = None, known: Catalogue 
 
 
 def read_deployed_rig(path: Path) -> Rig:
-    """The rig of a rig file or of a deployment file, whose own tables are left out. Raises ValueError of one
-    sentence.
-    """
+    """The rig of a rig or deployment file. Raises ValueError of one sentence."""
     return _rig(read_toml(path, "rig file")[0], str(path))
 
 
@@ -245,7 +233,7 @@ def read_plant(path: Path) -> DeployedPlant:
         table = PlantTable.read(raw)
         bus = BusTable.read(raw)
         drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
-        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
+        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive, path.parent)
 
 
 def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Acceptance | None = None) -> Deployment:
@@ -268,8 +256,8 @@ def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Accep
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
     """`[operator]`: what setpoints of an operator are held to, within `limits`. Raises ValueError of one sentence."""
-    operator = from_table(OperatorLimits, raw.get("operator", {}), "operator")
-    operator.check_sources(load_catalogue())
+    operator = OperatorLimits.read(raw)
+    operator.check_sources()
     if not operator.accept:
         return operator
     fastest, farthest = min(limits.speed_m_s, limits.carriage_speed_m_s), limits.travel_m
@@ -286,9 +274,7 @@ def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
 
 
 def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
-    """The bus of the deployment file `path` and what setpoints are held to there; ValueError of one sentence where none
-    are accepted.
-    """
+    """The bus of a deployment file and what setpoints are held to; ValueError where none are accepted."""
     raw, _ = read_toml(path, "deployment file")
     with in_file(path):
         _check_tables(raw)

@@ -1,16 +1,17 @@
 """The table `[reference]`: where the capsule shall go, in mm and mm/s."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
+from pydantic import Field, Strict
 
 from controller.limits import Limits
 from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_places, by_speeds, through
-from models.files.tables import choice, from_table
+from models.files.tables import choice
 from models.files.toml import read_toml
+from models.rigs.schema import NamedTable, Numbers, key
 
 MM: Final = 1e-3  # in metres
 FARTHEST: Final = 1e6
@@ -18,28 +19,39 @@ FARTHEST: Final = 1e6
 FASTEST_HZ: Final = 0.1 / STEP_S  # ten steps of a trajectory in a period
 
 
-@dataclass(frozen=True)
-class Ramp:
-    """From `start_s` on at `speed_mm_s`."""
+Mm = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+Places = Annotated[tuple[Mm, ...], Strict(False)]
+START: Final = "time at which the move begins"
 
-    speed_mm_s: float
-    start_s: float = 0.5
+
+class Shape(NamedTable):
+    """`[reference]` of one kind."""
+
+    where = "reference"
 
     def trajectory(self, duration_s: float) -> Trajectory:
         """The reference over `duration_s`; ValueError where it cannot be gone within it."""
+        raise NotImplementedError
+
+
+class Ramp(Shape):
+    """From `start_s` on at `speed_mm_s`."""
+
+    speed_mm_s: Mm = key("speed of the move")
+    start_s: float = key(START, 0.5)
+
+    def trajectory(self, duration_s: float) -> Trajectory:
         return by_speeds([0.0, self.speed_mm_s * MM], [max(self.start_s, STEP_S), duration_s])
 
 
-@dataclass(frozen=True)
-class Sine:
+class Sine(Shape):
     """`amplitude (1 - cos(2 pi f t))/2` from `start_s` on: out and back, at rest at both ends."""
 
-    amplitude_mm: float
-    frequency_Hz: float
-    start_s: float = 0.5
+    amplitude_mm: Mm = key("distance out and back")
+    frequency_Hz: float = key("frequency of the sine")
+    start_s: float = key(START, 0.5)
 
     def trajectory(self, duration_s: float) -> Trajectory:
-        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         if not 0 < self.frequency_Hz <= FASTEST_HZ:
             raise ValueError(
                 f"reference.frequency_Hz must be positive and at most {FASTEST_HZ:g}; got {self.frequency_Hz:g}"
@@ -48,48 +60,40 @@ class Sine:
         return Trajectory(0.5 * self.amplitude_mm * MM * (1 - np.cos(2 * np.pi * self.frequency_Hz * t)))
 
 
-@dataclass(frozen=True)
-class Steps:
+class Steps(Shape):
     """To one of `positions_mm` after the other at `speed_mm_s`, a rest of `dwell_s` at each."""
 
-    positions_mm: tuple[float, ...]
-    speed_mm_s: float
-    dwell_s: float = 1.0
-    start_s: float = 0.5
+    positions_mm: Places = key("positions to visit in turn")
+    speed_mm_s: Mm = key("speed of the move")
+    dwell_s: float = key("rest at each position", 1.0, 0.0)
+    start_s: float = key(START, 0.5)
 
     def trajectory(self, duration_s: float) -> Trajectory:
-        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         if not self.positions_mm:
             raise ValueError("reference.positions_mm must be one position or more; got none")
-        if not self.dwell_s >= 0:
-            raise ValueError(f"reference.dwell_s must be zero or more; got {self.dwell_s:g}")
         _in_time(self.positions_mm, self.speed_mm_s, self.start_s, self.dwell_s, duration_s)
         return through([MM * p for p in self.positions_mm], MM * self.speed_mm_s, self.dwell_s, self.start_s)
 
 
-@dataclass(frozen=True)
-class Hold:
+class Hold(Shape):
     """To `position_mm` at `speed_mm_s`, then stay there."""
 
-    position_mm: float = 0.0
-    speed_mm_s: float = 2.0
-    start_s: float = 0.5
+    position_mm: Mm = key("position to hold", 0.0)
+    speed_mm_s: Mm = key("speed of the move", 2.0)
+    start_s: float = key(START, 0.5)
 
     def trajectory(self, duration_s: float) -> Trajectory:
-        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         _in_time((self.position_mm,), self.speed_mm_s, self.start_s, 0.0, duration_s)
         return through([MM * self.position_mm], MM * self.speed_mm_s, 0.0, self.start_s)
 
 
-@dataclass(frozen=True)
-class Waypoints:
+class Waypoints(Shape):
     """`positions_mm` at `times_s`, straight lines between; corners are rounded over 50 ms."""
 
-    times_s: tuple[float, ...]
-    positions_mm: tuple[float, ...]
+    times_s: Numbers = key("time of each position")
+    positions_mm: Places = key("positions to visit in turn")
 
     def trajectory(self, duration_s: float) -> Trajectory:
-        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         times, places = np.array([0.0, *self.times_s]), MM * np.array([0.0, *self.positions_mm])
         if len(self.times_s) != len(self.positions_mm) or not self.times_s or np.any(np.diff(times) < STEP_S):
             raise ValueError(
@@ -101,7 +105,7 @@ class Waypoints:
         return by_places(times.tolist(), places.tolist())
 
 
-REFERENCES: Final[Mapping[str, Callable[..., Any]]] = {
+REFERENCES: Final[Mapping[str, type[Shape]]] = {
     "ramp": Ramp,
     "sine": Sine,
     "steps": Steps,
@@ -111,30 +115,21 @@ REFERENCES: Final[Mapping[str, Callable[..., Any]]] = {
 
 
 def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits | None = None) -> Trajectory:
-    """The reference that a scenario's table asks for, over `duration_s`; within the travel and speed of `limits` where
-    there are some.
-
-    Raises ValueError as `models.files.tables.from_table`.
-    """
+    """The reference of a table over `duration_s`, within `limits` where given. Raises ValueError."""
     kind = choice(table, "reference.kind", tuple(REFERENCES))
-    shape = from_table(REFERENCES[kind], table, "reference", skip=("kind",))  # type: ignore[arg-type]
-    for name, value in vars(shape).items():
-        if "_mm" in name and not np.all(np.abs(value) <= FARTHEST):
-            raise ValueError(f"reference.{name} must lie within {FARTHEST:g} either way; got {value}")
-        if name == "start_s" and not 0 <= value < duration_s:
-            raise ValueError(
-                f"reference.start_s must lie from 0 on and within the run of {duration_s:g} s; got {value:g}"
-            )
-    trajectory: Trajectory = shape.trajectory(duration_s)
+    shape = REFERENCES[kind](**{name: value for name, value in table.items() if name != "kind"})
+    start = getattr(shape, "start_s", 0.0)
+    if not 0 <= start < duration_s:
+        raise ValueError(f"reference.start_s must lie from 0 on and within the run of {duration_s:g} s; got {start:g}")
+    trajectory = shape.trajectory(duration_s)
     if limits is not None:
         _within(trajectory, duration_s, limits)
     return trajectory
 
 
 def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dict[str, Any]:
-    """The tables `raw` of a scenario or deployment with the table [reference] of `file` (as close-loop writes it) in
-    place of theirs; the run, `duration_s` of `table`, lasts until its last waypoint, and checks meant for another
-    reference are left out. Unchanged without a file. Raises ValueError of one sentence.
+    """The tables `raw` with the [reference] of `file`, as close-loop writes it; the run (`duration_s` of `table`) lasts
+    until its last waypoint, checks are left out. Raises ValueError of one sentence.
     """
     if file is None:
         return dict(raw)
@@ -147,7 +142,7 @@ def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dic
             f" as close-loop writes next_experiment.toml; got {reference!r}"[:300]
         )
     try:
-        shape = from_table(Waypoints, reference, "reference", skip=("kind",))
+        shape = Waypoints(**{name: value for name, value in reference.items() if name != "kind"})
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
     kept = {name: content for name, content in raw.items() if name != "checks"}

@@ -1,7 +1,6 @@
 """A run that learned, on one page: tracking error over time, what happened when, the models before and after."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -11,14 +10,13 @@ import plotly.graph_objects as go
 
 from hil.app.console import json_text
 from hil.app.learn.learner import Lesson
-from hil.app.quantities import quantity
-from hil.app.report.document import document, heading, table
-from hil.app.report.theme import INK, figure_html, line_colour, styled
-from hil.app.report.words import effect_words, listed, parameter_words, tidy
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.scenario.model_facts import model_facts
+from hil.app.scenario.model_use import model_facts
 from hil.app.sil.loop import SilTrace, judged_loop
 from hil.app.sil.testbed import believed_on_bus
+from hil.report.builder import page
+from hil.report.theme import INK, MUTED, axes, line, line_colour
+from hil.report.words import effect_words, listed
 from plant import layout as at
 
 PAGE: Final = "learning.html"
@@ -104,17 +102,18 @@ def parts(
 
 def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, numbers: dict[str, Any]) -> str:
     """One self-contained page."""
-    title = f"{scenario.loop.name}: {came_to(trace.lessons)}"
-    warning = f'<div class="warning"><p>{escape(trace.stopped_because)}</p></div>' if trace.stopped_because else ""
-    eyebrow = f"Learning in a run · {scenario.loop.kind} rig in simulation · seed {found['seed']}"
-    sections = [
-        ("error", "Tracking error over time", figure_html(error_figure(numbers), "figure-0")),
-        ("parts", "Error between the instants", parts_table(numbers)),
-        ("lessons", "What was learned", _lessons(trace.lessons)),
-        ("models", "The models", _models(scenario, trace)),
-        ("limits", "Limits", _limits(found)),
-    ]
-    return document(title, heading(eyebrow, title, more=warning), sections)
+    models = [(one.at_s, model_facts(believed_on_bus(scenario, one.values))) for one in trace.offers]
+    return page(
+        "learning.html.j2",
+        scenario=scenario.loop,
+        title=f"{scenario.loop.name}: {came_to(trace.lessons)}",
+        found=found,
+        stopped=trace.stopped_because,
+        error=error_figure(numbers),
+        numbers=numbers,
+        lessons=[lesson.words for lesson in trace.lessons],
+        models=models,
+    )
 
 
 def came_to(lessons: Sequence[Lesson]) -> str:
@@ -134,60 +133,14 @@ def error_figure(numbers: Mapping[str, Any]) -> go.Figure:
     has in the table below.
     """
     t, error = np.array(numbers["second"]), 1e3 * np.array(numbers["rms_error_m"])
-    figure = go.Figure(go.Scatter(x=t + 0.5, y=error, mode="lines", line={"color": INK, "width": 1.5}, name="error"))
+    figure = axes("time in s", ["rms error of each second in mm"], _HEIGHT, showlegend=False)
+    line(figure, t + 0.5, error, "error", {"color": INK}, points=len(t) + 1)
     top, right, level = float(error.max(initial=0.0)) or 1.0, -np.inf, 0
     for number, mark in enumerate(numbers["instants"], start=1):
         level = level + 1 if mark["t_s"] - right < _CLOSE * (t[-1] + 1) else 0
         right = mark["t_s"]
         colour = line_colour(_COLOURS.get(mark["what"], 3))
         figure.add_vline(x=mark["t_s"], line={"color": colour, "width": 1.2, "dash": "dot"})
-        figure.add_annotation(
-            x=mark["t_s"], y=top * (1.42 - 0.1 * (level % 4)), text=str(number), showarrow=False, xanchor="left"
-        )
-    figure.update_yaxes(title_text="rms error of each second in mm", range=[0, 1.5 * top])
-    figure.update_xaxes(title_text="time in s")
-    return styled(figure, _HEIGHT, showlegend=False)
-
-
-def parts_table(numbers: Mapping[str, Any]) -> str:
-    """The errors between the instants, of the numbers of `story_files`, as a table of a page."""
-    rows = [
-        [
-            str(k),
-            escape(tidy(str(p["until"]))),
-            f"{p['from_s']:.0f} to {p['to_s']:.0f} s",
-            quantity(p["rms_error_m"], "m"),
-        ]
-        for k, p in enumerate(numbers["parts"], start=1)
-    ]
-    words = "<p>Over the last minute, or less, before each instant; of the capsule's true place.</p>"
-    return words + table(("no.", "until", "from, to", "rms error"), rows, left=3)
-
-
-def _lessons(lessons: Sequence[Lesson]) -> str:
-    if not lessons:
-        return "<p>The monitor saw no reason to doubt the model.</p>"
-    return "".join(f"<p>{escape(tidy(one.words[0].upper() + one.words[1:]))}.</p>" for one in lessons)
-
-
-def _models(scenario: SilScenario, trace: SilTrace) -> str:
-    """What each model that was offered is made of, beside the rig file."""
-    if not trace.offers:
-        return "<p>The model of the start was used throughout.</p>"
-    return "".join(_model(model_facts(believed_on_bus(scenario, one.values)), one.at_s) for one in trace.offers)
-
-
-def _model(facts: dict[str, Any], at_s: float) -> str:
-    head = f"<h3>Offered at {at_s:.0f} s: {escape(tidy(facts['made']))}</h3>"
-    return head + table(
-        ("parameter", "rig file", "learned"),
-        [[escape(parameter_words(n)), nominal, v] for n, v, nominal in facts["rows"]],
-    )
-
-
-def _limits(found: dict[str, Any]) -> str:
-    rows = [
-        [escape(name.replace("_", " ")), f"{100 * share:.0f} %"] for name, share in found.get("limit_use", {}).items()
-    ]
-    words = f"<p>Hard limits broken: {found['hard_violations']}. No limit is changed by what is learned.</p>"
-    return words + (table(("largest use of", "share"), rows) if rows else "")
+        at = {"x": mark["t_s"], "y": top * (1.42 - 0.1 * (level % 4)), "xanchor": "left"}
+        figure.add_annotation(**at, text=str(number), showarrow=False, font={"size": 13, "color": MUTED})
+    return figure.update_yaxes(range=[0, 1.5 * top])

@@ -6,11 +6,11 @@ from typing import Any, Final
 
 from controller.supervision.fallback import DONE
 from hil.app import console
-from hil.app.quantities import fixed, number
-from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import offer_words
+from hil.app.scenario.model_use import health_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.score import HARD
+from hil.report.quantities import fixed, number
 
 Found = Mapping[str, Any]
 _WORDS: Final = ("controller", "check", "ticks not ok", "most of a hard limit")
@@ -22,7 +22,7 @@ def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> No
     seconds = f"{scenario.duration_s:g} s, seed {found[0]['seed']}"
     console.say(f"{scenario.name}: {scenario.kind} rig, {seconds}, {found[0]['model']} model")
     heads = ("rmse mm", "max mm", "final mm", "mean mm/s", "wall mN", "effort mN", "violations")
-    _print(heads, [[one["controller"], *_tracking(one)] for one in found])
+    _print(heads, [[one["controller"], *tracking(one)] for one in found])
     _print(_WORDS[2:], [[one["controller"], not_ok(one), most_used(one)] for one in found])
     steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
     _print(steps, [[one["controller"], *times(one)] for one in found])
@@ -60,7 +60,6 @@ def times(found: Found) -> list[str]:
 
 
 def verdict(check: Mapping[str, Any]) -> str:
-    """The verdict in a word."""
     return "passed" if check["passed"] else "FAILED"
 
 
@@ -68,7 +67,8 @@ def _change(event: Mapping[str, Any]) -> str:
     return f"from {event['time_s']:.3f} s on {event['after']} in place of {event['before']}: {event['reason']}"
 
 
-def _tracking(one: Found) -> list[str]:
+def tracking(one: Found) -> list[str]:
+    """Errors in mm, mean speed in mm/s, forces in mN, and violations."""
     lengths = ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
     numbers = [fixed(1e3 * one[key], 3) for key in lengths]
     numbers += [fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")]

@@ -7,8 +7,7 @@ from typing import Any, Final
 from hil.drives.cia402 import protocol as p402
 from hil.drives.cia402.protocol import Cia402Table
 
-_HERE_M: Final = 1e-4
-"""How far off its home offset such a drive may tell its place afterwards."""
+_HERE_M: Final = 1e-4  # how far off its home offset such a drive may tell its place afterwards
 _WORDS: Final = {
     p402.DISABLED: p402.SHUTDOWN,
     p402.READY_TO_SWITCH_ON: p402.SWITCH_ON,
@@ -16,8 +15,7 @@ _WORDS: Final = {
     p402.OPERATION: p402.ENABLE_OPERATION | p402.START_HOMING,
 }
 _MODE_S, _ERROR_S = 0.5, 0.1
-"""Within how long a drive must show the mode that it is told to take; and from when on after the start a homing error
-is of this homing."""
+"""Within how long a drive must show a mode; and from when on after the start a homing error is of this homing."""
 
 
 def word_of(node: Any, index: int, *, signed: bool = False) -> int:
@@ -40,9 +38,7 @@ def _another_mode(table: Cia402Table, mode: int, shown: int) -> str:
 
 
 def home(node: Any, network: Any, table: Cia402Table) -> None:
-    """Let the drive home itself, under our heartbeat, and disable it again; whatever goes wrong stops it. Raises
-    ValueError.
-    """
+    """Let the drive home itself, under our heartbeat, and disable it again, whatever goes wrong. Raises ValueError."""
     take_mode(node, table, p402.HOMING_MODE)
     end, run = time.monotonic() + table.homing_s, _Homing(table)
     try:
@@ -81,9 +77,7 @@ class _Homing:
         return bool(status & p402.ATTAINED) and not self._away
 
     def done(self, node: Any, status: int) -> bool:
-        """Whether it is home: in mode 6, in operation, attained since the start, and at rest there. Raises ValueError
-        where it never will be.
-        """
+        """Whether it is home: in mode 6, in operation, attained since the start, at rest. Raises ValueError."""
         name, state = self._table.node, p402.state_of(status)
         if state in (p402.REACTING, p402.FAULTED):
             raise ValueError(f"{name} must home; got a fault, error code 0x{word_of(node, 0x603F):04X}")

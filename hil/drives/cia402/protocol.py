@@ -1,17 +1,15 @@
-"""CiA 402 for the carriage: the drive's states, which words lead through them, and what is on the wire. Standard: IEC
-61800-7-201.
-"""
+"""CiA 402 for the carriage: states, the words between, what is on the wire. Standard: IEC 61800-7-201."""
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import can
+from pydantic import BeforeValidator
 
-from hil.drives.table import ActuatorTable
+from hil.drives.table import NODE, ActuatorTable
 from hil.nodes import frame_map as our
-from models.files.tables import limited
+from models.rigs.schema import Among, key
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
 """States of the power drive system; 0 is "not ready to switch on"."""
@@ -19,29 +17,22 @@ NOT_READY: Final = 0  # state of any other statusword
 _MASKS: Final = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)  # of the statusword, CiA 402 state by state
 _WORDS: Final = (0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08)
 """Masks and values of the statusword's bits that tell each state."""
-WARNING: Final = 0x80
-"""Bit of the statusword: the drive does not do all it is asked for."""
+WARNING: Final = 0x80  # bit of the statusword: the drive does not do all it is asked for
 VOLTAGE, REMOTE, LIMITED = 1 << 4, 1 << 9, 1 << 11
-"""Further bits of the statusword: the power stage has its voltage, controlwords of the bus are obeyed, a limit of the
-drive's own is active."""
+"""Further bits: voltage is there, the bus's controlwords are obeyed, a limit of the drive's own is active."""
 FOLLOWS, DEVIATES = 1 << 12, 1 << 13
-"""In a cyclic mode: the target is followed; and, led by places, it is further off than 0x6065 for longer than
-0x6066."""
+"""In a cyclic mode: the target is followed; led by places, it is beyond 0x6065 for longer than 0x6066."""
 REACHED, ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13
 """While homing: at rest at the target, home is found, and it could not be found."""
 DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAULT = 0x00, 0x06, 0x07, 0x0F, 0x02, 0x80
 """Controlwords."""
 START_HOMING: Final = 1 << 4  # bit of the controlword
-HOMES_HERE: Final = (35, 37)
-"""Homing methods that take the place where the drive stands."""
-SYNC_ID: Final = 0x6A0
-"""CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes."""
+HOMES_HERE: Final = (35, 37)  # homing methods that take the place where the drive stands
+SYNC_ID: Final = 0x6A0  # CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes
 MASTER_NODE: Final = 127  # the last node id
-_SDO_WRITES: Final = (0, 1, 6)
-"""Client commands of an SDO download: a segment, its begin, a block."""
+_SDO_WRITES: Final = (0, 1, 6)  # client commands of an SDO download: a segment, its begin, a block
 OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
-HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
-"""Modes of operation."""
+HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9  # modes of operation
 MODE_NAMES: Final[Mapping[int, str]] = {
     0: "none",
     1: "profile position",
@@ -56,12 +47,9 @@ MODE_NAMES: Final[Mapping[int, str]] = {
 }
 """Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 says that a drive knows one."""
 MODES: Final[Mapping[str, int]] = {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
-RPDO: Final = struct.Struct("<Hi")
-"""Controlword 0x6040, target position 0x607A or target velocity 0x60FF."""
-TPDO_STATE: Final = struct.Struct("<Hi")
-"""Statusword 0x6041, actual position 0x6064."""
-TPDO_MORE: Final = struct.Struct("<iH")
-"""Actual velocity 0x606C, error code 0x603F."""
+RPDO: Final = struct.Struct("<Hi")  # controlword 0x6040, target position 0x607A or target velocity 0x60FF
+TPDO_STATE: Final = struct.Struct("<Hi")  # statusword 0x6041, actual position 0x6064
+TPDO_MORE: Final = struct.Struct("<iH")  # actual velocity 0x606C, error code 0x603F
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300  # CiA 301 and 402
 _ERRORS: Final[Mapping[int, int]] = {
     0x2300: our.OVER_CURRENT,
@@ -74,54 +62,53 @@ _SHOWN: Final = (our.BOOT, our.STANDBY, our.WAITING, our.WAITING, our.ENABLED, o
 """The states in the catalogue's numbers."""
 
 
-def options_of(raw: object) -> tuple[tuple[int, int, int], ...]:
-    """`[cia402.options]`: index, sub and value of each `"index.sub" = value`, the first two hexadecimal. Raises
-    ValueError.
-    """
+def _options(raw: object) -> object:
+    """`[cia402.options]`: index, sub and value of each `"index.sub" = value`, the first two hexadecimal."""
     if not isinstance(raw, Mapping):
-        raise ValueError(f'cia402.options must be a table of "index.sub" = value; got {raw!r}')
+        return raw
     found = []
-    for key, value in raw.items():
-        index, _, sub = str(key).partition(".")
+    for name, value in raw.items():
+        index, _, sub = str(name).partition(".")
         try:
             place = int(index, 16), int(sub, 16)
         except ValueError:
             place = (-1, -1)
         if not (0x1000 <= place[0] <= 0xFFFF and 0 <= place[1] <= 0xFF):
-            raise ValueError(f'cia402.options must have keys as "6083.0", index and sub hexadecimal; got {key!r}')
+            raise ValueError(f'must have keys as "6083.0", index and sub hexadecimal; got {name!r}')
         if isinstance(value, bool) or not isinstance(value, int) or not -(1 << 31) <= value < 1 << 32:
-            raise ValueError(f"cia402.options {key} must be an integer of at most 32 bits; got {value!r}")
+            raise ValueError(f"{name} must be an integer of at most 32 bits; got {value!r}")
         found.append((*place, value))
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Cia402Table(ActuatorTable, where="cia402"):
-    """`[cia402]`: the carriage is a CANopen drive of this `node_id`, whose position counts `counts_per_m`; `answers_s`
-    is how long it may take to be found. It is led in the cyclic synchronous `mode`; by velocity with `velocity_gain_Hz`
-    on what is left of the way. `homing_method` (0x6098, 0: none) is run as it is set up, at `homing_speed_m_s` (0x6099)
-    and for at most `homing_s`. Led by places, it must say so itself where it is off by more than `following_m` (0x6065)
-    for `following_s` (0x6066); 0 leaves both as they are. `options` are objects of its own: index, sub, value.
-    """
+class Cia402Table(ActuatorTable):
+    """`[cia402]`: a CANopen drive, led in a cyclic synchronous mode; `options`: index, sub, value."""
 
-    node_id: int = limited(1, 1, 15)
-    counts_per_m: float = limited(1e6, 1e3, 1e9)
-    answers_s: float = limited(2.0, 0.1, 60.0)
-    mode: str = limited("position", among=tuple(MODES))
-    velocity_gain_Hz: float = limited(20.0, 0.1, 200.0)
-    homing_method: int = limited(0, -128, 127)
-    homing_speed_m_s: float = limited(0.01, 1e-4, 0.1)
-    homing_s: float = limited(30.0, 0.1, 600.0)
-    following_m: float = limited(0.005, 0.0, 1.0)
-    following_s: float = limited(0.02, 0.001, 1.0)
-    options: tuple[tuple[int, int, int], ...] = field(default=(), metadata={"read": options_of})
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.node_id <= 15:
-            raise ValueError(
-                f"cia402.node_id must lie in [1, 15], clear of the catalogue's identifiers; got {self.node_id}"
-            )
-        super().__post_init__()
+    where = "cia402"
+    node_id: int = key(NODE, 1, 1, 15)
+    counts_per_m: float = key("its position counts, per metre", 1e6, 1e3, 1e9)
+    mode: Annotated[str, Among(MODES)] = key(
+        "what the drive is led by: places or speeds, both cyclic and synchronous", "position"
+    )
+    velocity_gain_Hz: float = key(
+        "led by `velocity`: share of what the carriage is off its place that a second makes up for", 20.0, 0.1, 200.0
+    )
+    homing_method: int = key(
+        "object 0x6098: how the drive finds its zero as it is set up, by its own motion; 0: not at all", 0, -128, 127
+    )
+    homing_speed_m_s: float = key("object 0x6099: its speed then", 0.01, 1e-4, 0.1)
+    homing_s: float = key("how long that may take", 30.0, 0.1, 600.0)
+    following_m: float = key(
+        "object 0x6065, led by places: this far off its target for `following_s` the drive must say so, and is stopped;"
+        " 0: 0x6065 and 0x6066 are left as they are",
+        0.005,
+        0.0,
+        1.0,
+    )
+    following_s: float = key("object 0x6066: how long it may be so far off", 0.02, 0.001, 1.0)
+    options: Annotated[tuple[tuple[int, int, int], ...], BeforeValidator(_options)] = key(
+        'objects of the drive\'s own, `"index.sub" = value`, index and sub hexadecimal, each written and read back', ()
+    )
 
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
         """RPDO 1, SYNC and the controller's heartbeat; its TPDOs and heartbeat."""
@@ -151,7 +138,6 @@ def state_of(statusword: int) -> int:
 
 
 def statusword_of(state: int, *, warning: bool = False) -> int:
-    """The statusword of a state."""
     return _WORDS[state] | (WARNING if warning else 0)
 
 
@@ -162,7 +148,6 @@ def shown(statusword: int) -> int:
 
 
 def mode_words(mode: int) -> str:
-    """A mode of operation by number and name."""
     return f"{mode} ({MODE_NAMES.get(mode, 'of the maker')})"
 
 
@@ -172,11 +157,9 @@ def fault_of(error: int) -> int:
 
 
 def controlword(mode: int, state: int, *, reset: bool = False) -> int:
-    """What to tell a drive in `state` for a `mode` of the catalogue's command.
-
-    One step up at a time, never from a state below "ready to switch on" by `ENABLE`, and never up with a `reset`: after
-    it the drive stands disabled until off, ready and enable are asked for in turn. Whatever stops a moving drive brakes
-    it; its voltage goes later.
+    """What to tell a drive in `state` for a `mode` of the catalogue's command: one step up at a time, never from below
+    "ready to switch on" by `ENABLE`, never up with a `reset`. What stops a moving drive brakes it; its voltage goes
+    later.
     """
     if state == FAULTED:
         return RESET_FAULT if reset else DISABLE_VOLTAGE
@@ -194,11 +177,9 @@ def controlword(mode: int, state: int, *, reset: bool = False) -> int:
 
 
 def next_state(state: int, word: int, before: int, *, cause: bool, at_rest: bool) -> int:
-    """The drive's state after controlword `word` came where `before` was the last one; `cause` is a present reason for
-    a fault.
+    """The state after controlword `word`, `before` being the last one; `cause`: a present reason for a fault.
 
-    Quick stop option 2: brake, then disabled. A fault ends by the rising edge of bit 7 once its cause is gone, in
-    "disabled".
+    Quick stop option 2: brake, then disabled. A fault ends by the rising edge of bit 7 once its cause is gone.
     """
     if cause and state not in (REACTING, FAULTED):
         return REACTING

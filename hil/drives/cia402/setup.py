@@ -1,6 +1,4 @@
-"""Sets a CiA 402 drive up over SDO before anything moves: what it is doing, what it maps, how long a command lives, how
-it stops. Needs the package canopen.
-"""
+"""Sets a CiA 402 drive up over SDO before anything moves. Needs the package canopen."""
 
 import logging
 import time
@@ -23,8 +21,7 @@ _SYNCHRONOUS: Final = 1  # transmission type, CiA 301
 # objects of each mapping: index, sub, bits
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
 _BY_VELOCITY: Final = (0x60400010, 0x60FF0020)  # the same of a drive led by velocity
-_LOOK_S: Final = 0.1
-"""For how long a drive is looked at to see that it rests."""
+_LOOK_S: Final = 0.1  # for how long a drive is looked at to see that it rests
 ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)
 """Objects, beside the table's options, that a drive may hold rounded: off by one, or by a thousandth."""
 
@@ -40,16 +37,13 @@ class Entry:
 
     @property
     def data(self) -> bytes:
-        """The value on the wire."""
         return self.value.to_bytes(self.size, "little", signed=self.value < 0)
 
 
 def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> tuple[Entry, ...]:
-    """All that the drive is told, in order.
-
-    RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry is a fault (0x6007: 1) that brakes
-    (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes and ends disabled (0x605A: 2).
-    Beyond `following_m` off its target for `following_s` the drive says so (0x6065, 0x6066).
+    """All that the drive is told, in order. RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry
+    is a fault (0x6007: 1) that brakes (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes
+    and ends disabled (0x605A: 2).
     """
     node, counts = table.node_id, table.counts_per_m
     travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)
@@ -94,9 +88,7 @@ def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry, by: s
 
 
 def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """As `hil.drives.makers.set_up`: its objects are written and read back, it is homed where the table says so and it
-    has no fault, and its PDOs begin. Needs the package canopen.
-    """
+    """As `hil.drives.makers.set_up`: objects, homing where the table says so, PDOs. Needs the package canopen."""
     try:
         import canopen
     except ImportError:
@@ -133,9 +125,7 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *
 
 
 def _is_idle(node: Any, table: Cia402Table, faulty: bool) -> None:
-    """A drive that knows its modes, has no fault (but where `faulty`), and is disabled. One that is stopped answers
-    only once it is pre-operational.
-    """
+    """Of a drive that knows its modes, has no fault (but where `faulty`), and is disabled."""
     try:
         kind = word_of(node, 0x1000) & 0xFFFF
     except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
@@ -171,9 +161,7 @@ def _rests_where_known(node: Any, table: Cia402Table, limits: Limits) -> None:
 
 
 def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) -> str:
-    """Write an object and read it back; a sentence where the drive holds it rounded and may. Raises ValueError where it
-    holds another value.
-    """
+    """Write an object and read it back; a sentence where it is held rounded and may be. Raises ValueError."""
     where = f"0x{entry.index:04X}:{entry.sub:02X}"
     try:
         node.sdo.download(entry.index, entry.sub, entry.data)

@@ -1,6 +1,4 @@
-"""A moteus controller as the catalogue's carriage, over CAN FD: states, mapping, limits, safe state, and its watchdog,
-sent with every command and read back with every reply. Source: the maker's register reference.
-"""
+"""A moteus controller as the catalogue's carriage, over CAN FD. Source: the maker's register reference."""
 
 import math
 from collections import deque
@@ -10,7 +8,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.moteus import protocol as wire
 from hil.drives.moteus.protocol import FAULTS, WATCHDOG, MoteusTable
 from hil.drives.turning import IDLE_TICKS, TurningBus
@@ -21,29 +18,26 @@ _FORGIVEN: Final = 3  # faults after which it is still asked
 _GIVE_UP_TICKS: Final = 250  # without the mode that was asked for
 _SILENT_S: Final = 0.012
 """A drive that was led and then is silent for so long may have booted anew, and must not be led on unawares."""
-_LOST_TICKS: Final = 50
-"""After so many without a reply it is looked for by its own can.prefix, too."""
+_LOST_TICKS: Final = 50  # after so many without a reply it is looked for by its own can.prefix, too
 _REMEMBERED: Final = 64  # what was sent of late
 _BRAKE_TICKS: Final = 25  # for which a drive that stopped is braked
-_LONGEST: Final = 64
-"""Length of a frame that stops: of bits that a gateway flips most are then in its padding."""
+_LONGEST: Final = 64  # length of a frame that stops: of bits that a gateway flips most are then in its padding
 
 
 class MoteusBus(TurningBus):
-    """A command leaves with the SYNC after it as position mode with its own watchdog; every SYNC asks mode, place,
-    speed, fault and the watchdog that the drive holds, and the reply comes in as feedback and heartbeat.
+    """A command leaves with the SYNC after it as position mode with its own watchdog; the reply to each frame tells
+    mode, place, speed, fault and the command that the drive holds: after one that was not sent it is stopped.
 
-    "Ready" is told once the stopped drive has taken the watchdog and told it back; "enable" then begins position mode,
-    without limits of speed and acceleration, for the places come with their own. Every reply tells the command that the
-    drive holds, too: after one that was not sent it is stopped. "Stopped" clears a fault of this drive, so none is sent
-    while one is latched, until that is acknowledged.
+    "Ready" is told once the stopped drive has told the watchdog back; "enable" then begins position mode, without
+    limits of the drive's own. "Stopped" clears its fault, so none is sent while one is latched, until that is
+    acknowledged.
     """
 
     maker = "moteus"
     table: MoteusTable
 
-    def __init__(self, inner: can.BusABC, table: MoteusTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: MoteusTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._watchdog_s = wire.single(table.watchdog_s)
         self._servo, self._held_s = -1, math.nan
         self._prefix, self._in_session = wire.SESSION, False
@@ -54,7 +48,6 @@ class MoteusBus(TurningBus):
 
     @property
     def wrong(self) -> str:
-        """The fault by name, or how it left position mode."""
         return self._latched or self._left
 
     @property
@@ -64,7 +57,6 @@ class MoteusBus(TurningBus):
 
     @property
     def shown(self) -> int:
-        """The drive's mode in the catalogue's numbers."""
         if self._latched:
             return FAULT
         if self._servo == wire.STOPPED:
@@ -79,9 +71,7 @@ class MoteusBus(TurningBus):
             self._braked, self._garbled = 0, False
 
     def synchronise(self, timeout: float | None) -> None:
-        """One frame a tick: the newest command, once; the watchdog for a drive that is to become ready; else a
-        question.
-        """
+        """One frame a tick: the newest command, once; the watchdog for a drive that is to become ready; else QUERY."""
         fresh, self._fresh = self._fresh, False
         self._unanswered += 1
         if self._unanswered > _LOST_TICKS:
@@ -101,7 +91,6 @@ class MoteusBus(TurningBus):
         self._stop(timeout)
 
     def take(self, message: can.Message) -> bool:
-        """The node's replies."""
         if wire.replier(message) != self.table.node_id:
             return False
         values = wire.told(bytes(message.data))
@@ -121,7 +110,6 @@ class MoteusBus(TurningBus):
         super().shutdown()
 
     def _replied(self, values: Mapping[int, float], stamp: float) -> None:
-        """Mode and fault, then feedback and heartbeat."""
         before, self._servo = self._servo, int(values[wire.MODE])
         self._held_s = values.get(wire.WATCHDOG_TIMEOUT, math.nan)
         self._led = self._led or (self._armed and self._servo == wire.POSITION_MODE)
@@ -154,7 +142,6 @@ class MoteusBus(TurningBus):
         return ""
 
     def _judge(self, code: int, stamp: float) -> None:
-        """Latch a fault and tell it."""
         if self._servo not in (wire.FAULTED, wire.TIMED_OUT) or self._latched or self._forgiven:
             return
         timed_out = self._servo == wire.TIMED_OUT

@@ -1,6 +1,4 @@
-"""The table `[moteus]` and a moteus' frames: subframes that write, read and tell registers, lines of its diagnostic
-stream, faults. Source: the maker's description of its CAN protocol, registers and modes.
-"""
+"""The table `[moteus]`, a moteus' frames and faults. Source: the maker's reference of CAN protocol and registers."""
 
 import struct
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,9 +9,9 @@ from typing import ClassVar, Final
 import can
 
 from hil.bus.wrapping import fd_frame
-from hil.drives.table import TurningTable
+from hil.drives.table import NODE, TurningTable
 from hil.nodes.frame_map import INTERNAL, OVER_CURRENT, OVER_TEMPERATURE, SELF_TEST_FAILED, SENSOR, SUPPLY, TIME_TO_LIVE
-from models.files.tables import limited
+from models.rigs.schema import key
 
 MODE, POSITION, VELOCITY, TORQUE, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0C, 0x0F  # of moteus' reference
 VOLTAGE, TEMPERATURE, PATH_POSITION, PATH_VELOCITY = 0x0D, 0x0E, 0x38, 0x39  # the same
@@ -30,17 +28,13 @@ STOPPED, FAULTED, ENABLING, POSITION_MODE, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 
 WRITE, READ, REPLY = 0x00, 0x10, 0x20  # first byte of a subframe, without form and count
 WRITE_ERROR, READ_ERROR = 0x30, 0x31  # the whole of it
 STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL, NOP = 0x40, 0x41, 0x42, 0x50  # the same; the last one fills a frame
-INT8, INT16, INT32, FLOAT = range(4)
-"""Forms of a register's value."""
+INT8, INT16, INT32, FLOAT = range(4)  # forms of a register's value
 _FORMS: Final = "bhif"  # as struct has them
 REPLY_WANTED: Final = 0x8000  # bit of the identifier
-HOST: Final = 0x7A
-"""The controller's number as a source: no reply to it has an identifier of the catalogue."""
+HOST: Final = 0x7A  # the controller's number as a source: no reply to it has an identifier of the catalogue
 BROADCAST: Final = 0x7F  # node id
 SESSION: Final = 202
-"""The can.prefix of a drive that is led. It is set in the drive's memory alone, so one that has booted anew has its own
-again, and what is still under way to the one that was led is not for it.
-"""
+"""The can.prefix of a drive that is led: in its memory alone, so one that has booted anew has its own again."""
 PREFIXES: Final = (0, SESSION)  # of identifiers that are read
 _LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
 FAULTS: Final[Mapping[int, tuple[str, int]]] = {
@@ -68,22 +62,13 @@ FAULTS: Final[Mapping[int, tuple[str, int]]] = {
 WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 
 
-@dataclass(frozen=True)
-class MoteusTable(TurningTable, where="moteus"):
-    """`[moteus]`: the carriage is a moteus controller of this `node_id`, whose output does `turns_per_m` (negative: the
-    other way) with at most `most_torque_N_m`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
-    deceleration of the carriage without torque, as after a fault. `home` "here" makes the present place zero.
-    `answers_s`: how long it may take to be found.
-    """
+class MoteusTable(TurningTable):
+    """`[moteus]`: the carriage is a moteus controller, by CAN FD."""
 
+    where = "moteus"
     fd: ClassVar[bool] = True
-    node_id: int = limited(1, 1, 126)
-    turns_per_m: float = limited(100.0, 1.0, 1e5)
-    most_torque_N_m: float = limited(0.5, 0.001, 100.0)
-    watchdog_s: float = limited(0.02, 0.004, 0.1)
-    coast_m_s2: float = limited(5.0, 0.1, 100.0)
-    home: str = "kept"
-    answers_s: float = limited(2.0, 0.1, 60.0)
+    node_id: int = key(NODE, 1, 1, 126)
+    most_torque_N_m: float = key("most torque at its output", 0.5, 0.001, 100.0)
 
     def orders(self, message: can.Message) -> bool:
         """To this node or to all, by CAN FD or classic, and does not begin with a question."""
@@ -136,7 +121,6 @@ def varuint(number: int) -> bytes:
 
 
 def values_in(form: int, values: Sequence[float]) -> bytes:
-    """Values of registers on the wire."""
     return struct.pack(f"<{len(values)}{_FORMS[form]}", *values)
 
 
@@ -151,7 +135,6 @@ def write(first: int, values: Sequence[float]) -> bytes:
 
 
 def read(first: int, count: int = 1) -> bytes:
-    """Read registers from `first` on as floats."""
     return head(READ, FLOAT, first, count)
 
 
@@ -171,7 +154,6 @@ def command(place_turns: float, rate_turns_s: float, torque_Nm: float, watchdog_
 
 
 def stream(line: str) -> bytes:
-    """A line for the drive's diagnostic stream."""
     text = f"{line}\n".encode()
     return bytes((STREAM_TO_SERVO, 1, len(text))) + text
 
@@ -183,9 +165,7 @@ def single(value: float) -> float:
 
 @dataclass(frozen=True)
 class Part:
-    """One subframe: registers from `first` on with their raw values, how many are asked for in `form`, an error's
-    number in `count`; a line of the diagnostic stream, or a question for at most `count` bytes of it.
-    """
+    """One subframe; `count`: of values, of registers or bytes asked for, or an error's number."""
 
     kind: int
     first: int = 0
@@ -235,9 +215,7 @@ def _varuint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def told(data: bytes) -> dict[int, float]:
-    """The registers that a reply tells, as far as it can be read; integers unscaled. Registers that the drive does not
-    know are not there. Never raises.
-    """
+    """The registers that a reply tells, as far as it can be read; integers unscaled. Never raises."""
     found: dict[int, float] = {}
     with suppress(IndexError, ValueError, struct.error):
         for part in parts(data):

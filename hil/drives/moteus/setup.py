@@ -1,6 +1,4 @@
-"""Sets a moteus controller up over CAN FD: found, asked what it does without commands, and refused where the carriage
-would not come to rest as stated. Source: the maker's reference of registers and configuration.
-"""
+"""Sets a moteus controller up over CAN FD. Source: the maker's reference of registers and configuration."""
 
 import math
 import time
@@ -18,8 +16,7 @@ BRAKING_MODES: Final = (HOLD_POSITION, wire.ZERO_VELOCITY, wire.BRAKE)
 """Values of servo.timeout_mode by which it brakes: hold position, zero velocity, phases shorted."""
 LONGEST_S: Final = 0.1
 """As servo.default_timeout_s is shipped: a command that has lost its own watchdog lives no longer."""
-RESTS_M_S, RESTS_TURNS_S = 0.01, 0.1
-"""What it may tell as its speed at rest, the larger of both."""
+RESTS_M_S, RESTS_TURNS_S = 0.01, 0.1  # what it may tell as its speed at rest, the larger of both
 FARTHEST_TURNS: Final = 32768.0  # where a place begins anew
 _MOST_POLLS: Final = 100  # that a stream is let go with
 _HOMES: Final = {wire.RELATIVE: "relative only", wire.ROTOR: "rotor, which is within one of its turns"}

@@ -1,35 +1,24 @@
-"""The table `[odrive]` and CANSimple of firmware 0.6: frames, states, results, errors. Source: the maker's CAN protocol
-page, DBC and enumerations.
-"""
+"""The table `[odrive]` and CANSimple of firmware 0.6. Source: the maker's CAN protocol page, DBC and enumerations."""
 
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
 
 import can
+from pydantic import BeforeValidator, Field
 
-from hil.drives.table import TurningTable
-from hil.nodes.frame_map import (
-    INTERNAL,
-    OVER_CURRENT,
-    OVER_SPEED,
-    OVER_TEMPERATURE,
-    SENSOR,
-    SUPPLY,
-    TIME_TO_LIVE,
-    frames,
-    plain,
-)
-from models.files.tables import limited
+from hil.bus.wrapping import classic_frame
+from hil.drives.table import NODE, TurningTable
+from hil.nodes import frame_map as our
+from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames, plain
 from models.parameter import nearest
+from models.rigs.schema import key
 
 
 @dataclass(frozen=True)
 class Command:
-    """A frame: the 5 lower bits of its identifier, whose 6 upper ones are the node, its signals as struct has them, and
-    its `length` in bytes, at least theirs.
-    """
+    """A frame: the 5 lower bits of its identifier, its signals as struct has them, its least `length` in bytes."""
 
     number: int
     layout: str = "<"
@@ -39,7 +28,7 @@ class Command:
         """The frame with these values, `more` following them; without any it is a question, where it has some."""
         asks = not values and self.layout != "<"
         data = b"" if asks else (struct.pack(self.layout, *values) + more).ljust(self.length, b"\0")
-        return can.Message(arbitration_id=node << 5 | self.number, is_extended_id=False, data=data, is_rx=False)
+        return classic_frame(node << 5 | self.number, data)
 
     def read(self, data: bytes) -> tuple[Any, ...] | None:
         """The values of a frame, None for one that is shorter than they are."""
@@ -61,8 +50,7 @@ SET_ABSOLUTE_POSITION = Command(0x19, "<f", 8)
 _SPOKEN: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, ADDRESS, GET_ENCODER_ESTIMATES)
 TOLD: Final = (*(one.number for one in _SPOKEN), 0x14, 0x15, 0x17, 0x1C, 0x1D)
 """Those by which the drive speaks, asked or unasked."""
-BROADCAST: Final = 63
-"""The node by which every drive is spoken to, and at which one without an address stands."""
+BROADCAST: Final = 63  # the node by which every drive is spoken to, and at which one without an address stands
 UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
 AXIS_STATES: Final[Mapping[int, str]] = {
     UNDEFINED: "undefined (it boots)",
@@ -103,8 +91,7 @@ RESULTS: Final[tuple[str, ...]] = (
 )
 """Procedure_Result of the heartbeat: what became of the axis state that was asked for last."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1  # control and input mode
-VEL_FF_SCALE: Final = 1000
-"""Vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped."""
+VEL_FF_SCALE: Final = 1000  # vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped
 LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
 HEARTBEAT_S: Final = 0.02  # period that is set
 INITIALIZING: Final = 1  # bit of ODrive.Error
@@ -117,14 +104,14 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = {
     0x40: ("MISSING_INPUT", INTERNAL),
     0x100: ("DC_BUS_OVER_VOLTAGE", SUPPLY),
     0x200: ("DC_BUS_UNDER_VOLTAGE", SUPPLY),
-    0x400: ("DC_BUS_OVER_CURRENT", OVER_CURRENT),
-    0x800: ("DC_BUS_OVER_REGEN_CURRENT", OVER_CURRENT),
-    0x1000: ("CURRENT_LIMIT_VIOLATION", OVER_CURRENT),
-    0x2000: ("MOTOR_OVER_TEMP", OVER_TEMPERATURE),
-    0x4000: ("INVERTER_OVER_TEMP", OVER_TEMPERATURE),
-    0x8000: ("VELOCITY_LIMIT_VIOLATION", OVER_SPEED),
+    0x400: ("DC_BUS_OVER_CURRENT", our.OVER_CURRENT),
+    0x800: ("DC_BUS_OVER_REGEN_CURRENT", our.OVER_CURRENT),
+    0x1000: ("CURRENT_LIMIT_VIOLATION", our.OVER_CURRENT),
+    0x2000: ("MOTOR_OVER_TEMP", our.OVER_TEMPERATURE),
+    0x4000: ("INVERTER_OVER_TEMP", our.OVER_TEMPERATURE),
+    0x8000: ("VELOCITY_LIMIT_VIOLATION", our.OVER_SPEED),
     0x10000: ("POSITION_LIMIT_VIOLATION", INTERNAL),
-    0x1000000: ("WATCHDOG_TIMER_EXPIRED", TIME_TO_LIVE),
+    0x1000000: ("WATCHDOG_TIMER_EXPIRED", our.TIME_TO_LIVE),
     0x2000000: ("ESTOP_REQUESTED", INTERNAL),
     0x4000000: ("SPINOUT_DETECTED", SENSOR),
     0x8000000: ("BRAKE_RESISTOR_DISARMED", SUPPLY),
@@ -135,19 +122,16 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = {
 
 
 def words_of(errors: int) -> str:
-    """The names of the bits of an axis error."""
     known = [name for bit, (name, _) in ERRORS.items() if errors & bit]
     rest = errors & ~(INITIALIZING | sum(ERRORS))
     return ", ".join([*known, *([f"error 0x{rest:X}"] if rest else [])])
 
 
 def code_of(errors: int) -> int:
-    """The catalogue's code of a fault."""
     return next((code for bit, (_, code) in ERRORS.items() if errors & bit), INTERNAL)
 
 
 def result_of(result: int) -> str:
-    """The name of a procedure's result."""
     return RESULTS[result] if result < len(RESULTS) else f"result {result}"
 
 
@@ -156,50 +140,47 @@ FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in _TAKEN)
 """Nodes none of whose 32 identifiers is one of the catalogue's, but for that of all."""
 
 
-def endpoints_of(raw: object) -> tuple[tuple[str, int], ...]:
-    """`[odrive.endpoints]`: path and id of each. Raises ValueError."""
+def _endpoints(raw: object) -> object:
+    """`[odrive.endpoints]`: path and id of each."""
     if not isinstance(raw, Mapping):
-        raise ValueError(f'odrive.endpoints must be a table of "path" = id; got {raw!r}')
+        return raw
     for path, number in raw.items():
         if path not in READ_BACK:
             raise ValueError(
-                f"keys of [odrive.endpoints] must be among {', '.join(READ_BACK)}; got {path!r};"
-                f" {nearest(str(path), list(READ_BACK))}"
+                f"must have keys among {', '.join(READ_BACK)}; got {path!r}; {nearest(str(path), list(READ_BACK))}"
             )
         if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= 65535:
-            raise ValueError(f"odrive.endpoints {path} must be an integer in [1, 65535]; got {number!r}")
+            raise ValueError(f"{path} must be an integer in [1, 65535]; got {number!r}")
     return tuple(raw.items())
 
 
-@dataclass(frozen=True)
-class OdriveTable(TurningTable, where="odrive"):
-    """`[odrive]`: the carriage is an ODrive of this `node_id`, whose motor does `turns_per_m` (negative: the other
-    way). `firmware` and the two endpoint ids, of `flat_endpoints.json` of that firmware, are what its watchdog is read
-    back by; that one must expire within `watchdog_s`. `coast_m_s2` is the deceleration of the carriage without torque,
-    which is its safe state. `home` "here" makes the present place zero. `answers_s`: how long it may take to be found.
-    `endpoints` are further ids of that file, by path, of `READ_BACK`.
-    """
+class OdriveTable(TurningTable):
+    """`[odrive]`: an ODrive, whose safe state is no torque. `endpoints`: ids by path of `READ_BACK`."""
 
-    node_id: int = 2
-    turns_per_m: float = limited(100.0, 1.0, 1e5)
-    firmware: str = "0.6.11"
-    enable_watchdog_endpoint: int = limited(0, 0, 65535)
-    watchdog_timeout_endpoint: int = limited(0, 0, 65535)
-    watchdog_s: float = limited(0.02, 0.004, 0.1)
-    motor_current_A: float = limited(10.0, 0.1, 200.0)
-    coast_m_s2: float = limited(5.0, 0.1, 100.0)
-    home: str = "kept"
-    answers_s: float = limited(2.0, 0.1, 60.0)
-    endpoints: tuple[tuple[str, int], ...] = field(default=(), metadata={"read": endpoints_of})
+    where = "odrive"
+    node_id: Annotated[int, Field(json_schema_extra={"enum": list(FREE_NODES)})] = key(NODE, 2)
+    firmware: str = key("its firmware, whose endpoint ids the next two are; another one is refused", "0.6.11")
+    enable_watchdog_endpoint: int = key(
+        "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; 0: not stated, and it is not led",
+        0,
+        0,
+        65535,
+    )
+    watchdog_timeout_endpoint: int = key("endpoint id of `axis0.config.watchdog_timeout`, likewise", 0, 0, 65535)
+    motor_current_A: float = key("most current of its motor (Set_Limits)", 10.0, 0.1, 200.0)
+    endpoints: Annotated[tuple[tuple[str, int], ...], BeforeValidator(_endpoints)] = key(
+        'further ids of `flat_endpoints.json`, `"path" = id`, of what is read back then (`docs/bus.md` lists them);'
+        " what is not stated is told as not asked for",
+        (),
+    )
 
-    def __post_init__(self) -> None:
+    def model_post_init(self, _: Any) -> None:
         if self.node_id not in FREE_NODES:
             free = ", ".join(map(str, FREE_NODES))
             raise ValueError(
                 f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers and of {BROADCAST},"
                 f" which every ODrive hears; got {self.node_id}"
             )
-        super().__post_init__()
 
     def check_speed(self, speed_m_s: float) -> None:
         """Raises ValueError where Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""
@@ -218,7 +199,6 @@ class OdriveTable(TurningTable, where="odrive"):
         return command != RX_SDO.number or bytes(message.data[:1]) != b"\0"
 
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
-        """All of its node, either way."""
         both = frozenset(self.node_id << 5 | command for command in range(32))
         return both, both
 
@@ -231,5 +211,4 @@ READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]
     "axis0.config.can.input_vel_scale": ("<I", lambda *_: VEL_FF_SCALE),
     "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
 }
-"""What is read back where the drive's endpoint of that path is stated: its type, and what it must hold for a table and
-a speed in m/s."""
+"""By the path of an endpoint that is stated: its type, and what it must hold for a table and a speed in m/s."""

@@ -1,6 +1,4 @@
-"""Finds an ODrive, sees what it is doing and that it stops by itself, and gives it mode and limits, before anything
-moves.
-"""
+"""Sets an ODrive up over CANSimple, before anything moves."""
 
 import math
 import struct
@@ -18,14 +16,11 @@ from hil.drives.setup import Questions
 from hil.nodes.frame_map import plain
 
 LISTEN_S: Final = 0.3  # for which a drive is listened to first
-_ZERO_M: Final = 1e-3
-"""How far off zero a drive may tell its place that has just been made zero."""
+_ZERO_M: Final = 1e-3  # how far off zero a drive may tell its place that has just been made zero
 
 
 def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """As `hil.drives.makers.set_up`: its watchdog is read back, mode and limits where their endpoints are stated.
-    Nothing is written to its stored configuration.
-    """
+    """As `hil.drives.makers.set_up`; nothing is written to its stored configuration."""
     table.check_speed(limits.carriage_speed_m_s)
     ask = _Questions(bus, table)
     _stops(table, ask)
@@ -124,9 +119,7 @@ def _holds(table: OdriveTable, speed_m_s: float, ask: "_Questions") -> None:
 
 @dataclass
 class _Heard:
-    """What a drive tells in its cycles: how often it beats, its axis state, errors and result told last, places and
-    speeds in turns.
-    """
+    """What a drive tells in its cycles: how often it beats, its last heartbeat, places and speeds in turns."""
 
     beats: int = 0
     axis: int = wire.UNDEFINED
@@ -149,11 +142,9 @@ class _Questions(Questions):
         return node if plain(message) and (node == self._id or beats) else -1
 
     def tell(self, command: Command, *values: float) -> None:
-        """Send one frame."""
         self.send(command.to(self._id, *values))
 
     def firmware(self) -> str:
-        """The version of its firmware."""
         data = self._told(wire.GET_VERSION.to(self._id), wire.GET_VERSION, lambda data: len(data) == 8)
         return ".".join(map(str, data[4:7]))
 
@@ -168,7 +159,6 @@ class _Questions(Questions):
         return float(struct.unpack_from(kind, data, 4)[0])
 
     def _told(self, question: can.Message, answer: Command, fits: Callable[[bytes], bool]) -> bytes:
-        """The data of the frame that answers."""
 
         def is_answer(message: can.Message) -> bool:
             return message.arbitration_id & 0x1F == answer.number and fits(bytes(message.data))

@@ -1,6 +1,4 @@
-"""What the controller node makes of sensor and drive together: a probe before it leads, contradictions and jumps while
-it leads, a drive that does not rest while it must.
-"""
+"""What the controller node makes of sensor and drive together: probe, contradictions, jumps, unrest."""
 
 import math
 from collections import Counter, deque
@@ -18,24 +16,20 @@ from controller.supervision.probe import Probe
 from controller.tuned import TOLD_S
 from hil.nodes.frame_map import STANDBY, WAITING
 
-_JUMP_M: Final = 2e-3
-"""Step of the believed position from which on it is told, and the drive's rate begins anew."""
-_ASTRAY: Final = 3
-"""Ticks in a row in which it must be so: a report may be an old one."""
+_JUMP_M: Final = 2e-3  # step of the believed position from which on it is told, and the drive's rate begins anew
+_ASTRAY: Final = 3  # ticks in a row in which it must be so: a report may be an old one
 
 
 class Onlooker:
-    """Looks on while the node leads. `begin` when the drive is enabled, `look` once a tick from then on.
-
-    `jumps` is how often the believed position stepped by 2 mm or more, because three readings in a row had said so,
-    `jump_m` the last one; `cautious_s` when that was. `led` counts ticks by who led. `unrest` says that the drive moves
-    while it stands by or waits, "" where it does not.
+    """Looks on while the node leads: `begin` when the drive is enabled, `look` once a tick. `jumps`: how often the
+    believed position stepped by 2 mm or more, `jump_m` the last one, `cautious_s` when. `led` counts ticks by who led.
+    `unrest` says that the drive moves while it stands by or waits, "" where it does not.
     """
 
     def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, friction: float) -> None:
         """`rests` is `Driven.rests`, `friction` the command that overcomes it."""
-        self._envelope, self._tick_s = envelope, tick_s
-        self._contradiction = Contradiction(envelope, noise_m, friction)
+        self._tick_s, self._placed = tick_s, envelope.placed
+        self.contradiction = Contradiction(envelope, noise_m, friction)
         self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(TOLD_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, rests
@@ -51,25 +45,14 @@ class Onlooker:
         return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
 
     def not_led(self, wanted: str, health: Health) -> str:
-        """Why a run that came to its end was not led as asked for, "" where it was: another controller than `wanted`
-        led for more than 1 % of the ticks, or the monitor says "broken" after the localisation jumped.
-        """
+        """Why a run that ended was not led as asked for, or after a jump broke the model; "" where it was."""
         if self.jumps and health.state == "broken":
             return f"the model broke after the localisation had jumped: {self.words}"
         return not_led(self.led, wanted)
 
-    def probe(self) -> Probe:
-        """A new probe of this drive."""
-        return Probe(self._envelope)
-
-    @property
-    def most(self) -> float:
-        """The greatest command of a coil, either way, while its capsule does not answer."""
-        return self._contradiction.most
-
     def begin(self) -> None:
         """The drive is enabled: what it and the capsule did before does not count."""
-        self._contradiction.begin()
+        self.contradiction.begin()
         self._ticks.clear()
 
     def look(
@@ -82,18 +65,16 @@ class Onlooker:
         reference: Reference,
         probe: Probe | None,
     ) -> str:
-        """A tick at `now` in s: the drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s`
-        before its stamp. Why to stop, "" where there is no reason.
-        """
+        """Why to stop; `seen` has come, true `late_s` before its stamp."""
         self._ticks.append((drive, wanted_m))
-        reason = self._contradiction.drove(drive, wanted_m, self._tick_s)
+        reason = self.contradiction.drove(drive, wanted_m, self._tick_s)
         for m in seen:
             if m.channel != "position_m" or not math.isfinite(m.value + m.stamp_s):
                 continue
             stamp_s = m.stamp_s - late_s
             back = min(max(round((now - stamp_s) / self._tick_s), 0), len(self._ticks) - 1)
             then, place_m = self._ticks[-1 - back]
-            reason = reason or self._contradiction.saw(m.value, then, place_m, stamp_s)
+            reason = reason or self.contradiction.saw(m.value, then, place_m, stamp_s)
             if probe is not None:
                 at = np.array([stamp_s])
                 probe.saw(m.value, then, float(reference.position(at)[0]), float(reference.speed(at)[0]))
@@ -113,12 +94,8 @@ class Onlooker:
             self._rested = math.nan
             return
         if math.isnan(self._rested):
-            self._rested = still if self._envelope.placed else 0.0
+            self._rested = still if self._placed else 0.0
         self._astray = self._astray + 1 if abs(still - self._rested) > self._most else 0
         if self._astray >= _ASTRAY and not self.unrest:
-            went = (
-                f"it went {1e3 * (still - self._rested):+.1f} mm"
-                if self._envelope.placed
-                else f"its current is {still:.2g} A"
-            )
-            self.unrest = f"the drive does not rest: {went} while it was not enabled"
+            went, current = f"it went {1e3 * (still - self._rested):+.1f} mm", f"its current is {still:.2g} A"
+            self.unrest = f"the drive does not rest: {went if self._placed else current} while it was not enabled"

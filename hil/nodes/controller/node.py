@@ -1,11 +1,8 @@
-"""The controller as a node on the bus: protected fresh frames in, estimate, supervised controller, guard, frames
-out.
-"""
+"""The controller as a node on the bus: fresh frames in, estimate, supervised controller, guard, frames out."""
 
 import math
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,11 +16,9 @@ from controller.model.control_model import ControlModel
 from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT
-from controller.supervision.fallback import Rules
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
-from hil.bus.catalogue import Catalogue
 from hil.nodes import frame_map as wire
 from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
@@ -32,18 +27,16 @@ from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLi
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
-from hil.nodes.frame_map import Observer, answer_of, frame_map_of, frames, heartbeat
+from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
-    `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
-    have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
-    a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
-    `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
-    replayed, `experiments` those that it asked for, `operator` what setpoints from the bus are held to, where they are
-    accepted. With `probe` a short motion to and fro comes before the reference (`Probe`).
+    """What a controller node is built from: model, name of a controller in `controller.registry`, where to go, limits;
+    `seen_noise_m` and `resolution_m` of the localisation, `deadline_s` that the MPC's plan may take of a tick (inf: no
+    clock decides), an `offer` that is to take over at a rest, an `estimator` of `ESTIMATORS`, what was `learned` and
+    the `experiments` asked for in a run that is replayed, what setpoints from an `operator` are held to, and whether a
+    `probe` comes first.
     """
 
     model: ControlModel
@@ -63,9 +56,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What one tick came to: `time_s` it was computed for, what was believed and wanted, what the guard let out, and
-    the time in s that estimate and controller took.
-    """
+    """What one tick came to, for which time; `seconds` that estimate and controller took."""
 
     time_s: float
     estimate: Estimate
@@ -85,55 +76,39 @@ class Shifted:
     shift_m: float = 0.0
 
     def position(self, t: Array) -> Array:
-        """Position in m at the times `t` in s, same shape."""
         return self.path.position(t - self.origin_s) + self.shift_m
 
     def speed(self, t: Array) -> Array:
-        """Speed in m/s at the times `t` in s, same shape."""
         return self.path.speed(t - self.origin_s)
 
 
 __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
-IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
-"""States of the node, in the numbers of its heartbeat."""
+IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
-"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
-long ago and a tick more.
-"""
+"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond."""
 _RESTS_M_S: Final = 1e-4  # speed of a reference that rests
-_REST_S: Final = 0.05
-"""A reference rests at a time around which, so long before and after, it is no faster."""
-OTHER_CONTROLLER: Final = 9
-"""Reason of a SafeStop."""
+_REST_S: Final = 0.05  # A reference rests at a time around which, so long before and after, it is no faster
+OTHER_CONTROLLER: Final = 9  # reason of a SafeStop
 _CROWDED_S: Final = 0.1  # after a foreign controller's frame
 _ROUNDING_S: Final = 1e-6  # of a frame's life
-GRID_SLACK: Final = 1e-3
-"""Share of a tick by which a time may lie before its point of the grid, by rounding."""
+GRID_SLACK: Final = 1e-3  # share of a tick by which a time may lie before its point of the grid, by rounding
 
 
 class ControllerNode:
     """`tick(now)` once a tick of the model: sends SYNC, takes in what has come, and computes the command for the tick
-    that begins with the *next* SYNC, at which the drive takes it over; so the whole tick is there to compute in and the
-    delay is known to the model.
+    that begins with the *next* SYNC, at which the drive takes it over. It never raises, never sleeps and takes bounded
+    time.
 
-    `now` is in s of the clock that stamps received messages (`can.Message.timestamp`). The node begins idle: it
-    listens, estimates and commands mode "off". `start` leads the drive through ready to enabled, `stop` back. Whatever
-    makes it stop by itself is latched with its `reason`, and the drive stays off until `start` is called again; that
-    acknowledges a latched fault of the drive first (DriveReset), which then passes through off, ready and enable as at
-    the beginning. `acknowledge` does that alone. Another controller on the bus stops it with a SafeStop for all, in the
-    tick in which it is heard and for as long as it speaks.
+    `now` is in s of the clock that stamps received messages. The node begins idle. `start` leads the drive through
+    ready to enabled, `stop` back. Whatever makes it stop by itself is latched with its `reason` until `start`, which
+    acknowledges a latched fault of the drive first; `acknowledge` does that alone. Another controller on the bus stops
+    it with a SafeStop for all, for as long as it speaks.
 
-    Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
-    by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused for ... s" where
-    what was waiting filled the time, "clock jumped" where it did not (`gap_words`).
-
-    Where the task accepts an `operator`, the reference is the task's own until one takes charge, then the operator's.
-    While nobody has been in charge for long enough the drive is stopped; it is enabled again as at first, with the
-    reference where the capsule is, once somebody is.
-
-    `tick` never raises, never sleeps and takes bounded time. `observer` sees every frame in and out, `clock` times
-    estimate and solve alone.
+    Ticks that did not take place are caught up with while the last command lives; after a longer step of the clock the
+    node stops (`gap_words`). With an `operator` the reference is the task's own until one takes charge, then the
+    operator's; while nobody has been in charge for long enough the drive is stopped. `observer` sees every frame in and
+    out.
     """
 
     def __init__(
@@ -141,37 +116,25 @@ class ControllerNode:
         task: Task,
         bus: can.BusABC,
         *,
-        catalogue: Catalogue | None = None,
-        rules: Rules | None = None,
         observer: Observer | None = None,
         dry_run: bool = False,
-        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
-        catalogue = catalogue or frames()
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
-        self.supervisor = Supervisor(
-            build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
-        )
+        first = build(task.controller, task.model, self.envelope, task.deadline_s)
+        self.supervisor = Supervisor(first, self.envelope)
         self._own, self.wanted = self.supervisor, self.supervisor.first
-        self.estimator = ModelSwitch(
-            self.supervisor, task.controller, task.model, task.offer, task.deadline_s, task.estimator
-        )
+        models = task.controller, task.model, task.offer, task.deadline_s, task.estimator
+        self.estimator = ModelSwitch(self.supervisor, *models)
         for offer in task.learned:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
-        self.operator = None if task.operator is None else Operator(task.operator, catalogue)
-        self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer, self.operator)
-        self.guard = Guard(
-            bus,
-            catalogue,
-            self.wiring,
-            Fence.of(self.envelope, self.wiring, self.tick_s),
-            dry=dry_run,
-            observe=observer,
-        )
+        self.operator = None if task.operator is None else Operator(task.operator)
+        self.receiver = FrameReceiver(bus, self.wiring, self.tick_s, observer, self.operator)
+        fence = Fence.of(self.envelope, self.wiring, self.tick_s)
+        self.guard = Guard(bus, self.wiring, fence, dry=dry_run, observe=observer)
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
         self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
@@ -182,7 +145,6 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
-        self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._surprise = math.nan
         self._origin, self._index = 0.0, 0
@@ -222,7 +184,6 @@ class ControllerNode:
 
     @property
     def enabled(self) -> bool:
-        """Whether it says that it does."""
         return self._led and self.receiver.state in wire.MOVING
 
     @property
@@ -239,9 +200,7 @@ class ControllerNode:
         self.estimator.begin(origin_s)
 
     def drive(self, experiment: Experiment) -> None:
-        """Interrupt the reference by `experiment` at its next rest from `at_s` on, where that stays within the travel
-        allowed and no operator may steer; `experiments_at` says when each began, in s of the reference's time.
-        """
+        """Interrupt the reference at its next rest from `at_s` on, where that stays within the travel allowed."""
         self._experiments.append(experiment)
 
     def stop(self, reason: str = "operator") -> None:
@@ -250,10 +209,8 @@ class ControllerNode:
             self.state, self.reason = HALTING, reason
 
     def tick(self, now: float, solved: bool = True) -> Tick:
-        """One tick at `now` in s. `solved` False is a tick whose solution did not come in time. A clock that shows no
-        number counts as one that jumped.
-        """
-        began = self._clock()
+        """One tick at `now` in s. `solved` False: its solution came too late. No number is a jump of the clock."""
+        began = time.perf_counter()
         if not math.isfinite(now):
             now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
             self._fail("clock jumped")
@@ -262,13 +219,13 @@ class ControllerNode:
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
         self.answer.believe(now, self._place(estimate), self.estimator.counts.followed)
-        middle = self._clock()
+        middle = time.perf_counter()
         self._steer(now, estimate)
         evidence = self.receiver.evidence(now)
         self._judge(now, arrived, evidence)
         mode = self._mode(evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
-        end = self._clock()
+        end = time.perf_counter()
         self._before = self.guard.sent
         if mode == wire.READY and self.receiver.challenge >= 0:
             answer = answer_of(self.receiver.challenge, self.wiring.target)
@@ -284,20 +241,17 @@ class ControllerNode:
         self._stop_all(now)
         self._show(now, estimate)
         self._last = now
-        return Tick(
-            now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, (middle - began, end - middle)
-        )
+        seconds = middle - began, end - middle
+        return Tick(now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, seconds)
 
     def _speak(self, now: float) -> None:
-        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault where
-        `start` asked for one.
-        """
+        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault."""
         if self._began == -math.inf:
             self._began = now
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
-            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began, self._catalogue), now)
+            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began), now)
         if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
             self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
@@ -343,8 +297,7 @@ class ControllerNode:
     def _missed(self, now: float) -> int:
         """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new
         grid from here, after a step of the clock backwards or beyond the life of the last command. A tick that is late
-        by less than a period is none the less its own, and the next one may follow it soon. The number that SYNC tells
-        goes on with the time, never back.
+        by less than a period is its own. SYNC's number goes on with the time, never back.
         """
         if not math.isfinite(self._last):
             self._origin, self._index = now, 0
@@ -373,9 +326,7 @@ class ControllerNode:
         return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
-        """A SafeStop: for all drives while another controller speaks beside this one, which has stopped for it, for the
-        own one while it does not rest.
-        """
+        """A SafeStop: for all drives beside another controller, for the own one while it does not rest."""
         crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
         restless = bool(self.answer.unrest) and self.state != IDLE
         waits = 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s
@@ -417,7 +368,7 @@ class ControllerNode:
         """Let the probe come before the reference, from `place_m` on, where it is asked for and has not been."""
         if self._probed:
             return
-        self._probe = self.answer.probe()
+        self._probe = Probe(self.envelope)
         self._probe_ends = begin_s + self._probe.path.end_s + self.envelope.limits.age_s
         self._reference = Shifted(self._probe.path, begin_s, place_m)
         self.estimator.begin(math.inf)
@@ -435,7 +386,6 @@ class ControllerNode:
             self._begin_reference(now + self.tick_s, self.wanted_m(now) - start_m)
 
     def _judge(self, now: float, arrived: list[Measurement], evidence: Evidence) -> None:
-        """Stop for good where there is a reason to."""
         if self.receiver.foreign and not self.guard.dry:
             self._fail(self.receiver.other_controller)
         self.answer.rests(self.receiver.state, self.receiver.still)
@@ -460,16 +410,13 @@ class ControllerNode:
             self._fail(reason)
 
     def _fail(self, reason: str) -> None:
-        """A latched stop."""
         if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
             ends = {CONTRADICT: "sensor_or_drive", "the drive does not rest": "no_rest"}
             self.end = ends.get(reason.partition(":")[0], "stopped")
 
     def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
-        """What the drive is asked for: up through its states one by one while running, off else (quick stop while it
-        still moves).
-        """
+        """Up through the drive's states one by one while running, off else (quick stop while it still moves)."""
         if self.state != RUNNING or self._acknowledge:
             return wire.OFF
         if self._led:
@@ -489,9 +436,7 @@ class ControllerNode:
         return wire.OFF
 
     def _act(self, now: float, mode: int, estimate: Estimate) -> Action:
-        """The command for the next tick: the supervised controller's once the drive is being enabled, else where the
-        drive is.
-        """
+        """The supervised controller's command once the drive is being enabled, else where the drive is."""
         if mode != wire.ENABLE:
             return Action(self.receiver.report, "stopped")
         if not self._led:
@@ -509,5 +454,5 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self._own.most = self.answer.most
+        self._own.most = self.answer.contradiction.most
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

@@ -1,68 +1,70 @@
-"""Setpoints that a person or a program sends while the controller leads: who is in charge, and what that makes of the
-reference.
-"""
+"""Setpoints sent while the controller leads: who is in charge, and what that makes of the reference."""
 
 import math
 from collections import Counter
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from controller.move import SetpointMove, brake, move, rest
 from controller.signals import Reference
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.view import within
-from models.files.tables import Declared, limited
+from hil.nodes.frame_map import frames
 from models.parameter import nearest
+from models.rigs.schema import NamedTable, Words, key
 
 SETPOINT: Final = "OperatorSetpoint"
 STATUS: Final = "OperatorStatus"
 STATUS_S: Final = 0.05  # period
-AHEAD_M: Final = 2e-3
-"""A reference that is held is at most this far from where the capsule is believed to be."""
+AHEAD_M: Final = 2e-3  # A reference that is held is at most this far from where the capsule is believed to be
 _TOLD_S: Final = 0.2  # for which a refusal is told
 RELEASED_S: Final = 0.05
 """A switch that was held counts again once it has been heard released, for so long after it was last heard held."""
 _UNREADABLE: Final = ("length", "crc")
 """Reasons of the protection for a frame of which nothing can be believed, not even its dead-man switch."""
 NOBODY: Final = 0  # `Source` where nobody steers
-OFF, READY, MOVING, HELD, STOPPED = range(5)
-"""What the controller makes of setpoints, in the numbers of OperatorStatus."""
+OFF, READY, MOVING, HELD, STOPPED = range(5)  # what the controller makes of setpoints, in the numbers of OperatorStatus
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
 
 
-@dataclass(frozen=True)
-class OperatorLimits(Declared, where="operator"):
-    """`[operator]`: whether setpoints from the bus are taken, from which `sources` (none: from all), and within what:
-    speed and acceleration of the reference, its lowest and highest position. The drive is stopped `stop_after_s` after
-    the dead-man switch has been released, or a setpoint has come late. Senders may be slower than the frame's cycle by
-    `drift_share`; by so much a delay may grow unnoticed.
-    """
+class OperatorLimits(NamedTable):
+    """`[operator]`: whether setpoints from the bus are taken, from whom, and within what."""
 
-    accept: bool = False
-    sources: tuple[str, ...] = ()
-    speed_m_s: float = limited(0.005, 1e-4, _FASTEST_M_S)
-    acceleration_m_s2: float = limited(0.05, 1e-3, 10.0)
-    lowest_m: float = -0.05
-    highest_m: float = 0.05
-    stop_after_s: float = limited(1.0, 0.05, 60.0)
-    drift_share: float = limited(0.02, 5e-4, 1.0)
+    where = "operator"
+    accept: bool = key("whether the controller takes setpoints from the bus", False)
+    sources: Words = key("senders whose setpoints are taken, by the names of `OperatorSetpoint`; empty: all", ())
+    speed_m_s: float = key("greatest speed of the reference that setpoints lead", 0.005, 1e-4, _FASTEST_M_S)
+    acceleration_m_s2: float = key("greatest acceleration of that reference", 0.05, 1e-3, 10.0)
+    lowest_m: float = key("lowest position that it goes to, as the localiser tells it", -0.05)
+    highest_m: float = key("highest position", 0.05)
+    stop_after_s: float = key(
+        "how long the capsule is held after the dead-man switch has been released, or a setpoint has come late, before"
+        " the drive is stopped",
+        1.0,
+        0.05,
+        60.0,
+    )
+    drift_share: float = key(
+        "share by which a sender's setpoints may come slower than every 20 ms; a delay on the way that grows by less is"
+        " not noticed",
+        0.02,
+        5e-4,
+        1.0,
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def model_post_init(self, _: Any) -> None:
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
             raise ValueError(
                 f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"
                 f" {self.lowest_m:g} and {self.highest_m:g}"
             )
 
-    def check_sources(self, catalogue: Catalogue) -> None:
+    def check_sources(self) -> None:
         """Raises ValueError for a source that the frame does not know, naming the nearest."""
-        known = list(catalogue[SETPOINT].field("Source").names.values())
+        known = list(frames()[SETPOINT].field("Source").names.values())
         for name in self.sources:
             if name not in known:
                 raise ValueError(
@@ -74,25 +76,19 @@ class Operator:
     """Takes OperatorSetpoint frames in and turns them into a reference; never raises, takes bounded time.
 
     One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
-    heard released for `RELEASED_S`. It is so until it releases, or its setpoint has lived; then the reference is held
-    from the next tick on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again.
-    Whatever ended the charge, the source must be heard released before it counts. A release by the one in charge counts
-    whatever its counter, so also from a second node that sends as the same source; as long as the first one's switch is
-    heard held, releases of the second do not make it count again. `taken` says whether anybody has ever been in charge
-    since `begin`: until then the reference is the deployment's own.
+    heard released for `RELEASED_S`; until it releases, or its setpoint has lived. Then the reference is held, and the
+    drive is `resting` after `stop_after_s`. A release by the one in charge counts whatever its counter; as long as one
+    node's switch is heard held, releases of a second one of the same source do not arm it. `taken`: somebody has been
+    in charge since `begin`; from then on a setpoint of speed 0 from any other accepted source ends the charge, and
+    begins none.
 
-    Once somebody has been in charge, a setpoint of speed 0 from any other accepted source is a stop: it ends the charge
-    of whoever has it and begins none, so it never enables a drive.
-
-    `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
-    accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read, from its
-    arrival less the time by which `Lateness` says it was held back on), `not_released`. `presses` and `expired` count
-    how often somebody took charge and how often a setpoint's life ended it; `limited` counts how often a setpoint came
-    to the end of the range, where the reference stands however long it asks for more.
+    `refused` counts frames by reason: those of the protection, `source` (not accepted), `busy` (another is in charge),
+    `late` (older than its life when read, by arrival less `Lateness`), `not_released`. `presses`, `expired` and
+    `limited` count charges, those that a setpoint's life ended, and setpoints to the end of the range.
     """
 
-    def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:
-        frame = catalogue[SETPOINT]
+    def __init__(self, limits: OperatorLimits) -> None:
+        frame = frames()[SETPOINT]
         source = frame.field("Source")
         self.id, self.limits = frame.id, limits
         self.refused: Counter[str] = Counter()
@@ -104,7 +100,7 @@ class Operator:
         self._nameless = Receiver(frame)
         names = source.names
         self._accepted = {raw for raw in names if not limits.sources or names[raw] in limits.sources}
-        self._reasons = {name: raw for raw, name in catalogue[STATUS].field("Refused").names.items()}
+        self._reasons = {name: raw for raw, name in frames()[STATUS].field("Refused").names.items()}
         self._speed, self._switch = frame.field("Mode").number("speed"), 1 << frame.field("DeadMan").start
         self._why, self._why_at = 0, -math.inf
         self.begin()
@@ -176,9 +172,7 @@ class Operator:
         return rest(place_m)
 
     def follow(self, now: float, reference: Reference, place_m: float) -> Reference:
-        """The reference from `now` on after `reference`, the capsule being believed at `place_m`; the same object where
-        nothing has changed.
-        """
+        """The reference from `now` on; the same object where nothing has changed."""
         if not self.taken:
             return reference
         wanted = self._wanted if self.source != NOBODY else None
@@ -192,7 +186,6 @@ class Operator:
         return reference
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
-        """The signals of OperatorStatus at `now`."""
         at = np.array([now])
         state = HELD if self.taken else READY
         state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
@@ -209,7 +202,7 @@ class Operator:
 
     def document(self) -> dict[str, object]:
         """What became of setpoints, for the document of a run."""
-        accepted = sum(receiver.statistics.accepted for receiver in self._receivers.values())
+        accepted = sum(receiver.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
 
@@ -249,5 +242,4 @@ class Operator:
 
 
 def _held(place: float, believed: float) -> float:
-    """Where a reference at `place` is held."""
     return min(max(place, believed - AHEAD_M), believed + AHEAD_M) if math.isfinite(believed) else place

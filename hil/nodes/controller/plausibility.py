@@ -1,6 +1,4 @@
-"""What makes the controller node stop trusting what it is told: a stuck sensor, a drive that does not follow, a belief
-that jumped.
-"""
+"""What makes the controller node stop trusting what it is told: stuck sensor, drive that does not follow, jumps."""
 
 import math
 from collections import deque
@@ -8,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-CHANCE: Final = 1e-7
-"""With which a sound sensor's readings are alike for so long that they count as stuck."""
-STEP_M: Final = 2e-7
-"""Step of the position on the bus: no localisation is finer."""
-LONGEST: Final = 500
-"""Readings alike that count as stuck however coarse the sensor: 5 s of one that reads every 10 ms."""
+CHANCE: Final = 1e-7  # with which a sound sensor's readings are alike for so long that they count as stuck
+STEP_M: Final = 2e-7  # step of the position on the bus: no localisation is finer
+LONGEST: Final = 500  # readings alike that count as stuck however coarse the sensor: 5 s of one that reads every 10 ms
 FARTHEST_M: Final = 0.01
 """Way of the wanted position, beyond two of the sensor's steps, over which no reading may stay as it is."""
 
@@ -32,14 +27,11 @@ def readings_alike(noise_m: float, resolution_m: float) -> float:
 
 @dataclass
 class Plausibility:
-    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit: a drive
-    that is late by less, or on its way from one to the next, is not off. It may be off for less than `follow_ticks` in
-    a row; a report that is still the same to the last bit after the command has moved by `follow`/10 may be so for as
-    long.
+    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit, for less
+    than `follow_ticks` in a row; or be the same to the last bit after the command has moved by `follow`/10.
 
-    The localisation is stuck where its readings, which have noise of `noise_m` and steps of `resolution_m`, show no
-    variance for longer than chance allows (`readings_alike`), or do not move while the wanted position goes
-    `FARTHEST_M` and two steps.
+    The localisation is stuck where its readings (`noise_m`, steps of `resolution_m`) are alike for longer than chance
+    allows (`readings_alike`), or while the wanted position goes `FARTHEST_M` and two steps.
     """
 
     follow: float
@@ -63,7 +55,6 @@ class Plausibility:
         self._commands: deque[float] = deque(maxlen=self.lag_ticks)
 
     def saw(self, value: float) -> None:
-        """A localisation reading came."""
         same = value == self._last
         self.alike = self.alike + 1 if same else 1
         self._last = value
@@ -75,9 +66,7 @@ class Plausibility:
         self._least, self._most = min(self._least, place_m), max(self._most, place_m)
 
     def tick(self, told: float, reports: Sequence[float]) -> None:
-        """A tick in which the drive `reports` something, in the order in which it came, up to which it was `told`
-        something.
-        """
+        """The drive has said `reports`, in their order, up to which it was `told` something."""
         self._commands.append(told)
         if not reports:
             return

@@ -7,7 +7,7 @@ from typing import Final
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Estimate
-from hil.bus.absent import NO_SURPRISE
+from hil.bus.codec import NO_SURPRISE
 from hil.nodes.frame_map import LONGEST_S
 
 VIEW_S: Final = 0.04  # period
@@ -16,10 +16,7 @@ _FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.
 
 
 def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> dict[str, float]:
-    """The signals of BelievedMotion: position and its standard deviation in m, what the wall does, and by how many
-    standard deviations the newest position since the last such frame was off (NaN: none came). A belief that is no
-    number is lost.
-    """
+    """The signals of BelievedMotion; `surprise` in standard deviations, NaN: none. No number is lost."""
     x = model.index("x")
     lost = estimate.lost or not math.isfinite(estimate.state[x] + estimate.std[x])
     return {
@@ -31,9 +28,7 @@ def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> d
 
 
 def force_values(model: ControlModel, estimate: Estimate, command: float, now: float) -> dict[str, float] | None:
-    """The signals of BelievedForces in N, with `command` in the drive's unit in force at `now` in s; None where one is
-    no number, for the frame cannot say so.
-    """
+    """The signals of BelievedForces, `command` being in force at `now`; None where one is no number."""
     x, v = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
     drive = model.drive.force(x, v, command / model.drive.command_unit, model.theta.base)
     wall = model.symbols.wall_force(estimate.state, now, model.values)

@@ -1,6 +1,4 @@
-"""A bus interface whose received frames can be tampered with, behind the wire's own checks: what gateways and drivers
-may do.
-"""
+"""A bus interface whose received frames are tampered with, as gateways and drivers may do."""
 
 import copy
 import heapq
@@ -23,11 +21,9 @@ _REMEMBERED: Final = 32  # frames of an identifier, of which one comes again
 
 
 class FaultInjection(WrappingBus):
-    """Passes `inner` on; while `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave, and
-    while it is `broken` it raises.
-
-    `now` gives the time in s of the messages' stamps. A frame that comes late is stamped when it comes. The same seed
-    and frames give the same result. `key` is that of an authenticated bus, of which `inner` is the wire.
+    """While `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave; while `broken` it
+    raises. `now` gives the time in s of the stamps; `key` is that of an authenticated bus, of which `inner` is the
+    wire.
     """
 
     def __init__(self, inner: can.BusABC, now: Callable[[], float], seed: int = 0, key: bytes = b"") -> None:
@@ -45,9 +41,7 @@ class FaultInjection(WrappingBus):
         self._number = 0
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame that is left of what `inner` received, None where there is none now. Raises ValueError while
-        broken.
-        """
+        """The next frame that is left of what `inner` received. Raises ValueError while broken."""
         if self.broken:
             raise ValueError("a line of the interface is garbled")
         now = self._now()
@@ -77,13 +71,11 @@ class FaultInjection(WrappingBus):
         return frames
 
     def _later(self, frame: can.Message, delay_s: float) -> list[can.Message]:
-        """The frame comes `delay_s` later."""
         self._number += 1
         heapq.heappush(self._late, (frame.timestamp + delay_s, self._number, frame))
         return []
 
     def _hold_back(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        """It comes later by more each time."""
         self._behind_s += fault.amount
         return self._later(frame, self._behind_s)
 

@@ -1,6 +1,4 @@
-"""What becomes of the truth in a sensor that is broken, and in a localiser or a drive that lies: numbers that are valid
-in form and false in content.
-"""
+"""What becomes of the truth in a sensor that is broken, and in a localiser or a drive that lies."""
 
 import math
 import random
@@ -13,17 +11,13 @@ from plant.drives.kinds import TrueCoil, TrueDrive
 from plant.sensing.instruments import Instrument, Reading
 
 SWAY_S: Final = 8.0  # period
-FASTEST_M_S: Final = 0.5
-"""Of a carriage that jumps."""
+FASTEST_M_S: Final = 0.5  # of a carriage that jumps
 _FOREIGN_S: Final = (11.0, 4.7, 2.9)  # periods of the sines of a foreign motion
 _LATE: Final = ("late", "late_unsaid")
 
 
 class Lie:
-    """`fault` as a function of the time in s and of what a sound sensor would show, or a sound drive do, at that time.
-    It begins with the first value that it is asked about, about which a way is turned or scaled where no other place,
-    `about`, is given; `std` is the sensor's own noise.
-    """
+    """`fault` as a function of time and truth; ways are turned or scaled about the first value, or `about`."""
 
     def __init__(self, fault: Fault, seed: int = 0, std: float = 0.0, about: float = math.nan) -> None:
         self.fault, self.first, self.last, self.about = fault, math.nan, math.nan, about
@@ -31,7 +25,6 @@ class Lie:
         self._phases = [self._rng.uniform(0.0, 2 * math.pi) for _ in _FOREIGN_S]
 
     def __call__(self, time_s: float, value: float) -> float:
-        """The false value."""
         if math.isnan(self.first):
             self.first = self.last = value
             self.about = value if math.isnan(self.about) else self.about
@@ -76,9 +69,7 @@ _MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = {
 
 
 class LyingLocaliser:
-    """What a localiser with `fault` tells of the readings at hand at a time; `told` keeps time and value of each.
-    `place` is where carriage or inner mass are.
-    """
+    """What a localiser with `fault` tells of readings; `told` keeps them. `place`: of carriage or inner mass."""
 
     def __init__(self, fault: Fault, instrument: Instrument, seed: int, place: Callable[[], float]) -> None:
         self.told: list[tuple[float, float]] = []
@@ -87,7 +78,6 @@ class LyingLocaliser:
         self._kept: list[Reading] = []
 
     def __call__(self, now: float, readings: list[Reading]) -> list[Reading]:
-        """What is told at `now` in s."""
         if self._fault.kind == "lost":
             return []
         made = self._late(now, readings) if self._fault.kind in _LATE else [self._false(r) for r in readings]
@@ -108,9 +98,7 @@ class LyingLocaliser:
 
 
 class LyingDrive:
-    """A drive that truly does what `fault` makes of its command, while it senses what a sound one would do: a carriage
-    where it was sent, a coil the `current_A` that its voltage would bring about.
-    """
+    """A drive that truly does what `fault` makes of its command, while it senses what a sound one would do."""
 
     def __init__(self, fault: Fault, drive: TrueDrive, at: float, current_A: float) -> None:
         """`at` is the plant's command before."""

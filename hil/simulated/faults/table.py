@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.drives import CARRIAGE, INNER_MASS
-from models.files.tables import from_table
 from models.parameter import nearest
+from models.rigs.schema import from_table
 
 LINKS: Final = ("commands", "feedback", "localisation", "all")
 SENSORS: Final = ("localisation", "feedback")
 NODES: Final = ("controller", "drive", "localiser")
-SETPOINTS: Final = "setpoints"
-"""The way from the operator to the controller."""
+SETPOINTS: Final = "setpoints"  # the way from the operator to the controller
 _WAYS: Final = (*LINKS, SETPOINTS)
 _KEYED: Final = LINKS[:3]
-DRIVE: Final = "drive"
-"""What the drive truly does, while its report follows the command as a sound one's would."""
+DRIVE: Final = "drive"  # what the drive truly does, while its report follows the command as a sound one's would
 _TOLD: Final = (*SENSORS, DRIVE)
 MAKER, OPERATOR, KEY = "maker", "operator", "key"
 """What a scenario must have beside a fault: another maker's drive, somebody who steers, an authenticated bus."""
@@ -27,10 +25,7 @@ _SHARE: Final = (1e-6, 1.0)  # least and most
 
 @dataclass(frozen=True)
 class FaultKind:
-    """What a kind of fault does, the targets it may have (the first one where none is named), what its `value` means,
-    and the least and the most that makes sense. `needs`: what a scenario must have beside it. `rigs`: the kinds of rig
-    that can have it, all where none is named.
-    """
+    """What a kind of fault does, its targets, what its `value` means, what it needs, which rigs can have it."""
 
     summary: str
     targets: tuple[str, ...] = ("",)
@@ -138,9 +133,7 @@ KINDS: Mapping[str, FaultKind] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of kind `kind` from `at_s` on for `duration_s`, a lie where nothing is said to the end; `target` and
-    `value` as `KINDS` says. A drift ends once it is `size_m`.
-    """
+    """One fault; a lie lasts where nothing is said. A drift ends once it is `size_m`."""
 
     kind: str
     at_s: float
@@ -202,12 +195,10 @@ class Fault:
 
     @property
     def end_s(self) -> float:
-        """When it is over."""
         return self.at_s + self.duration_s
 
     @property
     def name(self) -> str:
-        """Kind and target."""
         return f"{self.kind} {self.target}".strip()
 
 

@@ -1,7 +1,9 @@
 """A relaxation spectrum broader than two Maxwell branches: a springpot beside them."""
 
+from typing import Any
+
 from models.effects.effect import Effect, Value, Values, by_name, number
-from models.effects.formula import Formula, written
+from models.effects.formula import Formula
 from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
 
 REFERENCE_HZ = 10.0  # at which the stiffness is stated
@@ -31,6 +33,6 @@ class BroadRelaxation(Effect):
         return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])
 
     @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, str]]:
-        stiffness, exponent = (written(Formula.of(p[name]), 4) for name in ("stiffness_Pa", "exponent"))
-        return [("modulus", "added modulus in Pa", f"{stiffness}*(i*f/{REFERENCE_HZ:g})^{exponent}")]
+    def further(cls, p: Values) -> list[tuple[str, str, Any]]:
+        power = (Formula("i") * Formula("f") / REFERENCE_HZ) ** p["exponent"]
+        return [("modulus", "added modulus in Pa", p["stiffness_Pa"] * power)]

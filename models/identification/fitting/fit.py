@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from models.assembly.model import effect_parameters
 from models.effects import REFINEMENTS
-from models.effects.effect import Effect
 from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.kind import Kind
 from models.identification.settings import SET
@@ -28,7 +28,7 @@ _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 
 
 @dataclass(frozen=True)
-class Axis:
+class FreeParameter:
     """One fitted parameter, and the scale on which the criterion is looked at."""
 
     parameter: Parameter
@@ -56,22 +56,15 @@ class Fit:
         return self.cost / self.count
 
 
-def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
-    """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's
-    probe.
-    """
-    result = [Axis(p, _scale(p)) for p in kind.base if p.fit]
-    known = {effect.id: effect for effect in _declared(kind)}
+def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
+    """What a fit of `kind` with `effects` may move: on the scale of a tenth of its value, an amplitude of its probe."""
+    result = [FreeParameter(p, _scale(p)) for p in kind.base if p.fit]
+    known = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
     for effect in (known[name] for name in effects):
         size = effect.amplitude().name
         own = (p for p in effect_parameters([effect]) if p.fit)
-        result += [Axis(p, effect.probe if p.name == size else _scale(p)) for p in own]
+        result += [FreeParameter(p, effect.probe if p.name == size else _scale(p)) for p in own]
     return result
-
-
-def _declared(kind: Kind) -> tuple[type[Effect], ...]:
-    """Every effect that a fit of `kind` may be asked for: its candidates and the free curves."""
-    return (*kind.effects, *REFINEMENTS)
 
 
 def _scale(p: Parameter) -> float:
@@ -106,39 +99,30 @@ def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], cri
 
 @dataclass(frozen=True)
 class Problem:
-    """The regularised least-squares problem of a fit: the residuals of `records` under one `criterion` of `kind`, in
-    units of their noise, over the parameters `axes`.
-    """
+    """Regularised least squares: residuals of `records` under a `criterion` of `kind`, in their noise, over `axes`."""
 
     kind: Kind
     records: Sequence[Record]
-    axes: list[Axis]
+    axes: list[FreeParameter]
     criterion: int
 
     @classmethod
-    def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int) -> Problem:
-        """The fit of the base with `effects`."""
-        return cls(kind, records, axes(kind, effects), criterion)
+    def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int | None = None) -> Problem:
+        """The fit of the base with `effects`, where no criterion is given to the free run."""
+        return cls(kind, records, axes(kind, effects), kind.free_run if criterion is None else criterion)
 
-    @property
-    def lower(self) -> Array:
-        """Lower bounds of the axes, (n,)."""
-        return np.array([a.parameter.lower for a in self.axes])
-
-    @property
-    def upper(self) -> Array:
-        """Upper bounds of the axes, (n,)."""
-        return np.array([a.parameter.upper for a in self.axes])
-
-    @property
-    def scale(self) -> Array:
-        """Scales of the axes, (n,)."""
-        return np.array([a.scale for a in self.axes])
-
-    @property
+    @cached_property
     def valley(self) -> GaussNewton:
         """The Gauss-Newton search on these residuals."""
-        return GaussNewton(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
+        lower, upper, scale = (
+            np.array(row)
+            for row in (
+                [a.parameter.lower for a in self.axes],
+                [a.parameter.upper for a in self.axes],
+                [a.scale for a in self.axes],
+            )
+        )
+        return GaussNewton(self.all_at, lower, upper, scale, max(4, 2 * self.kind.lanes))
 
     def theta(self, x: Array) -> Theta:
         """The parameters by name at the point `x` (n,)."""
@@ -147,10 +131,6 @@ class Problem:
     def start(self, theta: Theta) -> Array:
         """The point (n,) of `theta`, within the bounds; declared values where it has none."""
         return self.valley.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
-
-    def at(self, x: Array) -> Array:
-        """The residuals at the point `x` (n,)."""
-        return self.all_at([x])[0]
 
     def all_at(self, points: Sequence[Array]) -> list[Array]:
         """Residuals at each point: of the records, and of fitted parameters from what is believed of them."""
@@ -164,10 +144,10 @@ class Problem:
     def jacobian(self, x: Array, secant: float) -> Array:
         """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
         points = []
-        for i, step in enumerate(secant * self.scale):
+        for i, step in enumerate(secant * self.valley.scale):
             for sign in (1.0, -1.0):
                 y = x.copy()
-                y[i] = np.clip(x[i] + sign * step, self.lower[i], self.upper[i])
+                y[i] = np.clip(x[i] + sign * step, self.valley.lower[i], self.valley.upper[i])
                 points.append(y)
         values = self.all_at(points)
         columns = [
@@ -176,22 +156,18 @@ class Problem:
         ]
         return np.array(columns).T
 
+    def descend(self, start: Theta, secant: float, steps: int) -> Fit:
+        """Least squares in at most `steps` rounds, derivatives as secants `secant` wide that look across jags."""
+        x0 = self.start(start)
+        if not len(x0):
+            (r,) = self.all_at([x0])
+            return Fit(Theta(), float(r @ r), len(r), np.zeros((len(r), 0)), r)
+        end = self.valley.descend(x0, secant, steps)
+        return Fit(self.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
-def descend(problem: Problem, start: Theta, secant: float, steps: int) -> Fit:
-    """Least squares within bounds at one criterion in at most `steps` rounds, derivatives as secants `secant` wide that
-    look across the jags.
-    """
-    x0 = problem.start(start)
-    if not len(x0):
-        r = problem.at(x0)
-        return Fit(Theta(), float(r @ r), len(r), np.zeros((len(r), 0)), r)
-    end = problem.valley.descend(x0, secant, steps)
-    return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
-
-
-def narrowing(problem: Problem, start: Theta, widths: Sequence[float] = SET.narrow, steps: int = 12) -> Fit:
-    """Descents at one criterion, one after the other, with secants of `widths`."""
-    for width in widths:
-        fit = descend(problem, start, width, steps)
-        start = fit.theta
-    return fit
+    def narrowing(self, start: Theta, widths: Sequence[float] = SET.narrow, steps: int = 12) -> Fit:
+        """Descents one after the other, with secants of `widths`."""
+        for width in widths:
+            fit = self.descend(start, width, steps)
+            start = fit.theta
+        return fit

@@ -1,22 +1,19 @@
-"""Which candidate it is: joint fits by successive elimination, the better ones going on to a longer stretch, the last
-ones judged on validation records.
-"""
+"""Which candidate it is: joint fits by successive elimination, the last ones judged on validation records."""
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from models.effects import CATALOGUE, REFINEMENTS
-from models.identification.fitting.fit import Fit, Problem, costs_of, descend, narrowing
-from models.identification.kind import Kind
-from models.identification.search.fitted_model import Fits, FittedModel
+from models.identification.fitting.fit import Fit, Problem, costs_of
+from models.identification.kind import Array, Kind
+from models.identification.search.fitted_model import Fits, FittedModel, ahead, judged, judged_cost
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, GrowingHorizon, base_known, eliminate
-from models.identification.search.own_range import within
-from models.identification.search.refit import begins, refit, step_on
+from models.identification.search.refit import as_called, begins, refit, stepped
 from models.identification.search.screening import Screened
-from models.identification.search.validation import ahead, block_costs, free_run, judged, judged_cost
 from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record
@@ -34,17 +31,31 @@ _MULTIPLES = tuple(2.0**k for k in range(6))
 
 @dataclass(frozen=True)
 class Trial:
-    """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its
-    drop for each residual; `thetas` are the fits, one a split, `blocks` the validation cost by block for comparing
-    trials, and `refinements` the fits of the models with the refinements of the effect that were made on the way.
+    """A model with one more `effect`: `thetas` are the fits, one a split, `blocks` the validation cost by block, with
+    the refinements of the effect where these help, `before` without it, and `refinements` the fits of the models with
+    them that were made on the way.
     """
 
     effect: str
     thetas: tuple[Theta, ...]
-    gain: float
-    drop: float
-    blocks: np.ndarray
-    refinements: Mapping[tuple[str, ...], list[Theta]] = field(default_factory=dict)
+    before: Array
+    blocks: Array
+    refinements: Mapping[tuple[str, ...], tuple[Theta, ...]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, model: FittedModel, effect: str, fitted: FittedModel) -> "Trial":
+        """What `fitted` with the `effect` adds to `model`."""
+        return cls(effect, fitted.thetas, model.blocks, fitted.blocks)
+
+    @property
+    def gain(self) -> float:
+        """What it adds on validation records: `ln(cost without/cost with)`."""
+        return float(np.log(self.before.sum() / max(self.blocks.sum(), 1e-300)))
+
+    @property
+    def drop(self) -> float:
+        """The same as a difference, for each residual."""
+        return float(self.before.mean() - self.blocks.mean())
 
 
 def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved = _quiet) -> list[Trial]:
@@ -54,10 +65,8 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     """
     if not screened:
         return []
-    if model.kind.beginnings_s:
-        fitted = _grown(model, screened, moved)
-    else:
-        fitted = _survivors(model, _entries(model, screened, moved), moved)
+    grows = bool(model.kind.beginnings_s)
+    fitted = (_grown if grows else _survivors)(model, screened, moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = model.kind.catalogue[ranking[0]].confounders
     finalists = [
@@ -71,17 +80,15 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
         trials.append(_judge(model, name, fitted[name].theta))
     refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > SET.near
     helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else None) for trial in trials]
-    trials = from_the_best(model, trials, helped) if model.kind.beginnings_s else helped
-    trials = [_as_called(model, trial) for trial in trials]
+    trials = [_as_called(model, trial) for trial in (from_the_best(model, trials, helped) if grows else helped)]
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
 def _as_called(model: FittedModel, trial: Trial) -> Trial:
     """The trial where its effect is what it is called."""
-    moved = within(model.kind, model.splits, [*model.effects, trial.effect], trial.effect, trial.thetas)
-    if moved is None:
-        return trial
-    return against(model.blocks, trial.effect, moved, block_costs(model.kind, model.splits, moved))
+    plain = model.fitted(trial.thetas, [*model.effects, trial.effect])
+    called = as_called(plain, trial.effect)
+    return trial if called is plain else Trial.of(model, trial.effect, called)
 
 
 def _refinements(kind: Kind, name: str) -> list[str]:
@@ -89,11 +96,11 @@ def _refinements(kind: Kind, name: str) -> list[str]:
     itself and what says how much of a changed resistance the slip limit feels.
     """
     known = {effect.id for effect in kind.effects}
+    named = kind.catalogue
     return [
         c
-        for c in kind.catalogue[name].refined_by
-        if c in known
-        or (kind.catalogue[c].answers("shared") and kind.name in kind.catalogue[c].kinds and c not in kind.in_base)
+        for c in named[name].refined_by
+        if c in known or (named[c].answers("shared") and kind.name in named[c].kinds and c not in kind.in_base)
     ]
 
 
@@ -103,20 +110,24 @@ def _with_refinements(so_far: FittedModel, trial: Trial, sought: Theta | None) -
     where nothing was `sought`. One without refinements is looked for from more places where it leaves more than the
     noise.
     """
-    kind, splits = so_far.kind, so_far.splits
+    kind = so_far.kind
     refinements = [c for c in _refinements(kind, trial.effect) if c not in so_far.effects] if sought else []
     if not refinements and not kind.beginnings_s:
         return trial
-    model = [*so_far.effects, trial.effect, *refinements]
-    fits = []
-    for (part, _), theta in zip(splits, trial.thetas, strict=True):
-        ends = [refit(kind, part, model, start) for start in (theta, *([sought] if refinements and sought else []))]
-        fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
-    again = against(so_far.blocks, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+    more = [sought] if refinements and sought else []
+    finer = [*so_far.effects, trial.effect, *refinements]
+    fitted = so_far.refitted(best_from, ([theta, *more] for theta in trial.thetas), finer)
+    again = Trial.of(so_far, trial.effect, fitted)
     if not refinements:
         return again
-    trial = replace(trial, refinements={tuple(model): fits})
-    return replace(trial, gain=again.gain, drop=again.drop, blocks=again.blocks) if again.gain > trial.gain else trial
+    trial = replace(trial, refinements={fitted.effects: fitted.thetas})
+    return replace(trial, blocks=again.blocks) if again.gain > trial.gain else trial
+
+
+def best_from(kind: Kind, part: Sequence[Record], effects: Sequence[str], starts: Iterable[Theta]) -> Theta:
+    """The best of the fits from each of `starts`, as judged."""
+    ends = [refit(kind, part, effects, start) for start in starts]
+    return min(ends, key=lambda end: judged_cost(kind, part, end))
 
 
 def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[Trial]) -> list[Trial]:
@@ -124,24 +135,19 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     from where it has its base: none may win by a luckier search. Where such a refinement does about as well without the
     best one, that is judged as it is `alone`.
     """
-    kind, splits, effects = model.kind, model.splits, model.effects
+    kind, effects, named = model.kind, model.effects, model.kind.catalogue
     rows = {trial.effect: trial for trial in helped}
     if not rows:
         return []
     best = max(helped, key=lambda trial: trial.gain)
     both = next(iter(best.refinements.values()), None)
-    beside = [c for c in _refinements(kind, best.effect) if kind.catalogue[c] not in REFINEMENTS] if both else []
-    alike = [name for name in rows if kind.catalogue[best.effect].looks_like(kind.catalogue[name])]
+    beside = [c for c in _refinements(kind, best.effect) if named[c] not in REFINEMENTS] if both else []
+    alike = [name for name in rows if named[best.effect].looks_like(named[name])]
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
-        starts = [
-            base.only({*effects, *kind.in_base}).with_(name, own.effects[name])
-            for base, own in zip(both or best.thetas, owns, strict=True)
-        ]
-        fits = tuple(
-            step_on(kind, part, [*effects, name], s).theta for (part, _), s in zip(splits, starts, strict=True)
-        )
-        again = against(model.blocks, name, fits, block_costs(kind, splits, fits))
+        bases = (base.only({*effects, *kind.in_base}) for base in both or best.thetas)
+        starts = (base.with_(name, own.effects[name]) for base, own in zip(bases, owns, strict=True))
+        again = Trial.of(model, name, model.refitted(stepped, starts, [*effects, name]))
         if name not in rows or again.gain > rows[name].gain:
             rows[name] = again
         if name in beside and (
@@ -167,51 +173,40 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
             for start in row.starts
             for place in with_each(base.with_(row.effect, start), beside)
         ]
-        effects = [*model.effects, row.effect, *beside]
-        climbs[row.effect] = GrowingHorizon(kind, effects, starts, effort, row.effect)
+        climbs[row.effect] = GrowingHorizon(kind, [*model.effects, row.effect, *beside], starts, effort, row.effect)
     return eliminate(model.part, climbs, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
 
 
-def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Theta]:
-    """Where the fit of each candidate may start, the best candidate first: one round of descent from its best opening
-    at the kind's first criterion, and a few more of those candidates that came lowest by it.
+def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
+    """Fits of `model` with each candidate, good enough to rank by: one round of descent from its best opening at the
+    kind's first criterion, a few more of those that came lowest by it, whole ones of the first of these and of their
+    confounded effects.
     """
     kind, bases = model.kind, begins(model.kind, model.thetas[0])
 
-    def descended(name: str, start: Theta, rounds: int) -> Fit:
-        return descend(Problem.of(kind, model.part, [*model.effects, name], 0), start, SET.narrow[0], rounds)
+    def problem(name: str, criterion: int) -> Problem:
+        return Problem.of(kind, model.part, [*model.effects, name], criterion)
 
     fits = {}
     for k, row in enumerate(screened):
         moved(row.effect, 0.3 * k / len(screened))
-        _, place = min((opening(kind, model.part, bases, row.effect, start) for start in row.starts), key=_first)
-        fits[row.effect] = descended(row.effect, place, 1)
+        place = opening(kind, model.part, bases, row.effect, row.starts)
+        fits[row.effect] = problem(row.effect, 0).descend(place, SET.narrow[0], 1)
     lowest = sorted(fits, key=lambda name: fits[name].cost)[: SET.entered]
     for k, name in enumerate(lowest):
         moved(name, 0.3 + 0.1 * k / len(lowest))
-        fits[name] = descended(name, fits[name].theta, SET.entered_rounds)
-    return {name: fits[name].theta for name in sorted(fits, key=lambda name: fits[name].cost)}
-
-
-def _first(row: tuple[float, Theta]) -> float:
-    return row[0]
-
-
-def _survivors(model: FittedModel, entries: Mapping[str, Theta], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by."""
-    kind = model.kind
-    fits = {}
-    entered = _with_confounders(kind, list(entries))
+        fits[name] = problem(name, 0).descend(fits[name].theta, SET.narrow[0], SET.entered_rounds)
+    entered = _with_confounders(kind, sorted(fits, key=lambda name: fits[name].cost))
+    survivors = {}
     for k, name in enumerate(entered):
         moved(name, 0.4 + 0.4 * k / len(entered))
-        problem = Problem.of(kind, model.part, [*model.effects, name], free_run(kind))
-        fits[name] = narrowing(problem, entries[name], SET.narrow, 8)
-    return fits
+        survivors[name] = problem(name, kind.free_run).narrowing(fits[name].theta, SET.narrow, 8)
+    return survivors
 
 
 def shared_by(kind: Kind, name: str) -> list[str]:
     """Of what may have to stand beside a candidate, what no search names by itself."""
-    return [c for c in _refinements(kind, name) if kind.catalogue[c] in REFINEMENTS]
+    return [c for c in _refinements(kind, name) if CATALOGUE.get(c) in REFINEMENTS]
 
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
@@ -223,24 +218,28 @@ def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
 
 
 def opening(
-    kind: Kind, part: Sequence[Record], bases: Sequence[Theta], name: str, start: Mapping[str, float]
-) -> tuple[float, Theta]:
-    """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a
-    calibration may have bent the base to make up for what was missing).
-    """
+    kind: Kind, part: Sequence[Record], bases: Sequence[Theta], name: str, starts: Iterable[Mapping[str, float]]
+) -> Theta:
+    """Place of the best amplitude of `name` in the best shape of `starts` at the best of `bases`."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
-    wanted = [start[amplitude.name], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
-    values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
-    points = [base.with_(name, {**start, amplitude.name: value}) for base in bases for value in values]
-    costs = costs_of(kind, part, points, free_run(kind))
-    return min(zip(costs, points, strict=True), key=_first)
+
+    def best(start: Mapping[str, float]) -> tuple[float, Theta]:
+        wanted = [start[amplitude.name], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
+        values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
+        points = [base.with_(name, {**start, amplitude.name: value}) for base in bases for value in values]
+        costs = costs_of(kind, part, points, kind.free_run)
+        return min(zip(costs, points, strict=True), key=_first)
+
+    return min(map(best, starts), key=_first)[1]
+
+
+def _first(row: tuple[float, Theta]) -> float:
+    return row[0]
 
 
 def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
-    """The best entries and the declared confounded effects of the first few: they share a residual and only a full fit
-    tells them apart.
-    """
+    """The best entries and the confounders of the first few: only a full fit tells those apart."""
     declared = {effect.id: effect for effect in kind.effects}
     wanted = list(entered[: SET.pool])
     for name in entered[: SET.alike]:
@@ -255,27 +254,13 @@ def _judge(model: FittedModel, name: str, start: Theta) -> Trial:
         min((theta.with_(name, own), start), key=lambda point: float(judged(kind, part, point).sum())) if i else start
         for i, (part, theta) in enumerate(model.parts)
     ]
-    effects = [*model.effects, name]
-    fits = tuple(refit(kind, part, effects, s, np.inf) for (part, _), s in zip(model.splits, starts, strict=True))
-    return against(model.blocks, name, fits, block_costs(kind, model.splits, fits))
-
-
-def against(before: np.ndarray, name: str, fits: tuple[Theta, ...], after: np.ndarray) -> Trial:
-    """The trial of the effect `name` with `fits`: validation costs by block `before` it and `after`."""
-    gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
-    return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
+    return Trial.of(model, name, model.refitted(partial(refit, enough=np.inf), starts, [*model.effects, name]))
 
 
 def better_without(model: FittedModel, further: str, others: Fits) -> FittedModel:
-    """The better on the training records of `model` and of the same begun where `others`, fits with one `further`
-    effect, have their base and the effects.
-    """
-    starts = [theta.without(further) for theta in others]
-    again = [
-        step_on(model.kind, part, model.effects, start).theta
-        for (part, _), start in zip(model.splits, starts, strict=True)
-    ]
-    return min(model, model.fitted(again), key=lambda choice: choice.training_cost)
+    """The better of `model` and of the same begun where fits with one `further` effect, `others`, have their base."""
+    again = model.refitted(stepped, (theta.without(further) for theta in others))
+    return min(model, again, key=lambda choice: choice.training_cost)
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
@@ -285,5 +270,4 @@ def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], Fitt
     best = model
     for trial in trials[:2]:
         best = better_without(best, trial.effect, trial.thetas)
-    again = [replace(against(best.blocks, t.effect, t.thetas, t.blocks), refinements=t.refinements) for t in trials]
-    return sorted(again, key=lambda trial: -trial.gain), best
+    return sorted((replace(t, before=best.blocks) for t in trials), key=lambda trial: -trial.gain), best

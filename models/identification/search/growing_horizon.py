@@ -1,6 +1,4 @@
-"""Fits on ever longer beginnings of the records, from many places: over a few slip events a wrong base is a
-little late, over many it is out of step, and least squares sees no way.
-"""
+"""Fits on ever longer beginnings from many places: over many slip events a wrong base is out of step for good."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,9 +7,9 @@ import numpy as np
 from scipy.stats import chi2, qmc
 
 from models.checks.usable import lead_in_s
-from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of, narrowing
-from models.identification.kind import Kind
-from models.identification.search.validation import free_run
+from models.identification.fitting.fit import Fit, FreeParameter, Problem, axes, costs_of
+from models.identification.kind import Kind, Split
+from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -19,9 +17,7 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Effort:
-    """How many places to look at, how many of them to go down from at each length, the whole records last, and in how
-    many rounds at the first lengths.
-    """
+    """Places to look at, how many to go down from at each length (whole records last), rounds at the first lengths."""
 
     places: int
     kept: tuple[int, ...]
@@ -63,33 +59,33 @@ class GrowingHorizon:
             points = found + places + self._redrawn(found[: SET.bases])
         else:
             points = places + self._scattered()
-        criterion = free_run(self.kind)
-        costs = costs_of(self.kind, records, points, criterion)
+        costs = costs_of(self.kind, records, points, self.kind.free_run)
         kept = self.effort.kept[number]
         best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
         if self.fits and kept > 1 and points[0] not in best:
             best[-1] = points[0]
         widths, rounds = (SET.narrow, SET.rounds) if number >= SET.telling else (SET.narrow[-1:], self.effort.rounds)
-        fits = [
-            narrowing(Problem.of(self.kind, records, self.effects, criterion), point, widths, rounds) for point in best
-        ]
+        problem = Problem.of(self.kind, records, self.effects)
+        fits = [problem.narrowing(point, widths, rounds) for point in best]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
 
+    def over(self, records: Sequence[Record]) -> Fit:
+        """The best fit on the whole `records`."""
+        for number, length, parts in _lengths(self.kind, records):
+            self.on(number, length, parts)
+        return self.fits[0]
+
     def _scattered(self) -> list[Theta]:
-        """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one
-        that is fresh.
-        """
+        """Places around the nominal base and the starts' effects, the fresh one's amplitude of every size."""
         return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, self.seed)
 
     def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
-        """Each base of `found` with effects from around their declared values: a drift does not show in the first few
-        slip events.
-        """
+        """Each base of `found` with effects from around their declared values: a drift does not show at first."""
         moved = [axis for axis in axes(self.kind, self.effects) if axis.parameter.effect in self.effects]
         bases = [theta.only(self.kind.in_base) for theta in found]
         return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
-    def _drawn(self, starts: Sequence[Theta], moved: Sequence[Axis], count: int, seed: int) -> list[Theta]:
+    def _drawn(self, starts: Sequence[Theta], moved: Sequence[FreeParameter], count: int, seed: int) -> list[Theta]:
         shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
         return [
             start
@@ -99,22 +95,6 @@ class GrowingHorizon:
             }
             for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
         ]
-
-
-def grow_horizon(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    starts: Sequence[Theta],
-    effort: Effort = THOROUGH,
-    fresh: str = "",
-    seed: int = 0,
-) -> Fit:
-    """The best fit on the whole records."""
-    climb = GrowingHorizon(kind, effects, starts, effort, fresh, seed)
-    for number, length, parts in _lengths(kind, records):
-        climb.on(number, length, parts)
-    return climb.fits[0]
 
 
 def eliminate(
@@ -168,7 +148,7 @@ def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
-def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> float:
+def _place(kind: Kind, axis: FreeParameter, start: Theta, share: float, fresh: str) -> float:
     """The value of one parameter for a number `share` between 0 and 1."""
     p = axis.parameter
     if not p.effect:
@@ -182,3 +162,32 @@ def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> fl
         reach = min(p.spread, max(SET.near_start * axis.scale, SET.near_start / 10 * abs(value)))
         value += reach * (2 * share - 1)
     return float(np.clip(value, p.lower, p.upper))
+
+
+def sensitivity_cost(kind: Kind, splits: Sequence[Split], theta: Theta, rng: np.random.Generator) -> float:
+    """Validation cost that the model leaves of itself, the base's numbers 0.1 % off: no fit can do better."""
+    return max(judged_cost(kind, records, theta) for records in _off(kind, splits[0][1], theta, rng))
+
+
+def predictable(
+    kind: Kind, splits: Sequence[Split], theta: Theta, most: float, rng: np.random.Generator
+) -> tuple[float, list[Split]]:
+    """The longest beginnings of the records, in s (inf: whole ones), over which the model leaves less than `most` of
+    itself, and the splits cut to them: where one slip event that comes a little early moves all that follow, free runs
+    soon tell nothing.
+    """
+    imitated = _off(kind, splits[0][1], theta, rng)
+    for length in (np.inf, *reversed(kind.beginnings_s[1:])):  # the first holds too few slip events to judge by
+        if max(judged_cost(kind, prefixes(records, length), theta) for records in imitated) < most:
+            break
+    return length, [(prefixes(part, length), prefixes(rest, length)) for part, rest in splits]
+
+
+def _off(kind: Kind, held: Sequence[Record], theta: Theta, rng: np.random.Generator) -> list[list[Record]]:
+    """Imitations of the records `held` on the model with each base number 0.1 % up or down."""
+    fitted = {p.key for p in kind.base if p.fit}
+    moved = (
+        theta | {name: theta[name] * (1 + SET.thousandth * rng.choice((-1, 1))) for name in theta if name in fitted}
+        for _ in range(SET.self_imitations)
+    )
+    return [[kind.imitate(record, point, rng) for record in held] for point in moved]

@@ -1,21 +1,21 @@
 """Finer shapes of the effects that are named: which of them the records tell."""
 
 from collections.abc import MutableMapping, Sequence
+from functools import partial
 
 import numpy as np
 
-from models.effects import REFINEMENTS
-from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
+from models.effects import CATALOGUE, REFINEMENTS
+from models.identification.fitting.fit import Fit, Problem, costs_of
 from models.identification.kind import Kind
 from models.identification.search.candidates import better_without
-from models.identification.search.fitted_model import FittedModel
-from models.identification.search.refit import mend, refit
-from models.identification.search.validation import fewest
+from models.identification.search.fitted_model import FittedModel, fewest
+from models.identification.search.refit import refit
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
 
-Known = MutableMapping[tuple[str, ...], list[Theta]]
+Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
 
 
@@ -29,12 +29,10 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
-        fit = mend if model.kind.catalogue[curve] in REFINEMENTS else refit
+        quick = 1 + SET.shaped if CATALOGUE.get(curve) in REFINEMENTS else np.inf  # a free curve is near or far
         if finer not in known:
-            known[finer] = [
-                fit(model.kind, part, finer, theta.with_(curve, _begin(model.kind, curve)))
-                for part, theta in rows[-1].parts
-            ]
+            starts = (theta.with_(curve, _begin(curve)) for theta in rows[-1].thetas)
+            known[finer] = rows[-1].refitted(partial(refit, quick=quick), starts, finer).thetas
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
     number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])
@@ -59,16 +57,16 @@ def refined_at_last(
         if floors < SET.close:
             break
         model = [*effects, *taken, *added, curve]
-        starts = [fit.theta.with_(curve, _begin(kind, curve)), *known.get(tuple(model), ())]
+        starts = [fit.theta.with_(curve, _begin(curve)), *known.get(tuple(model), ())]
         costs = costs_of(kind, records, starts, kind.final)
         if min(fit.cost, *costs) > SET.behind * fit.count:
             break
-        finer = narrowing(
-            Problem.of(kind, records, model, kind.final), starts[int(np.argmin(costs))], (SET.narrow[0], *SET.fine)
+        finer = Problem.of(kind, records, model, kind.final).narrowing(
+            starts[int(np.argmin(costs))], (SET.narrow[0], *SET.fine)
         )
         left = _floors(kind, records, finer)
         if finer.chi2 < SET.near and _clearly(finer, left, fit, floors):
-            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), finer.theta.without(curve), SET.fine)
+            again = Problem.of(kind, records, model[:-1], kind.final).narrowing(finer.theta.without(curve), SET.fine)
             if again.cost < fit.cost:
                 fit, floors = again, _floors(kind, records, again)
             if _clearly(finer, left, fit, floors):
@@ -95,8 +93,7 @@ def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:
     ]
 
 
-def _begin(kind: Kind, curve: str) -> dict[str, float]:
+def _begin(curve: str) -> dict[str, float]:
     """Where a refinement's shape begins: first on its grid. An effect that mends another begins as it is declared."""
-    if kind.catalogue[curve] not in REFINEMENTS:
-        return {}
-    return {name: values[0] for name, values in kind.catalogue[curve].grid.items()}
+    effect = CATALOGUE.get(curve)
+    return {name: values[0] for name, values in effect.grid.items()} if effect in REFINEMENTS else {}

@@ -26,7 +26,8 @@ from controller.feedforward import Feedforward
 from controller.signals import Action
 from hil.app.ends import ENDS, End, table
 from hil.app.main import run
-from hil.app.run import check, command
+from hil.app.run import check
+from hil.app.run import run as run_module
 from hil.app.run.clock import Histogram
 from hil.app.sil.testbed import Bench
 from hil.bus.catalogue import load_catalogue
@@ -89,9 +90,9 @@ class Stage:
             node.bench, node.each = bench, lambda now: each(node)
             return node
 
-        self.monkeypatch.setattr(command, "_drives_bus", lambda *_, **__: bench.ports["controller"])
-        self.monkeypatch.setattr(command, "Clock", partial(Lockstep, bench))
-        self.monkeypatch.setattr(command, "ControllerNode", node_of)
+        self.monkeypatch.setattr(run_module, "_drives_bus", lambda *_, **__: bench.ports["controller"])
+        self.monkeypatch.setattr(run_module, "Clock", partial(Lockstep, bench))
+        self.monkeypatch.setattr(run_module, "ControllerNode", node_of)
         log = self.folder / "log" / "run.blf"
         self.capsys.readouterr()
         status = run(["run", self.rig(control), *words, "--log", str(log), "--json"])

@@ -22,9 +22,9 @@ from hil.app.campaign.page import page_html as campaign_html
 from hil.app.demo.loop import LOOPS
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import Mission, Told
-from hil.app.papers.command import write_page
-from hil.app.report import report_html
+from hil.app.papers.seeds import write_page
 from hil.app.sil.story import PAGE
+from hil.report.closed_loop import report_html
 from tests.bench.vibro_sweep import vibro_sweep
 from tests.conftest import RIG
 from tests.hil.app.campaign.test_campaign_folders import answer

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.plot import thinned
+from hil.report.theme import POINTS, thinned
 
 
 def test_a_file_is_drawn_as_it_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -42,7 +42,7 @@ def test_thinning_keeps_ends_and_extremes() -> None:
     x = np.linspace(0, 1, 100_000)
     y = np.sin(40 * x)
     y[31_234] = 9.0
-    kept_x, kept_y = thinned(x, y)
+    kept_x, kept_y = thinned(x, y, POINTS)
     assert len(kept_x) < 5000
     assert kept_y.max() == 9.0
     assert (kept_x[0], kept_x[-1]) == (0, 1)

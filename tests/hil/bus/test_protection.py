@@ -73,7 +73,7 @@ def test_whatever_comes_is_accepted_whole_or_changes_nothing(data: bytes) -> Non
     if isinstance(found, Refusal):
         assert receiver.values == before
         assert receiver.stamp_s == 0.0
-        assert sum(receiver.statistics.refused.values()) == 1
+        assert sum(receiver.refused.values()) == 1
     else:
         assert crc8(data[1:], COIL.data_id) == data[0]
         assert all(f.lower <= found[f.name] <= f.upper for f in COIL.fields)
@@ -104,7 +104,7 @@ def test_repeated_and_old_frames_are_refused_and_lost_ones_counted() -> None:
     assert receiver.accept(sent[0], TICK) == Refusal("repeated", "0 then 0")
     assert receiver.accept(sent[3], TICK) == Refusal("counter", "0 then 3")
     assert isinstance(receiver.accept(sent[3], 3 * TICK), dict)
-    assert (receiver.statistics.accepted, receiver.statistics.lost) == (2, 2)
+    assert (receiver.accepted, receiver.lost) == (2, 2)
     assert isinstance(receiver.accept(sent[1], 4 * TICK), Refusal)
     assert isinstance(receiver.accept(sent[3 + MOST_LOST + 2], 7.9 * TICK), Refusal)
     assert isinstance(receiver.accept(sent[3 + MOST_LOST + 1], 7.9 * TICK), dict)
@@ -186,7 +186,7 @@ def test_what_was_not_sent_does_not_count() -> None:
 
 
 def test_identifiers_that_nobody_knows_are_counted() -> None:
-    reception = Reception({COIL.id: Receiver(COIL)})
+    reception = Reception([COIL])
     assert reception.accept(0x123, b"", 0.0) == Refusal("unknown", "identifier 0x123")
     assert reception.unknown[0x123] == 1
     for identifier in range(0x1000, 0x3000):

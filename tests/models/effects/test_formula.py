@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from models.effects.equation import text_of
 from models.effects.formula import Formula, value_of, written
 from models.effects.friction.lumen_taper import LumenTaper
+from tests.models.effects import read_formula
 
 LEAVES = st.sampled_from(["a", "b", "c"]) | st.floats(-9, 9).map(lambda x: round(x, 3))
 TREES = st.recursive(
@@ -49,10 +50,10 @@ def computed(tree: Any, names: dict[str, Any]) -> Any:
 def test_the_text_has_the_value_of_what_it_was_written_from(tree: Any) -> None:
     with np.errstate(all="ignore"):
         wanted = float(computed(tree, NAMES))
-        text = written(Formula.of(computed(tree, {name: Formula(name) for name in NAMES})))
-        got = float(value_of(text, NAMES))
+        formula = Formula.of(computed(tree, {name: Formula(name) for name in NAMES}))
+        got = float(value_of(formula, NAMES)), float(read_formula.value_of(written(formula), NAMES))
     if np.isfinite(wanted):
-        assert got == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+        assert got == pytest.approx((wanted, wanted), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -76,12 +77,6 @@ def test_all_parameters_of_a_fitted_law_are_printed() -> None:
     values = {"slope_per_m": 2.0, "bend_per_m2": -10.0, "curl_per_m3": 0.0, "reach_m": 0.05, "middle_m": 0.01}
     text = "friction scale = max(1 + (2 - 10*q2)*q2, 0.05), with q1 = x - 0.01, q2 = q1/sqrt(1 + (q1/0.05)^2)"
     assert text_of(LumenTaper, values) == text
-
-
-@pytest.mark.parametrize("text", ["__import__('os')", "a.b", "[a]", "lambda: 1", "a if b else c", "a +", "open(a)"])
-def test_what_is_no_formula_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="formula must"):
-        value_of(text, {"a": 1.0, "b": 1.0, "c": 1.0})
 
 
 def test_a_branch_on_a_formula_is_refused() -> None:

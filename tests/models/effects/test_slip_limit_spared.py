@@ -11,10 +11,9 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.series.report import about_the_rig, equations
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import compare_candidates
-from models.identification.search.fitted_model import FittedModel
+from models.identification.search.fitted_model import FittedModel, ahead
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
-from models.identification.search.validation import ahead
 from models.identification.settings import SET
 from models.records.record import read_record
 from models.rigs.reader import read_rig

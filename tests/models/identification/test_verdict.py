@@ -20,8 +20,9 @@ from models.records.record import Record
 from models.rigs.reader import Noise
 from models.rigs.rig import Rig
 from models.theta import Theta
+from tests.models.identification.kinds.axes import axis_kind
 
-KIND = AxisKind.around(1.0, 2.0, 3.0, 0.1)
+KIND = axis_kind(1.0, 2.0, 3.0, 0.1)
 THETA = KIND.nominal()
 TOLD = {name: Estimate(value, (0.9 * value, 1.1 * value)) for name, value in THETA.items()}
 FOUND = THETA.with_(Stribeck.id, Stribeck.start()) | {("stribeck", "excess"): 0.5}

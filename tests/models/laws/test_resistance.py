@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import quad
 
 from models.laws.elastic_nose import elastic_coulomb_limit, initial_resistance
-from models.laws.force_speed import sliding_resistance
 from models.laws.geometry import (
     GRAVITY,
     Capsule,
@@ -19,12 +18,13 @@ from models.laws.geometry import (
     shoulder_position,
 )
 from models.laws.hyperelastic import WallConstants
-from models.laws.mucus import mucus_drag
 from models.laws.resistance import (
     contact_pressure,
     environmental_resistance,
+    mucus_drag,
     normal_load,
     pressure_integrals,
+    sliding_resistance,
 )
 
 CAPSULE, TISSUE = Capsule(), Tissue()

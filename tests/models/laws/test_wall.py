@@ -17,9 +17,8 @@ from models.laws.geometry import (
     wall_section,
 )
 from models.laws.hoop import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
-from models.laws.hyperelastic import WallConstants, circumferential_stress, longitudinal_stress
-from models.laws.mucus import mucus_drag
-from models.laws.tension import wall_tension
+from models.laws.hyperelastic import WallConstants, circumferential_stress, longitudinal_stress, wall_tension
+from models.laws.resistance import mucus_drag
 from models.sets import load_measurement
 
 WALL = WallConstants.from_set()

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import t as student
 
-from hil.app.quantities import number
-from hil.app.report.words import effect_words, listed
+from hil.report.quantities import number
+from hil.report.words import effect_words, listed
 from models.identification.finding import STAGES
 
 Row = Mapping[str, Any]
@@ -93,9 +93,9 @@ class Answer:
         return self.errors["nominal"] / last if last > 0 else math.nan
 
     @property
-    def weak(self) -> int:
-        """Findings on its records that weaken a verdict."""
-        return sum(finding["severity"] == "weakens" for finding in self.result.get("findings", []))
+    def weak(self) -> set[str]:
+        """Ids of findings on its records that weaken a verdict."""
+        return {found["id"] for found in self.result.get("findings", []) if found["severity"] == "weakens"}
 
 
 def answer_of(name: str, row: Row, report: str) -> Answer:

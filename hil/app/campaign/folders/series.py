@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from hil.app.identify.close_loop import read_series, result_files
-from hil.app.report import report_json
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
 from hil.formats.table import format_of
 from hil.log.reader import is_log
+from hil.report.numbers import report_json
 from models.effects import Catalogue
 from models.files.csv_reader import ENDINGS
 from models.identification import close

@@ -1,30 +1,28 @@
-"""A linear stage or an axis that turns: the force its motion needs, `F = M a + (F_v v + F_c sgn v) level + offset -
-effects`, against the measured.
-"""
+"""A linear stage or an axis that turns: `F = M a + (F_v v + F_c sgn v) level + offset - effects` of its motion."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import mul
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from models.checks.usable import used
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, Kind, present
+from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
-from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.noise import AxisNoise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.variant import Range
+from models.identification.kinds.ranges import Range
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -32,6 +30,7 @@ from models.rigs.axis import AXIS
 from models.rigs.rig import Rig
 from models.theta import Theta
 
+T = TypeVar("T")
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
 _BELIEF = "rig file; without it only a start for the calibration"
@@ -59,8 +58,7 @@ class AxisKind(Kind):
     catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = 2
     next_share: ClassVar[float] = 0.04
-    _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
-    _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
+    _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -78,52 +76,16 @@ class AxisKind(Kind):
             )
         turns = c.turns or (not records and any(name in TURN.base for name in stated))
         c = TURN if turns else c
-        noise = rig.noise
+        noise, catalogue = rig.noise, Catalogue.of(rig)
         stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         size = size_of(c, known, band) if known else None
-        catalogue = Catalogue.of(rig)
-        made = cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
-        return replace(made, effects=candidates(c, size, catalogue), catalogue=catalogue)
-
-    @classmethod
-    def around(
-        cls,
-        mass_kg: float | None = None,
-        viscous_N_s_per_m: float | None = None,
-        coulomb_N: float | None = None,
-        offset_N: float | None = None,
-        force_std_N: float | None = None,
-    ) -> AxisKind:
-        """A stage with these nominal numbers, all of which a calibration may change."""
-        return cls._of(LINE, (mass_kg, viscous_N_s_per_m, coulomb_N, offset_N), None, force_std_N, None)
-
-    @classmethod
-    def _of(
-        cls,
-        c: Coordinates,
-        given: Sequence[float | None],
-        size: Size | None,
-        force_std: float | None,
-        position_std: float | None,
-        band: float = SET.band_hz,
-    ) -> AxisKind:
-        spans: Sequence[Range] = _SPANS
-        if size is not None:
-            mass, drag = size.force / size.acceleration, size.force / size.speed
-            told = (
-                (0.3 * mass, 1e-4 * mass, 30 * mass),
-                (0.2 * drag, 0.0, 10 * drag),
-                (0.2 * size.force, 0.0, 3 * size.force),
-                (0.0, -3 * size.force, 3 * size.force),
-            )
-            spans = told if c.turns else _both(told)
         rows = []
-        for name, unit, value, (start, lower, upper) in zip(c.base, c.units, given, spans, strict=True):
-            at = start if value is None else value
+        for name, unit, (start, lower, upper) in zip(c.base, c.units, _spans(c, size), strict=True):
+            at = stated.get(name, start)
             rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
-        return cls(tuple(rows), force_std, position_std, c, band, candidates(c, size))
+        return cls(tuple(rows), *stds, c, band, candidates(c, size, catalogue), catalogue=catalogue)
 
     @property
     def quantity(self) -> str:
@@ -149,10 +111,11 @@ class AxisKind(Kind):
         load = c.load_in(record.columns)
         s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, load=record[load] if load else 0.0)
         acting = present(self.effects, theta)
-        friction = theta[c.viscous] * m.v + theta[c.coulomb] * s.direction
+        inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
+        friction = viscous * m.v + coulomb * s.direction
         level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
         extra: Any = sum(e.force(s, p, {}) for e, p in acting)
-        force = theta[c.inertia] * m.a + friction * level + theta[c.offset] - extra
+        force = inertia * m.a + friction * level + offset - extra
         late = sum(float(e.delay(p)) for e, p in acting)
         if late:
             force = np.interp(m.t + late, m.t, force)
@@ -181,21 +144,25 @@ class AxisKind(Kind):
             right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
         return 100 * float(np.sqrt(wrong / right))
 
-    def noise(self, record: Record) -> Noise:
+    def noise(self, record: Record) -> AxisNoise:
         """What is told of the noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
-        key = (id(force), self.force_std)
-        known = self._noise.get(key)
-        if known is None or known[0] is not force:
-            if len(self._noise) > 64:
-                self._noise.clear()
-            known = self._noise[key] = (force, self._told(record))
-        return known[1]
+        return self._kept((id(force), self.force_std), force, lambda: self._told(record))
 
-    def _told(self, record: Record) -> Noise:
+    def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
+        """What was `found` under the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
+        known = self._known.get(key)
+        if known is None:
+            if len(self._known) > 128:
+                self._known.clear()
+            known = self._known[key] = (of, found())
+        made: T = known[1]
+        return made
+
+    def _told(self, record: Record) -> AxisNoise:
         if NOISES[0] in record.columns:
             whole, *rest = (float(record[name][0]) for name in NOISES)
-            return Noise(None if np.isnan(whole) else whole, *rest)
+            return AxisNoise(None if np.isnan(whole) else whole, *rest)
         of, force = self._moved(record), record[self.quantity]
         m = of.motion
         told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
@@ -204,7 +171,7 @@ class AxisKind(Kind):
         inertia = inertia_of(force, m, self.band)
         shaken = inertia * jolt * (of.place if of.logged is None else speed)
         own = self._believed(record) if told is None else told
-        return Noise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
+        return AxisNoise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
 
     def _believed(self, record: Record) -> float:
         """What counts as the noise of a force whose own is not told."""
@@ -212,9 +179,7 @@ class AxisKind(Kind):
         return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the
-        force's.
-        """
+        """What the noise alone, the quietest record's, makes of the error, in %; NaN where nothing tells it."""
         forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
         noises = [self.noise(r) for r in records]
         if any(noise.force is None for noise in noises):
@@ -236,7 +201,7 @@ class AxisKind(Kind):
             made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
         return whole.with_column(self.quantity, made)
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
         blocks of each record's cycle of motion, every repeat of a block left out together.
         """
@@ -276,26 +241,26 @@ class AxisKind(Kind):
     def _moved(self, record: Record) -> Moved:
         names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
         key = tuple(id(record.columns.get(name)) for name in names)
-        known = self._seen.get(key)
-        if known is not None:
-            return known[1]
-        if len(self._seen) > 64:
-            self._seen.clear()
-        found = moved(record, self.coordinates, self.position_std, self.band)
-        self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
-        return found
+        return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
 
 
-_SPANS = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
-"""Start, lower and upper bound of the base parameters where no record tells the size of the axis."""
-
-
-def _both(told: Sequence[Range]) -> tuple[Range, ...]:
-    """A stage's ranges where records told theirs: its own starts, and bounds as wide as the wider of the two."""
-    return tuple(
-        (start, min(lower, low), max(upper, high))
-        for (start, lower, upper), (_, low, high) in zip(_SPANS, told, strict=True)
+def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
+    """Start, lower and upper bound of the base parameters; a stage keeps its own starts and the wider bounds."""
+    usual = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
+    if size is None:
+        return usual
+    force, mass, drag = size.force, size.force / size.acceleration, size.force / size.speed
+    told = (
+        (0.3 * mass, 1e-4 * mass, 30 * mass),
+        (0.2 * drag, 0.0, 10 * drag),
+        (0.2 * force, 0.0, 3 * force),
+        (0.0, -3 * force, 3 * force),
     )
+    if c.turns:
+        return told
+    return [
+        (at, min(low, lower), max(high, upper)) for (at, low, high), (_, lower, upper) in zip(usual, told, strict=True)
+    ]
 
 
 def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
@@ -317,10 +282,8 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
     )
 
 
-def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[tuple[list[Record], list[Record]]]:
-    """Split a record into `count` blocks of its repeating motion (of its length where it does not repeat), each left
-    out once.
-    """
+def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:
+    """Split a record into `count` blocks of its cycle of motion (else of its length), each left out once."""
     rate = sampling_rate(record["t_s"])
     lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * count // lag

@@ -10,27 +10,28 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Names of an axis' columns and base parameters, and the units in which reports tell them."""
+    """Names of an axis' columns, and its base parameters (inertia, viscous, Coulomb friction, offset) with the units in
+    which reports tell them; a length's unit; what signals and the force are called.
+    """
 
     position: str
     force: str
     velocity: str
     loads: tuple[str, ...]
-    inertia: str
-    viscous: str
-    coulomb: str
-    offset: str
+    base: tuple[str, str, str, str]
     units: tuple[str, str, str, str]
     length_unit: str
-    force_unit: str
-    speed_unit: str
-    turns: bool
     names: tuple[str, str, str, str]
 
     @property
-    def base(self) -> tuple[str, str, str, str]:
-        """Names of the base parameters."""
-        return self.inertia, self.viscous, self.coulomb, self.offset
+    def turns(self) -> bool:
+        """Whether it is about the axis."""
+        return self.length_unit == "rad"
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the force, or the torque."""
+        return self.units[2]
 
     def load_in(self, columns: Collection[str]) -> str | None:
         """The logged load among `columns`; None where there is none."""
@@ -38,36 +39,24 @@ class Coordinates:
 
 
 LINE: Final = Coordinates(
-    position="position_m",
-    force="force_N",
-    velocity="velocity_m_s",
-    loads=("load_N",),
-    inertia="mass_kg",
-    viscous="viscous_friction_N_s_per_m",
-    coulomb="coulomb_friction_N",
-    offset="offset_N",
-    units=("kg", "N s/m", "N", "N"),
-    length_unit="m",
-    force_unit="N",
-    speed_unit="m/s",
-    turns=False,
-    names=("x_m", "v_m_s", "a_m_s2", "force"),
+    "position_m",
+    "force_N",
+    "velocity_m_s",
+    ("load_N",),
+    ("mass_kg", "viscous_friction_N_s_per_m", "coulomb_friction_N", "offset_N"),
+    ("kg", "N s/m", "N", "N"),
+    "m",
+    ("x_m", "v_m_s", "a_m_s2", "force"),
 )
 TURN: Final = Coordinates(
-    position="angle_rad",
-    force="torque_N_m",
-    velocity="velocity_rad_s",
-    loads=("load_N_m", "load_N"),
-    inertia="inertia_kg_m2",
-    viscous="viscous_friction_N_m_s_per_rad",
-    coulomb="coulomb_friction_N_m",
-    offset="offset_N_m",
-    units=("kg m2", "N m s/rad", "N m", "N m"),
-    length_unit="rad",
-    force_unit="N m",
-    speed_unit="rad/s",
-    turns=True,
-    names=("x_rad", "v_rad_s", "a_rad_s2", "torque"),
+    "angle_rad",
+    "torque_N_m",
+    "velocity_rad_s",
+    ("load_N_m", "load_N"),
+    ("inertia_kg_m2", "viscous_friction_N_m_s_per_rad", "coulomb_friction_N_m", "offset_N_m"),
+    ("kg m2", "N m s/rad", "N m", "N m"),
+    "rad",
+    ("x_rad", "v_rad_s", "a_rad_s2", "torque"),
 )
 _TOKENS: Final = {"m": "rad", "mm": "mrad", "m2": "rad2", "m3": "rad3", "N": "N_m"}
 

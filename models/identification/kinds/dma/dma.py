@@ -1,12 +1,10 @@
-"""A dynamic shear test: storage and loss modulus of the five-element wall over frequency, against several samples of
-tissue.
-"""
+"""A dynamic shear test: storage and loss modulus of the five-element wall over frequency, for several samples."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kind import Array, Kind, present
+from models.identification.kind import Array, Kind, Split, present
 from models.identification.settings import SET
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
@@ -37,7 +35,7 @@ class DmaKind(Kind):
 
     base: tuple[Parameter, ...]
     modulus_std_Pa: float | None = None
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: CATALOGUE.acting_on(DMA.id))
+    effects: tuple[type[Effect], ...] = ()
     name: str = DMA.id
     catalogue: Catalogue = CATALOGUE
     criteria: ClassVar[int] = 2
@@ -51,22 +49,14 @@ class DmaKind(Kind):
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> DmaKind:
         """The nominal model is the five-element set of paper V, Table 3."""
-        catalogue, made = Catalogue.of(rig), cls.around(modulus_std_Pa=rig.noise.modulus_std_Pa)
-        return replace(made, effects=catalogue.acting_on(DMA.id), catalogue=catalogue)
-
-    @classmethod
-    def around(cls, set_name: str = "zhang2014_viscoelastic_high", modulus_std_Pa: float | None = None) -> DmaKind:
-        """Around a parameter set with E1, E2, E3 in Pa and eta1, eta2 in Pa s."""
-        s = load_set(set_name)
+        s, catalogue = load_set("zhang2014_viscoelastic_high"), Catalogue.of(rig)
         values = (s["E1"], s["E2"], s["E3"], s["eta1"] / s["E1"], s["eta2"] / s["E2"])
-        units, limits = ("log10 Pa",) * 3 + ("log10 s",) * 2, ((0.0, 7.5),) * 3 + ((-5.0, 2.0),) * 2
-        rows = zip(NAMES, values, units, limits, strict=True)
-        return cls(
-            tuple(
-                Parameter(f"log10_{n}", math.log10(v), u, *limit, source=s.source, fit=True) for n, v, u, limit in rows
-            ),
-            modulus_std_Pa,
+        spans = (("log10 Pa", 0.0, 7.5),) * 3 + (("log10 s", -5.0, 2.0),) * 2
+        base = (
+            Parameter(f"log10_{name}", math.log10(value), *span, source=s.source, fit=True)
+            for name, value, span in zip(NAMES, values, spans, strict=True)
         )
+        return cls(tuple(base), rig.noise.modulus_std_Pa, catalogue.acting_on(DMA.id), catalogue=catalogue)
 
     def measured(self, record: Record) -> Array:
         """Storage and loss modulus in Pa, one row a reading."""
@@ -107,9 +97,7 @@ class DmaKind(Kind):
         return 100 * math.sqrt(wrong / sum(float(np.sum(m**2)) for m in measured))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the samples' scatter about their mean at each frequency leaves, in %; as believed for a single
-        sample.
-        """
+        """What the samples' scatter about their mean at each frequency leaves, in %; as believed for one sample."""
         frequency = np.concatenate([r["frequency_Hz"] for r in records])
         measured = np.concatenate([self.measured(r) for r in records])
         scatter, freedom = 0.0, 0
@@ -123,9 +111,7 @@ class DmaKind(Kind):
         return 100 * math.sqrt(scatter / freedom * len(measured) / total)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same frequencies measured on the model, each sample with its own factor and every reading with its own
-        error.
-        """
+        """The same frequencies measured on the model: a factor for each sample, an error for each reading."""
         made = self.predict(record, theta)
         size = np.hypot(*made.T)
         for rows in samples_of(record):
@@ -133,7 +119,7 @@ class DmaKind(Kind):
             made[rows] += (self._reading(size[rows]) * size[rows])[:, None] * rng.standard_normal((len(rows), 2))
         return record.with_column(COLUMNS[0], made[:, 0]).with_column(COLUMNS[1], made[:, 1])
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """By sample; a single sample by frequency."""
         single = [r.rows(rows) for r in records for rows in samples_of(r)]
         if len(single) == 1:

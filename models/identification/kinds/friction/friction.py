@@ -1,6 +1,4 @@
-"""A table of steady friction, one row a reading at a speed and a load: `F = mu (N + normal loads) sgn(v) level -
-forces` against the measured force or coefficient.
-"""
+"""A table of steady friction over speed and load: `F = mu (N + normal loads) sgn(v) level - forces`."""
 
 from __future__ import annotations
 
@@ -14,9 +12,9 @@ from numpy.typing import NDArray
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, Kind, present
+from models.identification.kind import Array, Split, present
 from models.identification.kinds.friction.effects import Extent, candidates
-from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
+from models.identification.kinds.table import TableKind, distinct, left_out_in_turn, means
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -29,9 +27,8 @@ _BELIEF = "rig file; without it only a start for the calibration"
 
 
 @dataclass(frozen=True)
-class FrictionKind(Kind):
-    """Steady sliding, one residual a condition (speed, load): the mean of its repeats against the model in standard
-    deviations.
+class FrictionKind(TableKind):
+    """Steady sliding, a condition is a speed and a load.
 
     The base is one number: the coefficient of friction where the load is known (a column `load_N`, or `[contact]
     load_N`) or a coefficient was measured, else the friction force. Forces count along the sliding that they drive:
@@ -64,29 +61,31 @@ class FrictionKind(Kind):
                 f"{', '.join(r.name for r in known)}: records of one series must have the same columns; got some with"
                 f" {COEFFICIENT!r} or {LOAD!r} and some without"
             )
-        quantity, load = COEFFICIENT if coefficient else FORCE, rig.contact.load_N
+        quantity, load, catalogue = COEFFICIENT if coefficient else FORCE, rig.contact.load_N, Catalogue.of(rig)
         loaded = coefficient or load is not None or any(LOAD in r.columns for r in records)
-        size = _size(known, quantity, load) if known else 1.0
+        size, scatter, extent = 1.0, SET.friction_untold, None
+        if known:
+            v, loads = np.concatenate([r[SPEED] for r in known]), np.concatenate([_loads(r, load) for r in known])
+            read = np.abs(np.concatenate([r[quantity] for r in known]))
+            size = float(np.median(read / (1 if coefficient else loads)))
+            extent = Extent.of(v, loads, read * (loads if coefficient else 1.0))
+            scatter = _scatter(known, quantity)
         stated = rig.contact.friction_coefficient if loaded else rig.contact.friction_N
         value = stated if stated is not None else (size if known else 0.1 if loaded else 1.0)
         name, unit = ("friction_coefficient", "1") if loaded else ("friction_N", "N")
         base = Parameter(name, value, unit, 0.0, 10 * max(value, size), _BELIEF, fit=True)
-        extent = _extent(known, quantity, load) if known else None
-        return cls(
-            (base,),
-            quantity,
-            load,
-            None if coefficient else rig.noise.force_std_N,
-            _scatter(known, quantity) if known else SET.friction_untold,
-            extent,
-            candidates(extent, Catalogue.of(rig)),
-            catalogue=Catalogue.of(rig),
-        )
+        std = None if coefficient else rig.noise.force_std_N
+        effects = candidates(extent, catalogue)
+        return cls((base,), quantity, load, std, scatter, extent, effects, catalogue=catalogue)
 
     @property
     def unit(self) -> str:
         """N, or 1 for a coefficient."""
         return "N" if self.quantity == FORCE else "1"
+
+    def keys(self, record: Record) -> Array:
+        """Speeds in m/s and loads in N."""
+        return np.column_stack((record[SPEED], _loads(record, self.load)))
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N that keeps the sliding up, along it, or its ratio to the load; one value a row."""
@@ -94,7 +93,7 @@ class FrictionKind(Kind):
         v, load = record[SPEED], _loads(record, self.load)
         way = np.sign(v)
         s = Signals(v=v, direction=way, load=load)
-        acting = [(effect, p) for effect, p in present(self.effects, values)]
+        acting = present(self.effects, values)
         level = reduce(mul, (effect.level(s, p, {}) for effect, p in acting), 1.0)
         extra = sum(effect.force(s, p, {}) for effect, p in acting)
         pressed = load + sum(effect.normal_load(s, p, {}) for effect, p in acting)
@@ -103,46 +102,26 @@ class FrictionKind(Kind):
         return np.asarray((force if self.quantity == FORCE else force * way / load) + 0.0 * v, dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """Difference of each condition's mean from the model in standard deviations; there is one criterion."""
-        _, index = conditions(record, self.load)
-        difference = means(index, record[self.quantity] - self.predict(record, theta))
-        return difference / np.sqrt(means(index, self.scatter(record) ** 2) / np.bincount(index))
+        """Difference of each condition's mean from the model in standard deviations."""
+        return self.errors(record, self.predict(record, theta)) / np.sqrt(self.variances(record))
 
     def scatter(self, record: Record) -> Array:
-        """Standard deviation of a single reading, one a row, in the measured unit."""
+        """As stated, else a share of the condition's mean."""
         if self.std is not None:
             return np.full(len(record), self.std)
-        _, index = conditions(record, self.load)
-        return np.maximum(self.relative * np.abs(means(index, record[self.quantity]))[index], 1e-12)
-
-    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms over conditions, pooled over the records."""
-        return pooled_rms(
-            [
-                means(conditions(r, self.load)[1], r[self.quantity] - p)
-                for r, p in zip(records, predictions, strict=True)
-            ]
-        )
-
-    def noise_floor(self, records: Sequence[Record]) -> float:
-        """What a reading's scatter leaves of the error."""
-        parts = []
-        for r in records:
-            _, index = conditions(r, self.load)
-            parts.append(means(index, self.scatter(r) ** 2) / np.bincount(index))
-        return float(np.sqrt(np.mean(np.concatenate(parts))))
+        mean = self.means(record, record[self.quantity])[self.conditions(record)[1]]
+        return np.maximum(self.relative * np.abs(mean), 1e-12)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same readings on the model, each with the scatter believed."""
         noise = self.scatter(record) * rng.standard_normal(len(record))
         return record.with_column(self.quantity, self.predict(record, theta) + noise)
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """Up to eight parts by whole conditions, drawn once and for all, never by repeats; the only condition at the
         slowest or fastest speed, or under the lightest or heaviest load, is always fitted to.
         """
-        keys = np.concatenate([_keys(r, self.load) for r in records])
-        runs, index = distinct(keys)
+        runs, index = distinct(np.concatenate([self.keys(r) for r in records]))
         alone = np.any(
             [_only_end(size) for size in np.abs(runs).T if np.ptp(size) > 0] or [np.zeros(len(runs), bool)], 0
         )
@@ -155,17 +134,7 @@ class FrictionKind(Kind):
         return {name: record[name] for name in (SPEED, LOAD) if name in record.columns}
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        """The prediction as the columns of a file, one a row."""
         return {**self.signals(record), self.quantity: predicted}
-
-
-def conditions(record: Record, load: float | None) -> tuple[Array, Index]:
-    """The different (speed, load) of a record, (k, 2) in m/s and N, and for each row which one it is, (n,)."""
-    return distinct(_keys(record, load))
-
-
-def _keys(record: Record, load: float | None) -> Array:
-    return np.column_stack((record[SPEED], _loads(record, load)))
 
 
 def _only_end(values: Array) -> NDArray[np.bool_]:
@@ -178,36 +147,13 @@ def _loads(record: Record, load: float | None) -> Array:
     return record[LOAD] if LOAD in record.columns else np.full(len(record), 1.0 if load is None else load)
 
 
-def _size(records: Sequence[Record], quantity: str, load: float | None) -> float:
-    """Median friction, or coefficient where the load of a force is known."""
-    return float(
-        np.median(
-            np.concatenate([np.abs(r[quantity]) / (1 if quantity == COEFFICIENT else _loads(r, load)) for r in records])
-        )
-    )
-
-
-def _extent(records: Sequence[Record], quantity: str, load: float | None) -> Extent:
-    v, n = (np.concatenate(rows) for rows in ([r[SPEED] for r in records], [_loads(r, load) for r in records]))
-    force = np.concatenate([np.abs(r[quantity]) for r in records]) * (n if quantity == COEFFICIENT else 1.0)
-    fast = np.abs(v)
-    return Extent(
-        float(fast.min()),
-        float(fast.max()),
-        float(n.min()),
-        float(n.max()),
-        float(force.max()),
-        bool((v > 0).any() and (v < 0).any()),
-    )
-
-
 def _scatter(records: Sequence[Record], quantity: str) -> float:
     """Relative standard deviation of a reading: from repeats where there are some, else from how far a reading lies off
     the line through its neighbours in speed (which a curved law makes larger, never smaller).
     """
     squares, freedom, off = 0.0, 0, list[Array]()
     for r in records:
-        runs, index = conditions(r, None)
+        runs, index = distinct(np.column_stack((r[SPEED], _loads(r, None))))
         mean = means(index, r[quantity])
         usable = mean[index] != 0
         squares += float(np.sum((r[quantity][usable] / mean[index][usable] - 1) ** 2))
@@ -224,9 +170,7 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
 
 
 def _off_line(x: Array, y: Array) -> Array:
-    """How far each inner value lies off the line through its two neighbours, as a share of it, in units that have the
-    standard deviation of one reading.
-    """
+    """How far inner values lie off their neighbours' line, as a share of it, in standard deviations of a reading."""
     order = np.argsort(x)
     x, y = x[order], y[order]
     right = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])

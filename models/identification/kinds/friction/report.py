@@ -6,7 +6,7 @@ import numpy as np
 
 from models.effects.equation import lines_of
 from models.identification.kinds.friction.effects import cannot_show
-from models.identification.kinds.friction.friction import FORCE, SPEED, FrictionKind, conditions
+from models.identification.kinds.friction.friction import FORCE, SPEED, FrictionKind
 from models.records.record import Record
 from models.rigs.friction import FRICTION
 from models.theta import Theta
@@ -26,7 +26,7 @@ def equations(kind: FrictionKind, theta: Theta) -> list[str]:
 
 def statements(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
     """Sentences on how the noise is known, on where the friction is least, and on what the table cannot show."""
-    repeats = sum(len(r) - len(conditions(r, kind.load)[0]) for r in records)
+    repeats = sum(len(r) - len(kind.conditions(r)[0]) for r in records)
     if kind.std is not None:
         noise = f"A reading's standard deviation is {kind.std:.3g} N, as stated."
     else:
@@ -43,7 +43,7 @@ def _least(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Seq
     if theta is None or x is None or x.fast <= x.slow:
         return []
     v = np.geomspace(x.slow, x.fast, 200)
-    usual = float(np.median(np.concatenate([conditions(r, kind.load)[0][:, 1] for r in records])))
+    usual = float(np.median(np.concatenate([kind.conditions(r)[0][:, 1] for r in records])))
     curve = Record("curve", FRICTION.id, {SPEED: v, "load_N": np.full(len(v), usual), kind.quantity: np.ones(len(v))})
     friction = kind.predict(curve, theta)
     k = int(np.argmin(friction))
@@ -66,6 +66,6 @@ def next_experiment(kind: FrictionKind, theta: Theta, records: Sequence[Record])
         wanted.append(f"the same speeds under loads of {x.light / 3:.2g} and {x.heavy * 3:.2g} N")
     if "both_ways" in lacks:
         wanted.append("the same backwards")
-    if all(len(r) == len(conditions(r, kind.load)[0]) for r in records):
+    if all(len(r) == len(kind.conditions(r)[0]) for r in records):
         wanted.append("each condition three times")
     return "measure " + ", ".join(wanted) if wanted else None

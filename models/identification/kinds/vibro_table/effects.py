@@ -1,74 +1,67 @@
 """From the parameters of a fit to the numbers of the compiled vibro drive: base values and effects onto its fields."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
 from models.effects.drive.actuator_lag import ActuatorLag
-from models.effects.effect import Effect
+from models.effects.effect import Effect, by_name, number
 from models.effects.force.viscous_drag import ViscousDrag
 from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
 from models.effects.friction.stribeck import Stribeck
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
 from models.effects.inner_mass.spring_hardening import SpringHardening
-from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
-from models.parameter import Name, Parameter
+from models.identification.kinds.vibro_table.solver import GRAVITY, VibroCycle
+from models.parameter import Name
 from models.rigs.vibro_table import VIBRO_TABLE
 from models.theta import Theta, spelled
 
 _LEVEL = "directional friction of dry contacts: tens of percent"
 
 
-@dataclass(frozen=True)
 class SwitchLag(ActuatorLag):
     """`actuator_lag` of a coil that is switched on and off, milliseconds."""
 
     kinds = frozenset({VIBRO_TABLE.id})
     probe = 0.002
     confounders = ("coil_lag", "coil_reach", "incline_gravity")
-    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.015, ActuatorLag.source, fit=True)
+    time_s = number(0.0, "s", 0.0, 0.015)
 
 
-@dataclass(frozen=True)
 class SoftStop(EndStopImpact):
     """`end_stop_impact` of elastic rubber: mean speeds tell little of a short impact."""
 
-    grid = MappingProxyType({"gap_m": (0.005, 0.01, 0.015)})
-    stiffness_N_per_m: Parameter = Parameter("stiffness_N_per_m", 0.0, "N/m", 0.0, 3000.0, "rubber stops", fit=True)
-    gap_m: Parameter = Parameter("gap_m", 0.01, "m", 0.003, 0.03, "travel of the inner mass", fit=True)
-    loss_s: Parameter = Parameter("loss_s", 0.0, "s", 0.0, 5e-3, EndStopImpact.source)
+    grid = by_name(gap_m=(0.005, 0.01, 0.015))
+    stiffness_N_per_m = number(0.0, "N/m", 0.0, 3000.0, "rubber stops")
+    gap_m = number(0.01, "m", 0.003, 0.03, "travel of the inner mass")
+    loss_s = number(0.0, "s", 0.0, 5e-3, fit=False)
 
 
-@dataclass(frozen=True)
 class Duffing(SpringHardening):
     """`spring_hardening` with the third power: mean speeds tell no other."""
 
-    power: Parameter = Parameter("power", 3.0, "1", 1.5, 5.0, SpringHardening.source)
+    power = number(3.0, "1", 1.5, 5.0, fit=False)
 
 
-@dataclass(frozen=True)
 class PlateDrag(ViscousDrag):
     """`viscous_drag` of a plate, which never pushes: a body would run away."""
 
-    coefficient_N: Parameter = Parameter("coefficient_N", 0.0, "N at 10 mm/s", 0.0, 0.3, ViscousDrag.source, fit=True)
+    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
 
 
-@dataclass(frozen=True)
 class PlateStribeck(Stribeck):
     """`stribeck` of a dry plate: it fades over speeds of the body's own swing, up to 0.15 m/s."""
 
-    grid = MappingProxyType({"speed_m_s": (0.01, 0.03, 0.08)})
-    excess: Parameter = Parameter("excess", 0.0, "1", 0.0, 2.0, Stribeck.source, fit=True)
-    speed_m_s: Parameter = Parameter("speed_m_s", 0.03, "m/s", 0.002, 0.15, Stribeck.source, fit=True)
-    exponent: Parameter = Parameter("exponent", 2.0, "1", 0.5, 4.0, Stribeck.source, fit=False)
+    grid = by_name(speed_m_s=(0.01, 0.03, 0.08))
+    excess = number(0.0, "1", 0.0, 2.0)
+    speed_m_s = number(0.03, "m/s", 0.002, 0.15)
+    exponent = number(2.0, "1", 0.5, 4.0, fit=False)
 
 
-@dataclass(frozen=True)
 class PlateAsymmetry(DirectionalAsymmetry):
     """`directional_asymmetry` of a plate."""
 
-    asymmetry: Parameter = Parameter("asymmetry", 0.0, "1", -0.4, 0.4, _LEVEL, fit=True)
+    asymmetry = number(0.0, "1", -0.4, 0.4, _LEVEL)
 
 
 VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
+from models.identification.fitting.fit import Problem
 from models.identification.kind import Array
-from models.identification.kinds.vibro_table.cross_validation import cross_validated
-from models.identification.kinds.vibro_table.numbers import GRAVITY
+from models.identification.kinds.vibro_table.solver import GRAVITY
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -16,9 +16,7 @@ from models.theta import Theta
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """The model in words and numbers, SI units; `xi` is the inner mass's displacement against the body. The base, then
-    what each effect adds to it.
-    """
+    """The model in words and numbers, SI units, then each effect; `xi` is the inner mass's displacement."""
     theta = kind.nominal() | theta
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
@@ -34,9 +32,7 @@ def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
 
 
 def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | None:
-    """The period in s, between 0.05 and 0.1, at which the mean velocity at `duty` changes sign; None where it does
-    not.
-    """
+    """The period in s, in 0.05 to 0.1, at which the mean velocity at `duty` changes sign; None where none does."""
     periods = np.arange(0.05, 0.1001, 0.0005)
     speeds = kind.predict(_runs(periods, duty), theta)
     at = np.flatnonzero(speeds[:-1] * speeds[1:] < 0)
@@ -91,9 +87,7 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
 
 
 def _at_bounds(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """Which fitted base values lie at the end of what was believed: the predictions may hold, the values must not be
-    taken as measured.
-    """
+    """Which fitted base values lie at the end of what was believed, so that they are not measured."""
     ends = [
         f"{p.name} = {theta[p.name]:.3g}"
         for p in kind.base
@@ -164,3 +158,37 @@ def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record
             "a pull with a spring balance for the friction, which with the force fixes the scale of all speeds"
         )
     return "; ".join(wishes) or None
+
+
+def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> dict[str, float]:
+    """Rms error in m/s over conditions, each predicted by a fit to the parts (`kind.folds`) that do not hold it.
+
+    Keys: "" for the model with every effect of `theta`, and each effect's id for the model refitted without it. Every
+    fit starts from `theta`; which effects there are is not chosen anew in each part. Empty where there are fewer than
+    24 conditions.
+    """
+    splits = kind.splits(records)
+    if sum(len(_pairs(held)) for _, held in splits) < SET.table_fewest:
+        return {}
+    out = {}
+    for left_out in ("", *theta.effects):
+        start = theta.without(left_out)
+        secants = (0.3, 0.1) if left_out else (0.1,)
+        squares = [_squared(kind, held, _fitted(kind, training, start, secants)) for training, held in splits]
+        out[left_out] = float(np.sqrt(np.mean(np.concatenate(squares))))
+    return out
+
+
+def _fitted(kind: VibroTableKind, records: Sequence[Record], theta: Theta, secants: Sequence[float]) -> Theta:
+    for secant in secants:
+        theta = Problem.of(kind, records, list(theta.effects), 0).descend(theta, secant, SET.table_steps).theta
+    return theta
+
+
+def _pairs(records: Sequence[Record]) -> set[tuple[float, float]]:
+    return {(float(p), float(d)) for r in records for p, d in zip(r["period_s"], r["duty"], strict=True)}
+
+
+def _squared(kind: VibroTableKind, held: Sequence[Record], theta: Theta) -> Array:
+    """Squared errors of the conditions of `held`."""
+    return np.concatenate([kind.errors(r, kind.predict(r, theta)) ** 2 for r in held])

@@ -1,6 +1,4 @@
-"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty): prediction and
-criterion.
-"""
+"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty)."""
 
 from __future__ import annotations
 
@@ -12,10 +10,10 @@ import numpy as np
 from models.compiled.residuals import less_in_the_tail
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kind import Array, Kind
-from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
+from models.identification.kind import Array, Split
+from models.identification.kinds.table import TableKind, distinct, left_out_in_turn
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
-from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
+from models.identification.kinds.vibro_table.solver import STEP_S, mean_velocities
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -31,7 +29,7 @@ _SCALE = (
 
 
 @dataclass(frozen=True)
-class VibroTableKind(Kind):
+class VibroTableKind(TableKind):
     """Mean speed over `cycles` periods from rest, `M v' = S - F - mu (M + m) g Sgn(v)`, `m (v' + xi'') = F - S`, `S = k
     xi`.
 
@@ -53,58 +51,35 @@ class VibroTableKind(Kind):
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> VibroTableKind:
-        """The kind that a rig file with [capsule], [drive] and a plate describes, `settled` by `records`; ValueError
-        where it is another rig.
-        """
+        """Of a rig file with [capsule], [drive] and a plate, `settled` by `records`; ValueError for another rig."""
         drive, surface = rig.drive, rig.surface
         if drive is None or surface is None or surface.kind != "plate" or surface.friction_coefficient is None:
             raise ValueError(
                 f"rig must have a drive and a plate for kind {VIBRO_TABLE.id!r}; got kind {rig.kind!r} without them"
             )
-        made = cls.around(
-            rig.capsule.mass_kg,
-            drive.inner_mass_kg,
-            drive.spring_stiffness_N_per_m,
-            drive.force_N,
-            surface.friction_coefficient,
-            drive.reaction_on_body,
-        )
-        return made.settled(records) if records and made.quantity in records[0].columns else made
-
-    @classmethod
-    def around(
-        cls,
-        body_mass_kg: float = 0.193,
-        inner_mass_kg: float = 0.074,
-        spring_stiffness_N_per_m: float = 256.23,
-        force_N: float = 1.25,
-        friction_coefficient: float = 0.29,
-        reaction_on_body: bool = True,
-        mirror: float = 1.0,
-    ) -> VibroTableKind:
-        """A rig with these nominal numbers; masses are weighed and stay, stiffness may be off by 20 %."""
 
         def number(name: str, value: float, unit: str, low: float, high: float) -> Parameter:
             ends = sorted((low * value, high * value))
             return Parameter(name, value, unit, ends[0], ends[1], _BELIEF, fit=low < high)
 
-        return cls(
-            (
-                number("spring_stiffness_N_per_m", spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
-                Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
-                number("friction_coefficient", friction_coefficient, "1", 0.5, 1.7),
-                number("force_N", force_N, "N", 1.0, 1.0),
-                number("body_mass_kg", body_mass_kg, "kg", 1.0, 1.0),
-                number("inner_mass_kg", inner_mass_kg, "kg", 1.0, 1.0),
-                Parameter("mirror", mirror, "1", -1.0, 1.0, "settled once from the records"),
-            ),
-            reaction_on_body,
+        base = (
+            number("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
+            Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
+            number("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7),
+            number("force_N", drive.force_N, "N", 1.0, 1.0),
+            number("body_mass_kg", rig.capsule.mass_kg, "kg", 1.0, 1.0),
+            number("inner_mass_kg", drive.inner_mass_kg, "kg", 1.0, 1.0),
+            Parameter("mirror", 1.0, "1", -1.0, 1.0, "settled once from the records"),
         )
+        made = cls(base, drive.reaction_on_body)
+        return made.settled(records) if records and made.quantity in records[0].columns else made
+
+    def keys(self, record: Record) -> Array:
+        """Period in s, duty and cycles."""
+        return np.column_stack((record["period_s"], record["duty"], record["cycles"]))
 
     def settled(self, records: Sequence[Record]) -> VibroTableKind:
-        """The same kind with the mirror under which models with some damping of the spring come nearest to the
-        records.
-        """
+        """The same kind with the mirror under which models with some damping come nearest to the records."""
         ratios = (0.02, 0.05, 0.1, 0.2)
         scale = 2 * float(np.sqrt(self.nominal()["spring_stiffness_N_per_m"] * self.nominal()["inner_mass_kg"]))
         lost = {}
@@ -117,57 +92,36 @@ class VibroTableKind(Kind):
     def predict(self, record: Record, theta: Theta) -> Array:
         """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""
         values = self.nominal() | theta
-        runs, index = _conditions(record)
+        runs, index = self.conditions(record)
         speeds = mean_velocities(
             runs[:, 0], runs[:, 1], runs[:, 2], vibro_cycle(values, self.reaction_on_body), step=self.step_s
         )
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """Difference of each condition's mean from the model in units of its standard deviation; there is one
-        criterion.
-        """
-        difference = _means(record, record[self.quantity] - self.predict(record, theta))
-        _, index = _conditions(record)
-        scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)
-        misfit = difference / np.sqrt(scatter + self.model_error_m_s**2)
+        """Difference of each condition's mean from the model in units of its standard deviation."""
+        spread = np.sqrt(self.variances(record) + self.model_error_m_s**2)
+        misfit = self.errors(record, self.predict(record, theta)) / spread
         return np.asarray(less_in_the_tail(misfit, SET.outlying))
 
     def scatter(self, record: Record) -> Array:
-        """Standard deviation in m/s of a single run, one a row: reading of the displacement plus a common share of the
-        speed that the repeats within conditions show.
-        """
-        _, index = _conditions(record)
-        mean = _means(record, record[self.quantity])[index]
+        """Standard deviation in m/s of a run: reading of the displacement, and a share of the speed as repeats show."""
+        _, index = self.conditions(record)
+        mean = self.means(record, record[self.quantity])[index]
         counts = np.bincount(index)
         reading = SET.reading_m / np.sqrt(12) / (record["cycles"] * record["period_s"])
         spread = np.sum((record[self.quantity] - mean) ** 2) - np.sum(reading**2 * (1 - 1 / counts[index]))
         share = max(float(spread) / max(float(np.sum(mean**2 * (1 - 1 / counts[index]))), 1e-12), 0.0)
         return np.asarray(np.sqrt(reading**2 + share * mean**2), dtype=float)
 
-    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms over conditions in m/s, pooled over the records."""
-        return pooled_rms([self.errors(r, p) for r, p in zip(records, predictions, strict=True)])
-
-    def errors(self, record: Record, predicted: Array) -> Array:
-        """Measured minus predicted speed in m/s, one a condition."""
-        return _means(record, record[self.quantity] - predicted)
-
-    def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the scatter of the repeats leaves of the error, in m/s."""
-        parts = [_means(r, self.scatter(r) ** 2) / np.bincount(_conditions(r)[1]) for r in records]
-        return float(np.sqrt(np.mean(np.concatenate(parts))))
-
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same runs on the model: scatter for each run, and what differs between set-ups once for each
-        condition.
-        """
-        runs, index = _conditions(record)
+        """The same runs on the model: scatter for each run, what differs between set-ups for each condition."""
+        runs, index = self.conditions(record)
         setup = self.model_error_m_s * rng.standard_normal(len(runs))[index]
         scatter = self.scatter(record) * rng.standard_normal(len(record))
         return record.with_column(self.quantity, self.predict(record, theta) + setup + scatter)
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """Eight parts by whole (period, duty), drawn once and for all, never by repeats."""
         keys = [np.column_stack((r["period_s"], r["duty"])) for r in records]
         conditions, index = distinct(np.concatenate(keys))
@@ -179,15 +133,5 @@ class VibroTableKind(Kind):
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         """The prediction as the columns of a file, one row a condition."""
-        runs, _ = _conditions(record)
-        return {"period_s": runs[:, 0], "duty": runs[:, 1], self.quantity: _means(record, predicted)}
-
-
-def _conditions(record: Record) -> tuple[Array, Index]:
-    """The different (period, duty, cycles) of a record, and for each row which one it is."""
-    return distinct(np.column_stack((record["period_s"], record["duty"], record["cycles"])))
-
-
-def _means(record: Record, values: Array) -> Array:
-    """Means of `values` over the rows of each condition."""
-    return means(_conditions(record)[1], values)
+        runs, _ = self.conditions(record)
+        return {"period_s": runs[:, 0], "duty": runs[:, 1], self.quantity: self.means(record, predicted)}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.app.cockpit import command
+from hil.app.cockpit import cockpit as module
 from hil.app.cockpit.source import LogSource
 from hil.app.main import run
 from hil.app.scenario.deployment import parse_deployment
@@ -47,7 +47,7 @@ def test_bad_sources(tmp_path: Path, capsys: pytest.CaptureFixture[str], channel
 
 
 def test_without_the_extra(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(command, "find_spec", lambda name: None)
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
     assert "pip install '.[cockpit]'" in said(capsys, "x.toml")
 
 
@@ -63,7 +63,7 @@ def test_a_log_with_its_record_says_what_the_model_is_made_of(tmp_path: Path) ->
     record = log_record({"deployment": text}, "feedforward", values, parsed.limits, frames())
     with LockstepLog(tmp_path / "run.blf", record) as log:
         log.put(story(1.0))
-    with command._source(tmp_path / "run.blf") as (source, hands):
+    with module._source(tmp_path / "run.blf") as (source, hands):
         assert hands is None
         assert isinstance(source, LogSource)
         model = source.facts.models[0]
@@ -81,8 +81,8 @@ def test_no_request_carries_the_token_of_the_address(
 
     tokens: list[str] = []
     monkeypatch.setattr(server, "serve", lambda page, *_: tokens.append(page.token))
-    monkeypatch.setattr(command.os, "nice", lambda _: 0)
-    command.cockpit(Path(rig_file(tmp_path, deployment(channel))), port=0, json_output=True)
+    monkeypatch.setattr(module.os, "nice", lambda _: 0)
+    module.cockpit(Path(rig_file(tmp_path, deployment(channel))), port=0, json_output=True)
     told = json.loads(capsys.readouterr().out)
     assert told["address"] == f"{told['watch_only']}#token={tokens[0]}"
 
@@ -110,7 +110,7 @@ console.log(JSON.stringify([tokenOf(), bar.pathname + bar.search + bar.hash, kep
 )
 def test_the_token_leaves_the_address_bar(hash_: str, search: str, kept: str, found: list[str]) -> None:
     """The page's own function, with a browser's parts put in its place."""
-    script = (Path(command.__file__).parent / "cockpit.js").read_text()
+    script = (Path(module.__file__).parent / "cockpit.js").read_text()
     function = re.search(r"function tokenOf\(\) \{.*?^\}", script, re.DOTALL | re.MULTILINE)
     assert function is not None
     text = TAKEN.replace("FUNCTION", function[0])

@@ -16,7 +16,7 @@ from hil.app.write import table_text
 from hil.formats.channels import Channel, Heading
 from hil.formats.table import write_channels
 from models.files.csv_header import guarded, unguarded
-from models.files.csv_reader import read_blocks
+from models.files.csv_reader import read_table
 
 FORMULAS = (
     "=cmd|' /C calc'!A0",
@@ -48,7 +48,7 @@ def parquet(path: Path, names: Sequence[str]) -> Path:
 
 
 def header_of(path: Path) -> list[str]:
-    return next(read_blocks(path, lambda names, units: ()))[0]
+    return read_table(path, lambda names, units: ()).header
 
 
 @pytest.mark.parametrize("name", FORMULAS)

@@ -16,10 +16,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import hil.app.demo.command as demo_module
+import hil.app.demo.demo as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Acceptance
-from hil.app.demo.command import demo
+from hil.app.demo.demo import demo
 from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, Excitation, LearningStory, LoopStory, admitted
 from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
@@ -243,15 +243,18 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "learning.html", "learning.json", "scenario.toml", "sil.json",
     ]  # fmt: skip
-    page = demo_html([], 1.0, [(Quick("learning"), one)])
+    page = demo_html([(Quick("learning"), one)], 1.0)
     assert one.sentence in page
     assert "learning/learning.html" in page
 
 
 @pytest.mark.usefixtures("loaded_once")
-def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_demo_leaves_page_numbers_and_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
-    demo(out, json_output=True, stories=[Quick("first"), Quick("second")])
+    monkeypatch.setattr(demo_module, "STORIES", [Quick("first"), Quick("second")])
+    demo(out, json_output=True)
     said = capsys.readouterr()
     document = json.loads(said.out)
     assert document == json.loads((out / "demo.json").read_text())
@@ -271,9 +274,12 @@ def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("fault", "raised", "said"), [("refused", ValueError, "got none"), ("died", RuntimeError, "status 3")]
 )
-def test_a_story_that_fails_leaves_nothing(tmp_path: Path, fault: str, raised: type[Exception], said: str) -> None:
+def test_a_story_that_fails_leaves_nothing(
+    tmp_path: Path, fault: str, raised: type[Exception], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(demo_module, "STORIES", [Quick("bad", fault=fault)])
     with pytest.raises(raised, match=said):
-        demo(tmp_path, stories=[Quick("bad", fault=fault)])
+        demo(tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -48,7 +48,7 @@ def test_design_prints_numbers_and_draws(rig_text: str, tmp_path: Path, capsys: 
 def test_an_inner_mass_has_its_resonance_its_gears_and_a_slow_loop_that_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil.app.design.command.study_of", partial(study_of, optimise=False))
+    monkeypatch.setattr("hil.app.design.design.study_of", partial(study_of, optimise=False))
     rig = tmp_path / "rig.toml"
     rig.write_text(VIBRO)
     assert run(["design", str(rig), "--json", "--out", str(tmp_path / "out")]) == 0

@@ -9,10 +9,11 @@ import pytest
 
 from hil.app.identify.close_loop import next_toml, result_files
 from hil.app.main import run
-from hil.app.report import report_html, report_json
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
 from hil.app.scenario.deployment import load_deployment, parse_deployment
 from hil.app.scenario.scenario import load_track_scenario
+from hil.report.closed_loop import report_html
+from hil.report.numbers import report_json
 from models.files.toml import parse_toml
 from models.identification import Model
 from models.identification.finding import NEXT_CSV, NEXT_TOML

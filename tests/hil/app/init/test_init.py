@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.app.init.command import RECORD, RIG
+from hil.app.init import RECORD, RIG
 from hil.app.main import run
 from models.records.record import read_record
 from models.rigs.kinds import KINDS

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.app.jog.command import keys, raw_terminal
+from hil.app.jog import keys, raw_terminal
 from hil.app.main import run
 from hil.app.scenario.jog_script import Step, steps
 from hil.bus.catalogue import load_catalogue

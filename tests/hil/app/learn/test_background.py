@@ -24,10 +24,9 @@ LONGEST_S = 60.0
 
 @pytest.fixture
 def learner() -> Iterator[Background]:
-    found = Background()
-    found.begin()
-    yield found
-    found.close()
+    with Background() as found:
+        found.begin()
+        yield found
 
 
 def process_of(learner: Background) -> Any:
@@ -103,7 +102,7 @@ def test_a_stopped_one_ends_with_the_run(asks: bool) -> None:
     future = learner(long) if asks else None
     time.sleep(0.2)
     began = time.monotonic()
-    learner.close()
+    learner.__exit__()
     assert time.monotonic() - began < CLOSED_S
     assert process.exitcode == -signal.SIGKILL
     if future is not None:

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from hil.app.papers import seed_rows, seeds
 from hil.app.papers.dma import DmaTable
 from hil.app.papers.refit import FIVE_ELEMENTS, SPRINGPOT, fit_spectrum, relative_error
+from hil.app.papers.seeds import seed_rows, seeds
 
 # id: the published or independently computed number, in the row's unit
 EXPECTED = {

@@ -15,7 +15,7 @@ from hil.app.run.machine import lateness, link_advice, link_faults, link_of, pri
 from hil.app.scenario.deployment import BusTable, ControlTable
 from hil.bus.local import LocalBus
 
-TABLE = BusTable("socketcan", "can0", fd=True)
+TABLE = BusTable(interface="socketcan", channel="can0", fd=True)
 
 
 def link(txqlen: int = 10, **data: Any) -> dict[str, Any]:
@@ -30,7 +30,7 @@ def test_an_interface_as_the_kernel_makes_it_is_told_what_it_lacks() -> None:
         "a queue of 10 frames: ip link set can0 txqueuelen 128",
         "no return after bus-off: ip link set can0 type can restart-ms 100, while it is down",
     ]
-    assert link_faults(link(bittiming={"bitrate": 500_000}), BusTable("socketcan", "can0")) == [
+    assert link_faults(link(bittiming={"bitrate": 500_000}), BusTable(interface="socketcan", channel="can0")) == [
         "bittiming of can0 must be 1000000; got 500000"
     ]
     good = link(1000, bittiming={"bitrate": 1_000_000}, data_bittiming={"bitrate": 5_000_000}, restart_ms=100)
@@ -40,8 +40,8 @@ def test_an_interface_as_the_kernel_makes_it_is_told_what_it_lacks() -> None:
 def test_a_virtual_interface_and_none_are_left_alone() -> None:
     virtual = {"ifname": "vcan0", "txqlen": 1000, "linkinfo": {"info_kind": "vcan"}}
     assert link_faults(virtual, TABLE) == link_advice(virtual, TABLE) == []
-    assert link_of(BusTable("socketcan", "nocan9")) == {}
-    assert link_of(BusTable("capsule_local", "x")) == {}
+    assert link_of(BusTable(interface="socketcan", channel="nocan9")) == {}
+    assert link_of(BusTable(interface="capsule_local", channel="x")) == {}
     assert link_faults({}, TABLE) == link_advice({}, TABLE) == []
 
 

@@ -111,7 +111,7 @@ def test_a_log_never_takes_the_name_of_another_file(
         ),
         (deployment(control="tick_s = 0.5"), "control.tick_s must lie in"),
         (deployment(control="tick_s = 0.01"), "control.tick_s must be at most 0.008 s for a magnetic rig on the bus"),
-        (deployment(control="core = -2"), "control.core must be a core's number"),
+        (deployment(control="core = -2"), "control.core must lie in [-1, 4095]; got -2"),
         (deployment(more="[limits]\ncarriage_speed_m_s = 0.5\n"), "carriage_speed_m_s must be at most 0.4"),
         (deployment(control="duratoin_s = 1"), "did you mean"),
         (deployment(control='controller = "mpcc"'), "rig.toml: control.controller must be one of"),

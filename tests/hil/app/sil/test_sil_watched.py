@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from hil.app.cockpit.command import _source
+from hil.app.cockpit.cockpit import _source
 from hil.app.cockpit.source import BusSource
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario
-from hil.app.sil.command import Watched
 from hil.app.sil.loop import run_sil
+from hil.app.sil.sil import Watched
 from hil.app.sil.testbed import believed_on_bus
 from hil.bus.local import LocalBus
 from models.theta import Theta

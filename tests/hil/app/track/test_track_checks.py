@@ -32,7 +32,7 @@ def led(scenario: TrackScenario, error_mm: list[tuple[float, float]]) -> dict[st
     trace.command[:] = trace.solve_s[:] = trace.estimate_s[:] = 0.0
     trace.rows[:, at.O_T], trace.rows[:, at.O_X] = t, scenario.reference.position(t) + off
     found = verdicts(scenario, "mpc", trace, score(scenario, trace))
-    return {one.check: (one.value, one.passed) for one in found}
+    return {one["check"]: (one["value"], one["passed"]) for one in found}
 
 
 def scenario_of(reference: dict[str, object], checks: dict[str, object], **tables: object) -> TrackScenario:
@@ -180,4 +180,4 @@ def test_quick_scenarios_keep_their_checks(name: str, controller: str) -> None:
     scenario = load_track_scenario(FOLDER / f"track_{name}.toml")
     trace = run_loop(scenario, believed_model(scenario, Theta()), controller, scenario.seed)
     found = verdicts(scenario, controller, trace, score(scenario, trace))
-    assert [one for one in found if not one.passed] == []
+    assert [one for one in found if not one["passed"]] == []

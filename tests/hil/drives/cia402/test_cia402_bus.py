@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -127,7 +126,7 @@ def test_bits_count_while_it_is_led_alone(ends: Ends) -> None:
     led(ends)
     ends.say("CarriageCommand", command(OFF, 0.0))
     assert FAULT not in states(ends, *[DEVIATES] * 120)
-    with closing(Ends("by speeds", replace(TABLE, mode="velocity"))) as speeds:
+    with closing(Ends("by speeds", TABLE.but(mode="velocity"))) as speeds:
         led(speeds)
         assert states(speeds, FOLLOWS | DEVIATES, FOLLOWS | DEVIATES) == [ENABLED, ENABLED]
 

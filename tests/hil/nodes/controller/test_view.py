@@ -10,7 +10,7 @@ import pytest
 from controller.model.control_model import control_model
 from controller.signals import Estimate
 from hil.app.scenario.deployment import read_deployed_rig
-from hil.bus.absent import without_absent
+from hil.bus.codec import without_absent
 from hil.bus.protection import Receiver, Sender
 from hil.log.blf_file import SENT
 from hil.log.reader import read_frames

@@ -10,7 +10,7 @@ from models.effects import CATALOGUE
 from models.identification.experiment.propose import propose, words_of
 from models.identification.kinds import kind_for
 from models.identification.search.forward_selection import Search
-from models.identification.search.refit import calibrated
+from models.identification.search.refit import whole
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from tests.rig_texts import GUT
@@ -32,7 +32,7 @@ def test_the_next_record_shows_what_the_records_cannot_within_their_places() -> 
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= hidden.keys()
     unseen = [CATALOGUE[name] for name in hidden]
     kind = kind_for(RIG, records)
-    found = Search(*[calibrated(kind, records)] * 2)
+    found = Search(*[whole(kind, records, [], kind.nominal(), to_the_end=False)] * 2)
     proposal = propose(kind, records, found, shown_with(RIG, records, unseen), np.random.default_rng(0))
     assert proposal is not None
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= set(proposal.shows) <= hidden.keys()

@@ -5,7 +5,7 @@ import pytest
 
 from models.identification.fitting.confidence import drawn, jackknife
 from models.identification.fitting.fit import Fit
-from models.identification.kinds.axis.axis import AxisKind
+from tests.models.identification.kinds.axes import axis_kind
 
 
 @pytest.mark.parametrize("groups", [2, 5, 12])
@@ -29,7 +29,7 @@ def test_a_fit_on_everything_says_nothing_of_the_scatter() -> None:
 
 def test_only_what_is_told_moves_and_by_what_is_left_when_the_others_stay() -> None:
     """Viscous and Coulomb friction that the records hardly tell apart: alone each is told a hundred times as well."""
-    kind, rng = AxisKind.around(1.0, 2.0, 3.0, 0.0), np.random.default_rng(1)
+    kind, rng = axis_kind(1.0, 2.0, 3.0, 0.0), np.random.default_rng(1)
     names = [p.name for p in kind.base]
     common = rng.standard_normal(2000)
     columns = [rng.standard_normal(2000), common, common + 0.01 * rng.standard_normal(2000), rng.standard_normal(2000)]

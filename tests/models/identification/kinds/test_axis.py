@@ -13,7 +13,7 @@ from models.effects.effect import Effect
 from models.identification.kinds import ready
 from models.identification.kinds.axis import report
 from models.identification.kinds.axis.axis import NOISES, AxisKind
-from models.identification.kinds.axis.ripple import find_ripple
+from models.identification.kinds.axis.report import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.search.refit import refit
 from models.records.record import Record
@@ -21,7 +21,7 @@ from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
 from models.theta import Theta, bare
 
-KIND = AxisKind.around()
+KIND = AxisKind.from_rig(Rig("axis"))
 TRUE = Theta({"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0})
 ASYMMETRIC = Theta.of({**TRUE, ("directional_asymmetry", "asymmetry"): -0.15})
 LATE = Theta.of({("sensor_delay", "delay_s"): 3e-4})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.app.init.rig_file import template
+from hil.app.init import template
 from models.effects import EFFECTS
 from models.identification.kinds import AnyKind, kind_for
 from models.records.record import Record

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil import api
-from hil.app.report.words import interpolation
+from hil.report.words import interpolation
 from models.identification.finding import Finding
 from models.identification.kinds import kind_for
 from models.records.record import Record

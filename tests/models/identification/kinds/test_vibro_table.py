@@ -10,19 +10,31 @@ from models.effects.effect import InnerMassEffect, Signals
 from models.effects.force.incline_gravity import InclineGravity
 from models.effects.inner_mass.spring_damping import SpringDamping
 from models.identification.kinds.vibro_table import report
-from models.identification.kinds.vibro_table.cross_validation import cross_validated
 from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
-from models.identification.kinds.vibro_table.mean_speed import mean_velocities
-from models.identification.kinds.vibro_table.numbers import VibroCycle
-from models.identification.kinds.vibro_table.report import reversal
-from models.identification.kinds.vibro_table.solver import drive_force, friction, resistance, suspension_force
+from models.identification.kinds.vibro_table.report import cross_validated, reversal
+from models.identification.kinds.vibro_table.solver import (
+    VibroCycle,
+    drive_force,
+    friction,
+    mean_velocities,
+    resistance,
+    suspension_force,
+)
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.theta import Theta
 
-EFFECTS = VibroTableKind.around().effects
+RIG = {
+    "rig": {"kind": "vibro_table"},
+    "capsule": {"mass_kg": 0.193},
+    "drive": {"inner_mass_kg": 0.074, "spring_stiffness_N_per_m": 256.23, "force_N": 1.25, "reaction_on_body": True},
+    "surface": {"kind": "plate", "friction_coefficient": 0.29},
+}
+KIND = VibroTableKind.from_rig(parse_rig(RIG))
+MIRRORED = replace(KIND, base=tuple(p.at(-1.0) if p.name == "mirror" else p for p in KIND.base))
+EFFECTS = KIND.effects
 NOMINAL = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * 9.81)
 SMALL = VibroCycle(0.0213, 0.0231, 360.0, 0.8, 0.7)
 DAMPED = Theta({"spring_stiffness_N_per_m": 286.5, "force_N": 3.16, "friction_coefficient": 0.6647, "mirror": -1.0})
@@ -65,7 +77,7 @@ def test_a_push_below_friction_moves_the_body_by_exactly_nothing() -> None:
 
 
 def test_the_step_converges_and_the_periodic_short_cut_changes_nothing() -> None:
-    drive = vibro_cycle(Theta.of({**VibroTableKind.around().nominal(), **DAMPED}))
+    drive = vibro_cycle(Theta.of({**KIND.nominal(), **DAMPED}))
     period, duty = np.array([0.03, 0.06, 0.08, 0.1, 0.155]), np.array([0.7, 0.35, 0.3, 0.25, 0.3])
     exact = mean_velocities(period, duty, 40, drive, step=1e-5)
     errors = [np.max(np.abs(mean_velocities(period, duty, 40, drive, step=h) - exact)) for h in (2e-3, 1e-3, 5e-4)]
@@ -85,7 +97,7 @@ def test_friction_carries_the_momentum_that_the_outside_force_brings() -> None:
 
 def test_solver_numbers_agree_with_the_effects_hooks() -> None:
     rng = np.random.default_rng(3)
-    base = VibroTableKind.around().nominal()
+    base = KIND.nominal()
     plain = vibro_cycle(base)
     for effect in EFFECTS:
         p = {q.name: rng.uniform(max(q.lower, -1e3), min(q.upper, 1e6)) for q in effect.parameters()}
@@ -104,7 +116,7 @@ def test_solver_numbers_agree_with_the_effects_hooks() -> None:
 
 def test_every_parameter_of_every_effect_reaches_the_solver_and_zero_amplitude_is_no_effect() -> None:
     assert set(FIELDS) == {(e.id, p.name) for e in EFFECTS for p in e.parameters()}
-    kind = VibroTableKind.around()
+    kind = KIND
     runs = record([0.06, 0.1, 0.155], [0.3, 0.25, 0.7], 20)
     plain = kind.predict(runs, kind.nominal())
     for effect in EFFECTS:
@@ -127,7 +139,7 @@ def test_the_coil_is_on_for_less_than_its_duty() -> None:
 
 
 def test_no_values_within_bounds_and_no_condition_give_anything_but_a_speed() -> None:
-    rng, kind = np.random.default_rng(5), VibroTableKind.around()
+    rng, kind = np.random.default_rng(5), KIND
     period, duty = (x.ravel() for x in np.meshgrid([0.02, 0.05, 0.08, 0.3], [0.0, 0.05, 0.5, 0.95, 1.0]))
     runs = record(period, duty, 20)
     for _ in range(25):
@@ -139,7 +151,7 @@ def test_no_values_within_bounds_and_no_condition_give_anything_but_a_speed() ->
 
 
 def test_the_load_scale_is_a_common_factor_of_force_and_friction() -> None:
-    kind = VibroTableKind.around()
+    kind = KIND
     runs = record([0.06, 0.1], [0.3, 0.25], 20)
     both = Theta.of({"force_N": 2.5, "friction_coefficient": 0.58, ("spring_damping", "damping_N_s_per_m"): 1.0})
     scaled = Theta.of({"load_scale": 2.0, ("spring_damping", "damping_N_s_per_m"): 1.0})
@@ -149,7 +161,7 @@ def test_the_load_scale_is_a_common_factor_of_force_and_friction() -> None:
 
 
 def test_the_criterion_is_about_one_for_a_right_model_and_reports_by_condition() -> None:
-    kind = VibroTableKind.around(mirror=-1.0)
+    kind = MIRRORED
     periods = np.repeat(np.tile(np.linspace(0.03, 0.2, 20), 2), 3)
     runs = record(periods, np.repeat([0.3, 0.7], 60), 20)
     theta = kind.nominal() | DAMPED
@@ -165,7 +177,7 @@ def test_the_criterion_is_about_one_for_a_right_model_and_reports_by_condition()
 
 
 def test_folds_keep_conditions_whole_and_lose_no_row() -> None:
-    kind = VibroTableKind.around()
+    kind = KIND
     runs = [record(np.repeat(np.linspace(0.03, 0.2, 18), 3), 0.3, 20), record(np.repeat([0.03, 0.5], 4), 0.3, 20)]
     seen = 0
     for training, held in kind.splits(runs):
@@ -178,7 +190,7 @@ def test_folds_keep_conditions_whole_and_lose_no_row() -> None:
 
 
 def test_the_mirror_is_settled_from_records() -> None:
-    kind = VibroTableKind.around()
+    kind = KIND
     periods = np.tile(np.linspace(0.04, 0.15, 15), 2)
     runs = record(periods, np.repeat([0.3, 0.7], 15), 40)
     for mirror in (1.0, -1.0):
@@ -192,7 +204,7 @@ def test_bad_input_says_what_would_be_right() -> None:
     with pytest.raises(ValueError, match="period_s must be above 0"):
         mean_velocities(0.0, 0.5, 10, NOMINAL)
     with pytest.raises(ValueError, match="effect must be one that acts"):
-        VibroTableKind.around().predict(record(0.06, 0.3, 10), Theta.of({("tissue_drying", "rate"): 1.0}))
+        KIND.predict(record(0.06, 0.3, 10), Theta.of({("tissue_drying", "rate"): 1.0}))
 
 
 # period ms, duty, cycles, mean velocity mm/s: means of the repeats of a measured spring-and-magnet capsubot
@@ -209,7 +221,7 @@ MEASURED = (
 def test_measured_runs_reverse_direction_where_the_damped_model_does_and_the_nominal_one_does_not() -> None:
     period, duty, cycles, speed = np.array(MEASURED).T
     table = record(period * 1e-3, duty, cycles, speed * 1e-3)
-    kind = VibroTableKind.around().settled([table])
+    kind = KIND.settled([table])
     assert kind.nominal()["mirror"] == -1.0
     assert kind.error([table], [kind.predict(table, kind.nominal())]) > 15e-3
     assert kind.error([table], [kind.predict(table, DAMPED)]) < 5.5e-3
@@ -220,7 +232,7 @@ def test_measured_runs_reverse_direction_where_the_damped_model_does_and_the_nom
 def test_the_loop_finds_the_damping_in_measured_runs_and_says_what_it_is_worth() -> None:
     period, duty, _, speed = np.array([row for row in MEASURED if row[0] <= 135]).T
     table = record(period * 1e-3, duty, 8, speed * 1e-3)
-    kind = replace(VibroTableKind.around().settled([table]), effects=(SpringDamping, PlateAsymmetry, InclineGravity))
+    kind = replace(KIND.settled([table]), effects=(SpringDamping, PlateAsymmetry, InclineGravity))
     found = search(kind, [table], lambda *_: None, np.random.default_rng(0))
     assert found.effects[0] == "spring_damping"
     assert found.explained > 0.6
@@ -247,13 +259,13 @@ def test_the_rig_file_gives_the_same_kind_and_a_gut_is_refused() -> None:
         "rig": {"kind": "vibro_table"},
     }
     rig = parse_rig(tables)
-    assert VibroTableKind.from_rig(rig).nominal() == VibroTableKind.around().nominal()
+    assert VibroTableKind.from_rig(rig).nominal()["friction_coefficient"] == 0.29
     with pytest.raises(ValueError, match="rig must have a drive and a plate"):
         VibroTableKind.from_rig(replace(rig, drive=None))
 
 
 def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
-    kind = VibroTableKind.around(mirror=-1.0)
+    kind = MIRRORED
     theta = Theta.of({**DAMPED, ("coil_reach", "gain_per_m"): -20.0})
     runs = record([0.06, 0.06, 0.1], 0.3, 40, [5e-3, 6e-3, -30e-3])
     said = " ".join(

@@ -1,16 +1,16 @@
 """No candidate is named because its search was luckier, nor for what its refinement does."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from models.identification.kind import Kind
+from models.identification.kind import Kind, Split
 from models.identification.kinds import kind_for
-from models.identification.search.candidates import Trial, against, from_the_best
+from models.identification.search.candidates import Trial, from_the_best
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import step_on
-from models.identification.search.validation import Split, block_costs
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
@@ -35,7 +35,7 @@ def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(
     late: tuple[Kind, list[Split], dict[str, float]],
 ) -> None:
     kind, splits, base = late
-    before = block_costs(kind, splits, [base] * len(splits))
+    before = FittedModel.of(kind, splits, [], [base] * len(splits)).blocks
     lag = fitted(kind, splits, ["actuator_lag"], Theta.of({**base, ("actuator_lag", "time_s"): LATE_S}))
     stuck = [Theta.of({**base, "magnet_stiffness_N_per_m": 21.3, ("sensor_delay", "delay_s"): 0.02})] * len(splits)
     rows = [trial(kind, splits, before, "actuator_lag", lag), trial(kind, splits, before, "sensor_delay", stuck)]
@@ -51,7 +51,7 @@ def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
     late: tuple[Kind, list[Split], dict[str, float]],
 ) -> None:
     kind, splits, base = late
-    before = block_costs(kind, splits, [base] * len(splits))
+    before = FittedModel.of(kind, splits, [], [base] * len(splits)).blocks
     model = ["actuator_lag", "sensor_delay"]
     lag = fitted(kind, splits, model[:1], Theta.of({**base, ("actuator_lag", "time_s"): LATE_S}))
     alone = trial(kind, splits, before, "actuator_lag", lag)
@@ -59,7 +59,7 @@ def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
         kind, splits, model, Theta.of({**base, ("actuator_lag", "time_s"): 1e-4, ("sensor_delay", "delay_s"): LATE_S})
     )
     put_right = trial(kind, splits, before, "actuator_lag", both)
-    helped = Trial("actuator_lag", alone.thetas, put_right.gain, put_right.drop, put_right.blocks, {tuple(model): both})
+    helped = replace(alone, blocks=put_right.blocks, refinements={tuple(model): tuple(both)})
     rows = {
         row.effect: row
         for row in from_the_best(FittedModel.of(kind, splits, [], [base] * len(splits)), [alone], [helped])
@@ -73,4 +73,4 @@ def fitted(kind: Kind, splits: list[Split], model: list[str], start: dict[str, f
 
 
 def trial(kind: Kind, splits: list[Split], before: np.ndarray, name: str, fits: list[dict[str, float]]) -> Trial:
-    return against(before, name, tuple(fits), block_costs(kind, splits, fits))
+    return Trial(name, tuple(fits), before, FittedModel.of(kind, splits, [], fits).blocks)

@@ -11,9 +11,8 @@ import pytest
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.growing_horizon import QUICK, GrowingHorizon, base_known, eliminate, grow_horizon
+from models.identification.search.growing_horizon import QUICK, GrowingHorizon, base_known, eliminate
 from models.identification.search.refit import whole
-from models.identification.search.validation import free_run
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig, read_rig
 from models.theta import Theta
@@ -27,7 +26,7 @@ def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
     kind = SeriesKind.from_rig(rig, records)
     nominal = Theta.declared(p for p in kind.base if p.fit)
     start = nominal | {("incline_gravity", "force_N"): 0.002}
-    found = grow_horizon(kind, records, ["incline_gravity"], [start], QUICK, "incline_gravity")
+    found = GrowingHorizon(kind, ["incline_gravity"], [start], QUICK, "incline_gravity").over(records)
     assert found.chi2 < 1.1
     for name in nominal:
         assert found.theta[name] == pytest.approx(answer[name], rel=0.01)
@@ -42,8 +41,8 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     records = [read_record(folder / "train_1.csv.gz", rig)]
     kind = SeriesKind.from_rig(rig, records)
     truth = Theta.of((p.key, float(answer[p.name])) for p in kind.base if p.fit)
-    r = evaluate(kind, records, truth, free_run(kind))
-    assert grow_horizon(kind, records, [], [truth], QUICK).cost <= float(r @ r)
+    r = evaluate(kind, records, truth, kind.free_run)
+    assert GrowingHorizon(kind, [], [truth], QUICK).over(records).cost <= float(r @ r)
 
 
 def test_effects_that_a_model_has_are_fitted_with_its_base_and_are_no_candidates(tmp_path: Path) -> None:

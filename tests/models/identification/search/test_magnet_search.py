@@ -11,8 +11,8 @@ import pytest
 from models.effects import CATALOGUE
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
+from models.identification.search.fitted_model import judged
 from models.identification.search.refit import refit, whole
-from models.identification.search.validation import judged
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.reader import parse_rig

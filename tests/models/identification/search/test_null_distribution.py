@@ -9,10 +9,11 @@ import pytest
 
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
+from models.identification.search.fitted_model import judged_cost
 from models.identification.search.screening import null_distribution, records_for_null
-from models.identification.search.validation import judged_cost
 from models.records.record import Record, read_record
-from models.rigs.reader import read_rig
+from models.rigs.reader import Noise, read_rig
+from models.rigs.rig import Rig
 from models.theta import Theta
 from plant.experiments.series import make_series
 
@@ -44,10 +45,10 @@ def test_chance_is_told_from_enough_of_the_records(monkeypatch: pytest.MonkeyPat
     """
     t = np.arange(0, 12.0, 1e-3)
     still = Record("made", "axis", {"t_s": t, "position_m": 0.05 * np.cos(2 * np.pi * t / 3), "force_N": np.sin(t)})
-    part = AxisKind.around(force_std_N=1.0).splits([still])[0][0]
-    assert records_for_null(AxisKind.around(), part) == part
+    part = AxisKind.from_rig(Rig("axis", noise=Noise(force_std_N=1.0))).splits([still])[0][0]
+    assert records_for_null(AxisKind.from_rig(Rig("axis")), part) == part
     seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
     monkeypatch.setattr(AxisKind, "criteria", 2)
-    assert len(records_for_null(AxisKind.around(), seconds)) == 3
-    assert len(records_for_null(AxisKind.around(), seconds[::-1])) == 2
-    assert len(records_for_null(AxisKind.around(), seconds[:1])) == 1
+    assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds)) == 3
+    assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds[::-1])) == 2
+    assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds[:1])) == 1

@@ -19,7 +19,6 @@ from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import refit
 from models.identification.search.rivals import rivals_of
 from models.identification.search.screening import screen
-from models.identification.search.validation import block_costs
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.theta import Theta
@@ -75,7 +74,8 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
 
     model = FittedModel.of(kind, splits, [SPRING], fitted(SpringOverPosition, stiffness_N_per_m=10.0))
     taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
-    trial = Trial(LumenTaper.id, tuple(taper), 2.0, 1.0, block_costs(kind, splits, taper))
+    blocks = FittedModel.of(kind, splits, [], taper).blocks
+    trial = Trial(LumenTaper.id, tuple(taper), blocks + 1, blocks)
     (rival,) = rivals_of(model, SPRING, 4.0, [], [trial])
     assert rival.effect == LumenTaper.id
     assert rival.alike
@@ -149,7 +149,7 @@ def test_a_wave_that_stands_everywhere_at_once_is_no_rival_of_a_force_in_time(sp
     """A wave at least: over 30 mm it would come late by a tenth of a turn, over 0.3 mm by nothing that shows."""
     model, waves = breathing(span_m)
     assert model.fitted(waves, [WAVE]).cost == pytest.approx(model.cost, rel=0.05)
-    trial = Trial(WAVE, tuple(waves), 3.0, 1.0, model.blocks)
+    trial = Trial(WAVE, tuple(waves), model.blocks + 1, model.blocks)
     rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial])}
     assert rivals[WAVE].alike == alike
     assert all(abs(theta[WAVE, "wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)

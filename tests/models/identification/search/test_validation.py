@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.identification.search.validation import fewest
+from models.identification.search.fitted_model import fewest
 
 BLOCKS = 40
 COARSE = 1.06 + 0.05 * np.random.default_rng(1).standard_normal(BLOCKS)

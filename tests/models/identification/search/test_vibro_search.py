@@ -14,9 +14,9 @@ from models.effects.inner_mass.end_stop_impact import EndStopImpact
 from models.effects.refinements.damping_over_speed import KNOTS_M_S, DampingOverSpeed
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
+from models.identification.search.fitted_model import judged
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
-from models.identification.search.validation import judged
 from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig

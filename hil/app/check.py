@@ -1,0 +1,47 @@
+"""`capsule check`: what is wrong with records before anything is fitted to them, and what they cannot show."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from hil.app.console import print_json, say, summary
+from hil.app.identify.close_loop import read_series
+from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.shared_options import Json, OwnEffects, Records, RigFile
+from hil.report.words import grouped, tidy
+from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show
+from models.checks.finding import RecordFinding
+from models.effects import Catalogue
+
+STOPPED = 1  # exit status where a finding would stop a fit
+
+
+def check(records: Records, rig: RigFile, *, json_output: Json = False, effects: OwnEffects) -> int:
+    """Print the findings and the effects that the records cannot show; status 1 where a finding stops a fit."""
+    belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
+    read, _ = read_series(records, (), belief, lenient=True)
+    findings = examine(belief, read)
+    hidden = cannot_show(belief, read, catalogue.acting_on(belief.kind)) if stopping(findings) is None else {}
+    if json_output:
+        print_json({"findings": [finding.to_dict() for finding in findings], "cannot_show": hidden})
+    else:
+        show(summary(), findings, hidden)
+        if not findings:
+            say("nothing to tell of these records")
+    return STOPPED if stopping(findings) else 0
+
+
+def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:
+    """Findings by what they are, each with its places and its remedy, then what the records cannot show."""
+    for alike in grouped(findings):
+        console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", style="bold")
+        for finding in alike:
+            console.print(f"  {finding.file}, {finding.where}: {tidy(finding.sentence)}", soft_wrap=True)
+        console.print(f"  told by: {alike[0].how}", soft_wrap=True)
+        console.print(f"  remedy: {alike[0].remedy}", soft_wrap=True)
+    if hidden:
+        console.print("these records cannot show", style="bold")
+        for why in dict.fromkeys(hidden.values()):
+            names = ", ".join(name for name, said in hidden.items() if said == why)
+            console.print(f"  {names}: {why}", soft_wrap=True)

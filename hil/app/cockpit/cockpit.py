@@ -1,0 +1,144 @@
+"""`capsule cockpit`: a bus or a log on a page in the browser."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Final
+
+import can
+
+from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.panels import Facts, models_of, wiring_of
+from hil.app.cockpit.source import BusSource, LogSource
+from hil.app.console import answer, note, output_to_notes
+from hil.app.run.clock import Clock, ClockedBus
+from hil.app.run.log_task import task_of
+from hil.app.run.loop import Signals
+from hil.app.run.run import open_bus
+from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
+from hil.app.scenario.deployment import load_deployment
+from hil.app.shared_options import Json, argument, option
+from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.drives.makers import carriage_bus
+from hil.log.place import record_path
+from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
+from hil.nodes.frame_map import frame_map_of
+from models.files.toml import in_file
+
+OLDEST_S: Final = 5.0
+"""A page that the processor was taken from does not say of its late frames that their counters were wrong."""
+EXTRA: Final = "cockpit"
+
+
+def cockpit(
+    path: Annotated[
+        Path,
+        argument(
+            "DEPLOYMENT.toml | LOG | SCENARIO.toml",
+            "A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
+        ),
+    ],
+    host: Annotated[
+        str, option("--host", "ADDRESS", "Where to listen; else this machine alone can see it.")
+    ] = "127.0.0.1",
+    port: Annotated[int, option("--port", "N", "0: a free one.")] = 8420,
+    watch: Annotated[
+        str | None, option("--watch", "CHANNEL", "The local bus on which `capsule sil --watch` runs SOURCE.")
+    ] = None,
+    json_output: Json = False,
+) -> None:
+    """Serve a page until Ctrl-C. Raises ValueError of one sentence for what cannot be used."""
+    if find_spec("tornado") is None:
+        raise ValueError(f"cockpit needs the package tornado, which is not installed: pip install '.[{EXTRA}]'")
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port must lie in [0, 65535]; got {port}")
+    from hil.app.cockpit.server import Cockpit, bind, serve
+
+    listener = bind(host, port)
+    with listener, _source(path, watch) as (source, hands), Signals().caught() as signals:
+        page = Cockpit(source, hands=hands)
+        shown = f"[{host}]" if ":" in host else host
+        address = f"http://{shown}:{listener.getsockname()[1]}/"
+        with_token = f"{address}#token={page.token}" if hands else address
+        watching = [f"to watch alone, without commands: {address}"] * (with_token != address)
+        told = {"address": with_token, "watch_only": address}
+        answer(json_output, told, f"cockpit: {with_token}", *watching, "Ctrl-C ends it")
+        sys.stdout.flush()
+        os.nice(5)
+        serve(page, listener, host, lambda: bool(signals.wanted))
+
+
+@contextmanager
+def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
+    """The bus, with what may command it, or the log; of a run in simulated time its frames alone."""
+    if watch is not None:
+        with _simulated(path, watch) as source:
+            yield source, None
+        return
+    if path.suffix.lower() in ENDINGS and is_log(path):
+        yield _log(path, load_catalogue()), None
+        return
+    if path.suffix.lower() != ".toml":
+        raise ValueError(
+            f"{path}: source must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)}); got another ending"
+        )
+    deployment = load_deployment(path)
+    wiring = frame_map_of(deployment.rig.kind)
+    table = deployment.bus
+    about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
+    with output_to_notes():
+        models = models_of(deployment.task())
+    facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
+    clock = Clock()
+    with in_file(path):
+        bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
+    if deployment.drive is not None:
+        bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
+    source = BusSource(bus, clock, facts)
+    hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
+    try:
+        yield source, hands
+    finally:
+        hands.close()
+        bus.shutdown()
+
+
+@contextmanager
+def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
+    """What `capsule sil` of the scenario `path` shows on the local bus `channel`."""
+    scenario, _ = load_sil_scenario(path)
+    loop, clock, catalogue = scenario.loop, Clock(), load_catalogue()
+    about = f"{loop.kind} rig, simulated, {loop.control.controller}, local bus {channel}"
+    facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
+    bus: can.BusABC = ClockedBus(watched_bus(channel), clock, OLDEST_S)
+    if scenario.drive is not None:
+        bus = carriage_bus(bus, scenario.drive, loop.control.tick_s)
+    try:
+        yield BusSource(bus, clock, facts)
+    finally:
+        bus.shutdown()
+
+
+def _log(path: Path, catalogue: Catalogue) -> LogSource:
+    """The whole log, read, and what the record beside it says."""
+
+    def tell(words: str) -> None:
+        note(f"{path}: {words}")
+
+    frames = list(read_frames(path, tell))
+    if record_path(path).exists():
+        record = read_log_record(path)
+        with output_to_notes():
+            task = task_of(record, str(path))
+        wiring, models = frame_map_of(task.model.drive.name), models_of(task)
+        about = f"{task.model.drive.name} rig, {task.controller}"
+    else:
+        names = {catalogue.by_id()[frame.id].name for frame in frames if frame.id in catalogue.by_id()}
+        wiring, models, about = wiring_of(names), (), "no record beside the log says what the model is"
+    source = LogSource(frames, Facts(path.name, about, wiring, catalogue, models))
+    if not source.watch.last:
+        raise ValueError(f"{path}: log must hold good frames of {Path(catalogue.source).name}; got none")
+    return source

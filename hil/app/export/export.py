@@ -1,0 +1,104 @@
+"""`capsule export`: a plant or a found model as an FMU, as a friction table, as a MuJoCo body."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from hil.app.console import answer, json_text, output_to_notes
+from hil.app.export.found import Found, read_found
+from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
+from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
+from models.effects import Catalogue
+from models.files.tables import check_word
+
+Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
+FORMS: Final = ("fmu", "table", "mujoco")
+VOLTAGE: Final = "coil_voltage_V"
+TABLE: Final = ("friction.csv", "friction.json")
+
+
+def export(
+    form: Annotated[str, argument("fmu/table/mujoco", "What to write.")],
+    out: Annotated[Path, option("--out", "FILE/DIR", "An .fmu, an .xml for mujoco, a folder for table.")],
+    *,
+    scenario: Annotated[Path | None, argument("[SCENARIO.toml]", "The scenario whose plant becomes an FMU.")] = None,
+    model: LearnedModel = None,
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.")] = None,
+    stage: Stage = "augmented",
+    driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
+    json_output: Json = False,
+    effects: OwnEffects,
+) -> None:
+    """Write a scenario's plant or a rig's model, complete or not at all, and say what of it the form cannot carry."""
+    check_word(form, "form", FORMS)
+    if scenario is not None and (model is not None or rig is not None):
+        raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
+    if scenario is not None and form != "fmu":
+        raise ValueError(f"export {form} must have --model and --rig; a plant's truth goes into an FMU alone")
+    if scenario is None and (model is None or rig is None):
+        raise ValueError("export must have SCENARIO.toml, or both --model MODEL.toml and --rig RIG.toml; got neither")
+    if driven not in ("", VOLTAGE):
+        raise ValueError(f"--driven must be {VOLTAGE}; got {driven!r}")
+    if driven and (form != "fmu" or scenario is not None):
+        raise ValueError(f"--driven must stand with export fmu --model; got it with export {form}")
+    targets, catalogue = _targets(form, out), Catalogue.read(effects)
+    check_targets(targets, "--out", [p for p in (scenario, model, rig) if p is not None])
+    with output_to_notes():
+        if scenario is not None:
+            files, found = _plant(scenario, out)
+        elif rig is not None and model is not None:
+            make = {"fmu": _model, "table": _table, "mujoco": _mujoco}[form]
+            files, found = make(read_found(rig, model, stage, driven, catalogue), out)
+    if form == "table":
+        check_folder(out, "--out")
+    write_files(files)
+    found = {"form": form, "files": [str(path) for path in targets], **found}
+    missing = (f"not mapped: {name}: {why}" for name, why in found["not_mapped"].items())
+    answer(json_output, found, *(f"{form}: {path}" for path in targets), *missing)
+
+
+def _targets(form: str, out: Path) -> list[Path]:
+    if form == "table":
+        if out.exists():
+            check_folder(out, "--out")
+        return [out / name for name in TABLE]
+    return [check_file(out, "--out", (".fmu",) if form == "fmu" else (".xml",))]
+
+
+def _plant(scenario: Path, out: Path) -> Made:
+    from hil.app.export.fmu.package import fmu
+    from hil.app.export.fmu.plant_unit import plant_unit, read_truth
+
+    run, rig = read_truth(scenario)
+    unit = plant_unit(run.name or scenario.stem, rig, run.duration_s)
+    missing = {"sensors": "noise, rate and delay of the scenario's instruments: the outputs are the truth"}
+    return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": missing}
+
+
+def _model(found: Found, out: Path) -> Made:
+    from hil.app.export.fmu.model_unit import model_unit
+    from hil.app.export.fmu.package import fmu
+
+    unit = model_unit(out.stem, found)
+    return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": found.late()}
+
+
+def _listed(variables: Any) -> list[dict[str, str]]:
+    return [{"name": v.name, "causality": v.causality, "unit": v.unit, "is": v.description} for v in variables]
+
+
+def _table(found: Found, out: Path) -> Made:
+    from hil.app.export.table import UNITS, friction_table
+
+    table = friction_table(found)
+    about = {"rig": found.rig.kind, "stage": found.stage, "columns": UNITS, "parameters": found.values.spelled()}
+    about["not_mapped"] = table.not_mapped
+    files = {out / TABLE[0]: table_text(table.columns), out / TABLE[1]: json_text(about)}
+    return files, {"rows": len(table.columns["speed_m_s"]), "not_mapped": table.not_mapped}
+
+
+def _mujoco(found: Found, out: Path) -> Made:
+    from hil.app.export.mujoco import body
+
+    text, numbers, missing = body(found)
+    return {out: text}, {"fitted": numbers, "not_mapped": missing}

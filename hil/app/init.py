@@ -1,0 +1,120 @@
+"""`capsule init`: a rig file with every key explained, a template record and the command to run."""
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, Final
+
+import numpy as np
+import typer
+
+from hil.app.console import answer, output_to_notes
+from hil.app.docs.keys import span, unit_of
+from hil.app.shared_options import Json, argument
+from hil.app.write import sole_writer, table_text, write_files
+from models.identification.kinds import kind_for
+from models.parameter import nearest
+from models.records.record import Record, read_record
+from models.rigs.kind import Record as Columns
+from models.rigs.kind import RigKind, Tables
+from models.rigs.kinds import KINDS
+from models.rigs.reader import parse_rig
+from models.rigs.schema import Table, field_of
+from models.rigs.tables import Noise
+from plant.experiments.series import make_series
+
+RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
+_NOTE: Final = """# A {kind} rig
+
+`rig.toml` says what you believe about the rig; every key stands there with unit, range and meaning.
+`record.csv` is a template, **simulated**: it shows the columns ({columns}). Put your records in its place and run
+
+    {command}
+
+Then open `out/report.html`. Further records of the rig go beside the first, records to judge by after `--holdout`.
+"""
+
+
+def init(
+    kind: Annotated[str, argument("KIND", "pull, magnetic, coil, vibro, vibro_table, axis, periods, friction or dma.")],
+    folder: Annotated[Path, argument("DIR", "Folder for the files; made where there is none.")],
+    rotary: Annotated[
+        bool, typer.Option("--rotary", help="An axis that turns: angle, torque and inertia, in rad and N m.")
+    ] = False,
+    json_output: Json = False,
+) -> None:
+    """Write three files, all or none. Raises ValueError for an unknown kind and for a file that is there."""
+    if kind not in KINDS:
+        raise ValueError(f"KIND must be one of {', '.join(KINDS)}; got {kind!r}; {nearest(kind, KINDS)}")
+    if rotary and KINDS[kind].turning_template is None:
+        turning = [name for name, one in KINDS.items() if one.turning_template is not None]
+        raise ValueError(f"--rotary must go with KIND {' or '.join(turning)}; got {kind}")
+    with sole_writer(folder, "DIR"):
+        there = [name for name in (RIG, RECORD, NOTE) if (folder / name).exists()]
+        if there:
+            names = ", ".join((RIG, RECORD, NOTE))
+            raise ValueError(f"DIR must not hold {names} yet, for none is overwritten; got {folder / there[0]}")
+        with output_to_notes():
+            tables, columns = template(KINDS[kind], rotary=rotary)
+        command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"
+        note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
+        files = {RIG: commented(KINDS[kind], tables, list(columns)), RECORD: table_text(columns), NOTE: note}
+        write_files({folder / name: text for name, text in files.items()})
+    answer(
+        json_output,
+        {"kind": kind, "files": [str(folder / name) for name in files], "command": command},
+        f"{folder / RIG}: what you believe about the rig",
+        f"{folder / RECORD}: a simulated record: put yours in its place",
+        f"then: {command}",
+    )
+
+
+_SECONDS: Final = 12.0  # of a template record
+
+
+def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
+    """Tables of a rig file of `kind` and the columns of a simulated record, the same at every call: from the plant, or
+    as the kind declares it, with noise and numbers off the nominal ones.
+    """
+    made = kind.turning_template if rotary else kind.template
+    if made is None:
+        with TemporaryDirectory() as name:
+            folder = make_series(kind.id, None, 1, Path(name), _SECONDS)
+            stated = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
+            return stated, read_record(folder / "train_1.csv.gz", parse_rig(stated)).columns
+    rng = np.random.default_rng(1)
+    tables, columns = made(rng)
+    blank = {name: np.ones(len(next(iter(columns.values())))) for name in kind.columns(columns).measured}
+    if blank.keys() <= columns.keys():
+        return tables, columns
+    model = kind_for(parse_rig(tables), [])
+    return tables, model.imitate(Record("template", kind.id, {**columns, **blank}), model.nominal(), rng).columns
+
+
+def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
+    """The text of a rig file; a key without a value, or a table that is not needed, stands as a comment."""
+    lines = [f"# A rig of kind {kind.id}: what you believe about it, in SI units. Put your values in place of these."]
+    lines += ["", "[rig]", f'kind = "{kind.id}"']
+    lines += [_line(key, kind.head, values["rig"]) for key in kind.head.model_fields if key != "kind"]
+    for name, table in kind.tables.items():
+        lines += ["", f"[{name}]", *(_line(key, table, values.get(name, {})) for key in table.of(columns))]
+    measured = kind.columns(columns).measured
+    stated = [key for key in Noise.model_fields if any(key.partition("_std_")[0] in column for column in measured)]
+    lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
+    within = {} if kind.instead is None else {f"rig.{kind.instead.name}": kind.instead.table}
+    for name, table in {**within, **kind.further}.items():
+        lines += ["", f"# [{name}]  {table.purpose}", *(_line(key, table, {}) for key in table.model_fields)]
+    return "\n".join([*lines, ""])
+
+
+def _line(key: str, table: type[Table], values: Mapping[str, Any]) -> str:
+    told = f"{key} = {_value(values[key])}" if key in values else f"# {key} ="
+    schema = table.model_json_schema()["properties"][key]
+    facts = [unit_of(key), span(schema).replace("`", ""), (field_of(table, key).description or "").replace("`", "")]
+    return f"{told:<44} # {'; '.join(fact for fact in facts if fact)}" if any(facts) else told
+
+
+def _value(value: Any) -> str:
+    return repr(value) if isinstance(value, float) else json.dumps(value)

@@ -1,1 +1,0 @@
-"""`capsule init`: the first files of one's own rig."""

@@ -1,0 +1,207 @@
+"""`capsule jog`: steer a controller that leads, from the keyboard or by a script."""
+
+import math
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Final
+
+from hil.app.console import answer, note
+from hil.app.run.clock import Clock, ClockedBus
+from hil.app.run.loop import Signals
+from hil.app.run.run import open_bus
+from hil.app.scenario.deployment import read_operator
+from hil.app.scenario.jog_script import Step, steps
+from hil.app.shared_options import Json, argument, option
+from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.operator_sender import CYCLE_S, OperatorSender
+from models.files.toml import in_file
+
+HELD_S: Final = 0.15
+"""A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
+QUIET_S: Final = 0.1
+"""How long to listen for another sender of the same name before anything is sent: five of its cycles."""
+GREETING_S: Final = 0.1  # for which a release is sent first
+PARTING_S: Final = 0.1  # for which a release is sent last
+_FASTER: Final = 1.25  # by which a key changes the speed
+_SHOWN_S: Final = 0.1  # between two lines on the terminal
+
+
+def jog(
+    path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.")],
+    source: Annotated[
+        str, option("--source", "NAME", "Sender: keyboard, cockpit, joystick, ros, script, other.")
+    ] = "keyboard",
+    script: Annotated[
+        str | None,
+        option(
+            "--script",
+            "FILE",
+            "Lines 'speed MM_S SECONDS', 'position MM SECONDS', 'release SECONDS' instead of keys; - for stdin.",
+        ),
+    ] = None,
+    life_ms: Annotated[float, option("--life", "MS", "How long a setpoint counts; 1 to 200.")] = 100.0,
+    json_output: Json = False,
+) -> int:
+    """Send setpoints: 0 where a controller took all that was asked for while held, 1 where not or not alone."""
+    table, limits = read_operator(path)
+    if limits.sources and source not in limits.sources:
+        raise ValueError(
+            f"{path}: --source must be among operator.sources, {', '.join(limits.sources)}; got {source!r}"
+        )
+    if script is None and not sys.stdin.isatty():
+        raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
+    planned = [] if script is None else _planned(script)
+    with in_file(path):
+        bus = ClockedBus(open_bus(table, path.parent), Clock())
+    with bus, Signals().caught() as signals:
+        sender = OperatorSender(bus, source, life_ms)
+        time.sleep(QUIET_S)
+        sender.listen()
+        if sender.others:
+            return _told(path, sender, json_output)
+        _send(sender, [Step("release", 0.0, GREETING_S)], signals)
+        if script is None:
+            note("left and right steer while held, up and down set the speed, q ends")
+            with raw_terminal(sys.stdin.fileno()):
+                _by_keys(sender, limits, signals)
+            sys.stderr.write("\n")
+        else:
+            _send(sender, planned, signals)
+        signals.wanted = ""
+        _send(sender, [Step("release", 0.0, PARTING_S)], signals)
+    return _told(path, sender, json_output)
+
+
+def _planned(script: str) -> list[Step]:
+    """The steps of a script. Raises ValueError where it cannot be read."""
+    if script == "-":
+        return list(steps(sys.stdin, "standard input"))
+    try:
+        return list(steps(Path(script).read_text(encoding="utf-8").splitlines(), script))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{script}: script must be a text file that can be read; got: {error}") from None
+
+
+def _cycles(signals: Signals, seconds: float = math.inf) -> Iterator[float]:
+    """The time in s of `time.monotonic`, once a cycle, for `seconds` or until a signal."""
+    begin, cycle = time.monotonic(), 0
+    while cycle * CYCLE_S < seconds and not signals.wanted:
+        left = begin + cycle * CYCLE_S - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+        yield time.monotonic()
+        cycle += 1
+
+
+def _send(sender: OperatorSender, planned: Iterable[Step], signals: Signals) -> None:
+    for step in planned:
+        for _ in _cycles(signals, step.seconds):
+            sender.steer(step.mode, step.value)
+            sender.listen()
+
+
+def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: Signals) -> None:
+    speed, direction, until, shown = limits.speed_m_s, 0.0, -math.inf, -math.inf
+    for now in _cycles(signals):
+        for key in keys(sys.stdin.fileno()):
+            if key == "quit":
+                return
+            if key in ("left", "right"):
+                direction, until = (1.0 if key == "right" else -1.0), now + HELD_S
+            elif key == "release":
+                until = now
+            else:
+                speed = min(speed * _FASTER, limits.speed_m_s) if key == "up" else speed / _FASTER
+        if now < until:
+            sender.speed(direction * speed)
+        else:
+            sender.release()
+        sender.listen()
+        if now - shown >= _SHOWN_S:
+            shown = now
+            sys.stderr.write(f"\r\x1b[K{1e3 * speed:.2f} mm/s  {_words(sender)}")
+            sys.stderr.flush()
+
+
+def _words(sender: OperatorSender) -> str:
+    newest = sender.answer
+    if newest is None:
+        return "no controller answers"
+    at = f"{newest.state} by {newest.source} at {1e3 * newest.position_m:.2f} mm"
+    if newest.source == sender.source:
+        return f"{at}, the end of the range" if newest.refused == "range" else at
+    return f"{at}  refused: {newest.refused}" if newest.refused != "none" else at
+
+
+def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
+    newest, unsent = sender.answer, sender.transmitter.unsent
+    counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
+    last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}
+    more = {"refused": dict(sender.refused), "others": sender.others, "last": last}
+    told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
+    if sender.refused:
+        whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
+        told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
+    if sender.others:
+        told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
+    answer(json_output, {"deployment": str(path), **counts, **more}, "; ".join(told))
+    return 0 if newest is not None and not sender.refused and not sender.others else 1
+
+
+KEYS: Final = {
+    "\x1b[C": "right",
+    "\x1b[D": "left",
+    "\x1b[A": "up",
+    "\x1b[B": "down",
+    "\x1bOC": "right",
+    "\x1bOD": "left",
+    "\x1bOA": "up",
+    "\x1bOB": "down",
+    "\x1b": "quit",
+    "q": "quit",
+    "\x03": "quit",
+    "\x04": "quit",
+    " ": "release",
+}
+
+
+@contextmanager
+def raw_terminal(descriptor: int) -> Iterator[None]:
+    """Within it keys come at once and are not shown; whatever ends it, the terminal is as it was."""
+    before = termios.tcgetattr(descriptor)
+    try:
+        tty.setcbreak(descriptor, termios.TCSANOW)
+        yield
+    finally:
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def keys(descriptor: int) -> list[str]:
+    """The keys pressed since the last call, by the names of `KEYS`; never waits; a lost terminal is "quit"."""
+    text = b""
+    while len(text) < 4096 and select.select([descriptor], [], [], 0)[0]:
+        try:
+            more = os.read(descriptor, 256)
+        except OSError:
+            more = b""
+        if not more:
+            return ["quit"]
+        text += more
+    return _named(text.decode("utf-8", "replace"))
+
+
+def _named(text: str) -> list[str]:
+    found, at = [], 0
+    while at < len(text):
+        length = next((n for n in (3, 1) if text[at : at + n] in KEYS), 0)
+        if length:
+            found.append(KEYS[text[at : at + length]])
+        at += length or 1
+    return found

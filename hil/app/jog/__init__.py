@@ -1,1 +1,0 @@
-"""`capsule jog`: steering by hand over the bus."""

@@ -1,0 +1,103 @@
+"""`capsule track`: a closed loop in simulation, without a bus."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.registry import CONTROLLERS, leads
+from controller.supervision.fallback import DONE, not_led, shares
+from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
+from hil.app.scenario.model_offer import offer_of, read_offer, told
+from hil.app.scenario.model_use import values_of
+from hil.app.scenario.scenario import TrackScenario, load_track_scenario
+from hil.app.shared_options import (
+    ControllerName,
+    Json,
+    LearnedModel,
+    OwnControllers,
+    OwnEffects,
+    ReferenceFile,
+    RunSeed,
+    StageOrScenario,
+    argument,
+    option,
+)
+from hil.app.track.loop import Progress, Trace, believed_model, run_loop
+from hil.app.track.page import page_html
+from hil.app.track.score import document, score
+from hil.app.track.summary import say
+from hil.app.track.verdicts import verdicts
+from hil.app.write import own_folder, write_files
+from models.effects import Catalogue
+from models.theta import Theta
+
+
+def _part(report: Progress, number: int, count: int, stage: str, share: float) -> None:
+    """Progress of run `number` of `count`."""
+    report(stage, (number + share) / count)
+
+
+def track(
+    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and what is believed.")],
+    *,
+    controller: ControllerName = None,
+    model: LearnedModel = None,
+    stage: StageOrScenario = None,
+    seed: RunSeed = None,
+    reference: ReferenceFile = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
+    out: Annotated[Path | None, option("--out", "DIR", "Folder for track.html and track.json.")] = None,
+    json_output: Json = False,
+    effects: OwnEffects,
+    controllers: OwnControllers,
+) -> int:
+    """Run a scenario in closed loop: 1 where a run fails a check of the scenario. Raises ValueError."""
+    with own_folder(out, "--out"):
+        known = Catalogue.read(effects)
+        scenario = load_track_scenario(path, reference).knowing(known)
+        values, used = values_of(model, stage, scenario.kind, known)
+        if compare and controller is not None:
+            raise ValueError(
+                f"--compare must stand without --controller, as it runs them all; got --controller {controller}"
+            )
+        able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
+        names = able if compare else [scenario.control.controller if controller is None else controller]
+        with output_to_notes():
+            runs = _runs(scenario, path.parent, values, used, names, scenario.seed if seed is None else seed, out)
+            documents: Any = [found for found, _ in runs] if compare else runs[0][0]
+            if out is not None:
+                write_files({out / "track.html": page_html(scenario, runs), out / "track.json": json_text(documents)})
+    if json_output:
+        print_json({"runs": documents} if compare else documents)
+    else:
+        say(scenario, [found for found, _ in runs], out)
+    return int(any(not check["passed"] for found, _ in runs for check in found["checks"]))
+
+
+def _runs(
+    scenario: TrackScenario, folder: Path, values: Theta, used: str, names: Sequence[str], seed: int, out: Path | None
+) -> list[tuple[dict[str, Any], Trace]]:
+    """A run under each of the controllers `names`: its JSON object and its trace."""
+    believed = believed_model(scenario, values)
+    offered = read_offer(scenario.offer, folder, scenario.belief, values)
+    offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
+    late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
+    if late >= latest:
+        note(f"localisation comes {late:g} s late and is not used: limits.age_s is {latest:g} s")
+    runs: list[tuple[dict[str, Any], Trace]] = []
+    with progress_bar(scenario.name, even=True) as report:
+        for k, name in enumerate(names):
+            trace = run_loop(scenario, believed, name, seed, partial(_part, report, k, len(names)), offer=offer)
+            worth = score(scenario, trace)
+            found = document(scenario, name, seed, used, worth, None if out is None else str(out / "track.json"))
+            found |= told(offered, trace.taken_at)
+            found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
+            found["led_share"] = shares(trace.led)
+            if believed.rig.magnets is not None:
+                found["height_m"] = believed.rig.magnets.height_m
+            found["checks"] = verdicts(scenario, name, trace, worth)
+            runs.append((found, trace))
+    return runs

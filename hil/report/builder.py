@@ -1,0 +1,98 @@
+"""The builder of every page: a template puts a header, sections and figures on one self-contained file with its style,
+and plotly packed to under a MB.
+"""
+
+import base64
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+import plotly.io as pio
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from hil.report import quantities, words
+from hil.report.mathml import equations_html, symbol_html
+
+TEMPLATES = Path(__file__).with_name("templates")
+PLOTLY = Path(__file__).parent / "plotly" / "plotly-cartesian.min.js.gz"
+"""The file of npm's plotly.js-cartesian-dist-min as it is published, gzipped: bars, boxes, heat maps, lines and points,
+a third of the whole library, which a browser takes over a second to read.
+"""
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    for room, names in (
+        (quantities, ("number", "fixed", "percent", "amount", "quantity", "unit_words")),
+        (words, ("column_words", "effect_words", "parameter_words", "listed", "sentence", "signed", "tidy")),
+    ):
+        made.filters |= {name: getattr(room, name) for name in names}
+    made.filters |= {"indexed": _indexed, "equations": equations_html, "symbol": symbol_html}
+    made.globals |= {"DASH": quantities.DASH, "library": cache(lambda: base64.b64encode(PLOTLY.read_bytes()).decode())}
+    return made
+
+
+def _indexed(text: str) -> Markup:
+    """A sentence whose letters with an index are written as such."""
+    return Markup(re.sub(r"\b([A-Za-z])_([A-Za-z])\b", r"<i>\1</i><sub>\2</sub>", str(escape(text))))
+
+
+class _Parts:
+    """What a template puts on its page."""
+
+    def __init__(self) -> None:
+        self.head: dict[str, Any] = {}
+        self.sections: list[tuple[str, str, str]] = []
+        self.figures = 0
+
+    def header(
+        self, title: str, eyebrow: str, story: str = "", kind: str = "", style: str = "", caller: Any = None
+    ) -> str:
+        """The header: what the page is, its headline, a sentence; HTML below; a further style."""
+        self.head = {"title": title, "eyebrow": eyebrow, "story": story, "kind": kind, "style": style}
+        self.head["more"] = "" if caller is None else caller()
+        return ""
+
+    def section(self, key: str, title: str, caller: Callable[[], str]) -> str:
+        """A section, which is left out where it is empty; `key` names its link at the top."""
+        content = caller()
+        if content.strip():
+            self.sections.append((key, title, content))
+        return ""
+
+    def figure(self, figure: go.Figure | None) -> str:
+        """A figure, drawn once it comes into view; one with panels side by side has a least width."""
+        if figure is None:
+            return ""
+        self.figures += 1
+        columns = {trace.xaxis or "x" for trace in figure.data if hasattr(trace, "xaxis")}
+        beside = len({getattr(figure.layout, f"xaxis{axis[1:]}").domain for axis in columns}) if columns else 1
+        return Markup(
+            '<div class="figure" tabindex="0"><div{}><div class="plot" id="figure-{}" style="height: {}px"></div>'
+            '<script type="application/json">{}</script></div></div>'
+        ).format(
+            Markup(' style="min-width: 640px"') if beside > 1 else "",
+            self.figures,
+            int(figure.layout.height or 420),
+            Markup(str(pio.to_json(figure, validate=False)).replace("<", "\\u003c")),
+        )
+
+
+def page(template: str, **records: Any) -> str:
+    """The page that `template` makes of plain `records`, complete in itself."""
+    parts = _Parts()
+    own = {"header": parts.header, "section": parts.section, "figure": parts.figure}
+    _environment().get_template(template).render(**own, **records)
+    frame = _environment().get_template("page.html.j2")
+    return frame.render(**parts.head, sections=parts.sections, drawn=bool(parts.figures))

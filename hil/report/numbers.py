@@ -1,0 +1,59 @@
+"""The numbers of a finding as `report.json` holds them."""
+
+from dataclasses import asdict
+from typing import Any
+
+from hil.report.quantities import plain
+from hil.report.words import error_unit
+from models.identification.finding import NEXT_TOML, STAGES, Finding, FoundEffect
+
+
+def report_json(finding: Finding) -> dict[str, Any]:
+    """The object that `report.json` and `close-loop --json` hold; numbers that are not finite are None."""
+    document = {
+        "verdict": finding.verdict,
+        "effects": [_effect(effect) for effect in finding.effects],
+        "error": {
+            "quantity": finding.quantity,
+            "unit": error_unit(finding),
+            "measure": finding.measure,
+            **{part: {s: finding.error.get(part, {}).get(s) for s in STAGES} for part in ("train", "holdout")},
+            "noise_floor": finding.noise_floor,
+        },
+        "next_experiment": finding.next_experiment,
+        "next_experiment_file": None if finding.proposal is None else NEXT_TOML,
+        "next_experiment_separates": (
+            [] if finding.proposal is None else [asdict(one) for one in finding.proposal.separations]
+        ),
+        "next_experiment_shows": [] if finding.proposal is None else list(finding.proposal.shows),
+        "smallest_detectable": finding.smallest_detectable,
+        "seconds": finding.seconds,
+        "kind": finding.kind,
+        "calibration": {
+            name: {"nominal": finding.nominal.get(name), **asdict(estimate)}
+            for name, estimate in finding.calibration.items()
+        },
+        "nominal": finding.nominal,
+        "checks": [{**asdict(check), "passed": check.ok} for check in finding.checks],
+        "findings": [found.to_dict() for found in finding.findings],
+        "cannot_show": finding.cannot_show,
+        "reasons": list(finding.reasons),
+        "candidates": [asdict(candidate) for candidate in finding.candidates],
+        "statements": list(finding.statements),
+        "equations": list(finding.equations),
+        "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
+        "residual": None if finding.dependence is None else asdict(finding.dependence),
+        "timings": finding.timings,
+    }
+    cleaned: dict[str, Any] = plain(document)
+    return cleaned
+
+
+_NAMED = {"score": "confidence_score", "calibrated": "confidence_calibrated", "meaning": "confidence_meaning"}
+"""Fields of an effect that stand under another name."""
+
+
+def _effect(effect: FoundEffect) -> dict[str, Any]:
+    found = asdict(effect)
+    curves = found.pop("curves")
+    return {_NAMED.get(name, name): value for name, value in found.items()} | {"curves": curves}

@@ -1,0 +1,109 @@
+"""What a figure draws of a record: one panel a measured quantity, thinned so that every slip event stays visible."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.report.words import column_words, quantity_columns
+from models.identification.finding import STAGES, Finding, Trace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One quantity of one record: measured and predicted on one abscissa."""
+
+    record: str
+    role: str
+    quantity: str
+    unit: str
+    axis: str
+    abscissa: Array
+    measured: Array
+    predicted: dict[str, Array]
+    signals: dict[str, Array]
+
+    @property
+    def dense(self) -> bool:
+        """Whether lines serve better than points."""
+        return len(self.measured) > 200 and bool(np.all(np.diff(self.abscissa) >= 0))
+
+
+def quantities(finding: Finding) -> list[tuple[str, str]]:
+    """Name and unit of each measured quantity of a finding."""
+    return [(name, unit or finding.unit) for name, unit in map(column_words, quantity_columns(finding))]
+
+
+def panels(finding: Finding, trace: Trace) -> list[Panel]:
+    """A trace's quantities one by one; columns of a two-dimensional measurement are different quantities."""
+    names = quantities(finding)
+    measured = np.asarray(trace.measured, dtype=float)
+    if measured.ndim == 1:
+        measured = measured[:, None]
+    if len(names) < measured.shape[1]:
+        names = [(f"{finding.quantity} {i + 1}", finding.unit) for i in range(measured.shape[1])]
+    predicted = {
+        stage: np.asarray(trace.predicted[stage], dtype=float).reshape(measured.shape)
+        for stage in stages(finding, trace)
+    }
+    abscissa, drawn = np.asarray(trace.abscissa, dtype=float), []
+    for k in range(measured.shape[1]):
+        name, unit = names[k] if measured.shape[1] > 1 or len(names) == 1 else (trace.name, names[0][1])
+        values = measured[:, k], {stage: values[:, k] for stage, values in predicted.items()}
+        drawn.append(Panel(trace.name, trace.role, name, unit, trace.axis, abscissa, *values, trace.signals))
+    return drawn
+
+
+def stages(finding: Finding, trace: Trace) -> list[str]:
+    """The stages worth drawing: the augmented model only where it has something that the calibrated one has not."""
+    drawn = [stage for stage in STAGES if stage in trace.predicted]
+    return drawn if finding.effects else [stage for stage in drawn if stage != "augmented"]
+
+
+def pooled(drawn: Sequence[Panel]) -> Panel:
+    """Panels of one quantity as one, with the stages and signals that all have."""
+
+    def joined(tables: list[dict[str, Array]]) -> dict[str, Array]:
+        return {name: np.concatenate([t[name] for t in tables]) for name in tables[0] if all(name in t for t in tables)}
+
+    return replace(
+        drawn[0],
+        abscissa=np.concatenate([panel.abscissa for panel in drawn]),
+        measured=np.concatenate([panel.measured for panel in drawn]),
+        predicted=joined([panel.predicted for panel in drawn]),
+        signals=joined([panel.signals for panel in drawn]),
+    )
+
+
+def closer(panel: Panel, share: float = 0.06) -> Panel:
+    """The stretch of a record where the models before the last one are worst."""
+    size = max(int(share * len(panel.measured)), 50)
+    rest = np.nan_to_num(panel.measured - panel.predicted.get("calibrated", panel.measured)) ** 2
+    start = int(np.argmax(np.convolve(rest, np.ones(size), mode="valid")))
+    part = slice(start, start + size)
+    predicted = {stage: values[part] for stage, values in panel.predicted.items()}
+    signals = {name: values[part] for name, values in panel.signals.items()}
+    return replace(
+        panel, abscissa=panel.abscissa[part], measured=panel.measured[part], predicted=predicted, signals=signals
+    )
+
+
+def binned(signal: Array, values: Array, bins: int = 72) -> tuple[Array, Array]:
+    """Mean of `values` over stretches of `signal` with equally many samples (each value of it, where few); NaN in
+    gaps.
+    """
+    good = np.isfinite(signal) & np.isfinite(values)
+    signal, values = signal[good], values[good]
+    levels = np.unique(signal)
+    if len(levels) <= bins:
+        return levels, np.array([np.mean(values[signal == level]) for level in levels])
+    edges = np.unique(np.quantile(signal, np.linspace(0, 1, bins + 1)))
+    index = np.clip(np.searchsorted(edges, signal, side="right") - 1, 0, len(edges) - 2)
+    filled = np.unique(index)
+    pairs = [(np.mean(signal[index == i]), np.mean(values[index == i])) for i in filled]
+    centres, means = np.array(pairs).T
+    gaps = np.flatnonzero(np.diff(centres) > 0.12 * np.ptp(centres)) + 1
+    return np.insert(centres, gaps, np.nan), np.insert(means, gaps, np.nan)

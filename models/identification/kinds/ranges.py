@@ -1,0 +1,50 @@
+"""The law of an effect with other ranges, grids and a probe of a kind's own."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect
+from models.parameter import Parameter
+
+Range = tuple[float, float, float]
+"""Value, lower and upper bound of a parameter."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """What follows for an effect from the records at hand: ranges of its parameters, grids of starts, a probe."""
+
+    of: Mapping[str, Range] = field(default_factory=dict)
+    grid: Mapping[str, tuple[float, ...]] | None = None
+    probe: float | None = None
+
+
+def ranged(
+    effect: type[Effect], told: Ranges, names: Callable[[Parameter], Parameter] = lambda p: p, **hooks: Any
+) -> type[Effect]:
+    """`effect` in the ranges `told`, its parameters renamed by `names` and asked by `hooks` where they are given."""
+    parameters = tuple(names(_within(p, told.of.get(p.name))) for p in effect.parameters())
+    called = dict(zip((p.name for p in effect.parameters()), (p.name for p in parameters), strict=True))
+    grid = effect.grid if told.grid is None else told.grid
+    space: dict[str, Any] = {
+        "__doc__": effect.__doc__,
+        "grid": MappingProxyType({called[name]: values for name, values in grid.items()}),
+        "probe": effect.probe if told.probe is None else told.probe,
+        "parameters": classmethod(lambda cls: parameters),
+        **hooks,
+    }
+    made: type[Effect] = type(effect.__name__, (effect,), space)
+    return made
+
+
+def _within(p: Parameter, told: Range | None) -> Parameter:
+    """`p` in another range, in whose proportion its spread is."""
+    if told is None:
+        return p
+    value, lower, upper = told
+    spread = p.spread * (upper - lower) / (p.upper - p.lower) if np.isfinite(p.spread) else p.spread
+    return replace(p, value=value, lower=lower, upper=upper, spread=spread)

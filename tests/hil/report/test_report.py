@@ -1,0 +1,283 @@
+"""The report: a page that works offline and stays small, and numbers that any program can read."""
+
+import gzip
+import json
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from plotly.offline import get_plotlyjs_version
+
+from hil.app.console import json_text
+from hil.report.builder import PLOTLY
+from hil.report.closed_loop import report_html
+from hil.report.mathml import equations_html, math_html
+from hil.report.numbers import report_json
+from hil.report.panels import binned, panels
+from hil.report.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
+from hil.report.theme import thinned
+from hil.report.words import column_words, error_story, headline, interpolation, tidy
+from models.identification.finding import Check, Estimate, Finding
+from tests.hil.findings import pull_finding, spectrum_finding, table_finding
+
+PLOTLY_BYTES = 700_000
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return report_html(pull_finding())
+
+
+def without_plotly(page: str) -> str:
+    return re.sub(r'<script type="application/gzip".*?</script>', "", page, count=1, flags=re.DOTALL)
+
+
+def test_page_is_self_contained_and_small(page: str) -> None:
+    own = without_plotly(page)
+    assert len(own) < len(page) - 600_000
+    assert "http" not in own.replace("http://www.w3.org", "")
+    assert own.count("<link") == own.count('<link rel="icon" href="data:,">') == 1
+    assert "src=" not in own
+    assert len(page.encode()) < 1_700_000
+
+
+def test_library_of_the_pages_is_of_the_release_that_makes_the_figures() -> None:
+    major = get_plotlyjs_version().split(".")[0]
+    assert f"plotly.js (cartesian - minified) v{major}." in gzip.decompress(PLOTLY.read_bytes())[:200].decode()
+
+
+def test_page_tells_the_whole_story(page: str) -> None:
+    for said in (
+        "What the model lacked: fold periodic or peristaltic wave; these records cannot tell which.",
+        "11.3 mN (nominal) to 8.6 mN (calibrated) to 0.91 mN (augmented)",
+        "noise floor is 0.75 mN",
+        "Resistance varies periodically along the lumen",
+        "peristaltic wave",
+        "the data cannot tell",
+        "Next experiment",
+        "reverse over the same place",
+        "<msub><mi>F</mi><mtext>act</mtext></msub>",
+        "1 of 2 checks fail",
+        "beyond",
+        "calibration",
+        "In 200 imitated records",
+    ):
+        assert said in page
+    assert "nan" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_size_stays_bounded_with_many_long_records() -> None:
+    finding = pull_finding(seconds=2.0)
+    long = pull_finding(seconds=40.0).traces[0]
+    many = Finding(**{**finding.__dict__, "traces": (long,) * 14})
+    assert len(report_html(many).encode()) < PLOTLY_BYTES + 1_100_000
+
+
+@pytest.mark.parametrize(
+    "finding", [pull_finding("none", 5.0), pull_finding("unknown", 5.0), table_finding(), spectrum_finding()]
+)
+def test_every_verdict_and_kind_makes_a_page(finding: Finding) -> None:
+    own = without_plotly(report_html(finding))
+    assert headline(finding) in own
+    if finding.kind == "vibro_table":
+        assert "drive period in ms" in own
+    if finding.kind == "dma":
+        assert "loss modulus" in own
+
+
+def test_names_cannot_break_out_of_the_page() -> None:
+    finding = pull_finding(seconds=2.0)
+    bad = "</script><script>alert(1)</script>"
+    trace = finding.traces[0]
+    evil = Finding(
+        **{
+            **finding.__dict__,
+            "traces": (trace.__class__(**{**trace.__dict__, "name": bad}),),
+            "statements": (bad,),
+            "equations": (bad,),
+            "next_experiment": bad,
+        }
+    )
+    assert "<script>alert" not in report_html(evil)
+
+
+def test_an_empty_finding_still_makes_a_page() -> None:
+    finding = pull_finding("none", 2.0)
+    nothing: dict[str, object] = dict.fromkeys(("traces", "checks", "candidates", "statements", "equations"), ())
+    nothing |= {"calibration": {}, "timings": {}, "smallest_detectable": {}, "next_experiment": None}
+    assert "Nothing is missing" in report_html(Finding(**{**finding.__dict__, **nothing}))
+
+
+def test_json_has_the_published_keys_and_no_nan() -> None:
+    document = json.loads(
+        json_text(report_json(pull_finding(seconds=2.0))), parse_constant=lambda name: pytest.fail(f"{name} in JSON")
+    )
+    assert document["verdict"] == "named"
+    effect = document["effects"][0]
+    assert (effect["id"], effect["equivalent"], effect["evidence"]) == ("fold_periodic", ["peristaltic_wave"], 41.2)
+    assert effect["parameters"]["wavelength_m"]["ci95"] == [0.0072, 0.0074]
+    assert effect["parameters"]["phase_rad"]["ci95"] == [None, None]
+    assert set(document["error"]) >= {"quantity", "measure", "train", "holdout", "noise_floor"}
+    assert set(document["error"]["holdout"]) == {"nominal", "calibrated", "augmented"}
+    assert set(document) >= {
+        "next_experiment",
+        "smallest_detectable",
+        "seconds",
+        "calibration",
+        "checks",
+        "candidates",
+        "timings",
+        "kind",
+    }
+
+
+def test_json_of_a_finding_without_hold_out_has_nulls() -> None:
+    error = report_json(spectrum_finding())["error"]
+    assert error["holdout"] == {"nominal": None, "calibrated": None, "augmented": None}
+    assert error["unit"] == "%"
+    assert error["noise_floor"] is None
+
+
+def test_thinning_keeps_the_teeth() -> None:
+    t = np.linspace(0, 1, 100_000)
+    saw = (t * 400) % 1.0
+    x, y = thinned(t, saw, 2000)
+    assert len(x) <= 2002
+    assert np.all(np.diff(x) > 0)
+    assert y.max() > 0.99
+    assert y.min() < 0.01
+    assert np.count_nonzero(np.diff(y) < -0.5) >= 395
+
+
+def test_local_means() -> None:
+    centres, means = binned(np.array([1.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
+    assert centres.tolist() == [1.0, 2.0]
+    assert means.tolist() == [2.0, 5.0]
+
+
+def test_quantities_of_one_record_are_drawn_apart() -> None:
+    finding = spectrum_finding()
+    drawn = panels(finding, finding.traces[0])
+    assert [(p.quantity, p.unit) for p in drawn] == [("storage modulus G′", "Pa"), ("loss modulus G″", "Pa")]
+    assert set(drawn[0].predicted) == {"nominal", "calibrated"}
+
+
+@pytest.mark.parametrize(
+    ("text", "inside"),
+    [
+        ("F_act", "<msub><mi>F</mi><mtext>act</mtext></msub>"),
+        ("7.3e-05", "<msup><mn>10</mn><mn>−5</mn></msup>"),
+        ("x/(y + 1)", "<mfrac><mrow><mi>x</mi></mrow><mrow><mi>y</mi><mo>+</mo><mn>1</mn></mrow></mfrac>"),
+        ("2 pi x", "<mi>π</mi>"),
+        ("tau1 v'", "<msub><mi>τ</mi><mtext>1</mtext></msub>"),
+        ("F_e(|v|) w", "<mrow><mo>|</mo><mi>v</mi><mo>|</mo></mrow>"),
+        ("sqrt(x)", "<msqrt><mi>x</mi></msqrt>"),
+        ("where(x < 0, 1, 2)", "<mtext>elsewhere</mtext>"),
+        ("a < b & c", "<mi>a</mi><mo>&lt;</mo><mi>b</mi><mo>&amp;</mo><mi>c</mi>"),
+        ("read late", "<mtext>read&nbsp;</mtext>"),
+        ("x^((", "<mtext>x^((</mtext>"),
+        ("(" * 200, "<mtext>"),
+    ],
+)
+def test_equations(text: str, inside: str) -> None:
+    written = math_html(text)
+    assert inside in written
+    ElementTree.fromstring(f"<p>{written}</p>".replace("&nbsp;", " "))
+
+
+@given(st.text(st.sampled_from("abx_12(|)^/*' -+=,<&"), max_size=40))
+def test_any_text_is_typeset_well_formed(text: str) -> None:
+    ElementTree.fromstring(f"<p>{math_html(text)}</p>".replace("&nbsp;", " "))
+
+
+def test_a_line_that_begins_with_spaces_continues() -> None:
+    assert equations_html(("a", "  + b")).count('class="line more"') == 1
+
+
+def test_numbers_and_units() -> None:
+    assert number(float("nan")) == "–"
+    assert number(1.5e-7) == "1.5·10⁻⁷"
+    assert number(123456.0, 3) == "123000"
+    assert number(-0.0) == "0"
+    assert fixed(-1e-5, 2) == "0.00"
+    assert quantity(0.0113, "N") == "11.3 mN"
+    assert quantity(549400.0, "Pa") == "549 kPa"
+    assert quantity(14.2, "%") == "14.2 %"
+    assert amount(5.68e-10, "%") == "< 0.01 %"
+    assert percent(-1e-9) == "< 0.01 %"
+    assert (change(4.278, 1.0), change(1.05, 1.0), change(0.99999, 1.0)) == ("× 4.3", "+5.0 %", "0.0 %")
+    assert scale([], "N") == (1.0, "N")
+    units = {"N s/m": "N·s/m", "N/m^3": "N/m³", "m/s2": "m/s²", "N at 10 mm/s": "N at 10 mm/s", "log10 Pa": "log10 Pa"}
+    assert {unit: unit_words(unit) for unit in units} == units
+    assert column_words("v_m_s") == ("speed", "m/s")
+    assert column_words("magnet_stiffness_N_per_m") == ("magnet stiffness", "N/m")
+
+
+def test_digits_come_from_the_interval() -> None:
+    words = told(0.0073123, (0.0072, 0.0074))
+    assert (words.value, words.low, words.high) == ("0.00731", "0.00720", "0.00740")
+    assert told(549412.0, (512345.0, 580000.0)).value == "549000"
+    assert told(1.0, (float("nan"), float("nan"))).low == "–"
+
+
+def test_as_many_numbers_as_means_are_an_interpolation() -> None:
+    finding = pull_finding("none", 2.0)
+    three = finding.traces[0]
+    flat = np.tile([1.0, 2.0, 3.0], (8, 1))
+    means = three.__class__(
+        "means", "train", "period_index", np.arange(8.0), flat, dict.fromkeys(three.predicted, flat)
+    )
+    told_of = Finding(**{**finding.__dict__, "traces": (means,), "error": {"train": finding.error["train"]}})
+    assert interpolation(told_of).startswith("Three parameters fitted to three means")
+    assert "interpolated" in report_html(told_of)
+    assert not interpolation(finding)
+
+
+def test_story_without_hold_out_says_so() -> None:
+    assert "none were held out" in error_story(spectrum_finding())
+
+
+def test_a_held_out_error_that_chance_makes_is_told_as_such() -> None:
+    errors = {part: {"nominal": 0.011, "calibrated": 0.009, "augmented": 0.009} for part in ("train", "holdout")}
+    check = Check("held_out", "held-out error over chance", 0.9, 2.0, True, "of the free run")
+    finding = replace(pull_finding("none"), error=errors, noise_floor=1e-3, checks=(check,))
+    assert error_story(finding).endswith("Noise and what is uncertain of the parameters make up to 10 mN.")
+    assert "uncertain" not in error_story(replace(finding, noise_floor=8e-3))
+
+
+def test_headlines() -> None:
+    assert headline(pull_finding("unknown", 2.0)).startswith("Something structured is left")
+    partly = Finding(**{**pull_finding(seconds=2.0).__dict__, "verdict": "unknown"})
+    assert headline(partly).endswith(
+        "A part looks like fold periodic or peristaltic wave: 89 % of the error goes with it."
+    )
+    assert not Estimate(1.0, (0.0, 2.0), told=False).told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("Noise of the sensor: 0.00169 N.", "Noise of the sensor: 1.69 mN."),
+        ("0.0202 N nominal, 0.00308 N augmented", "20.2 mN nominal, 3.08 mN augmented"),
+        ("from 0.0021 to 0.0587 m", "from 0.0021 to 0.0587 m"),
+        ("it spans 2e-10 N beside 0.001 N", "it spans 0.2 nN beside 1 mN"),
+        ("1.8e+03 times the stated 0.001 N", "1800 times the stated 1 mN"),
+        ("valley -79.2 %, between -2 and 3", "valley −79.2 %, between −2 and 3"),
+        ("on 2026-11-26 of fold_periodic", "on 2026-11-26 of fold periodic"),
+        ("25 N/m, 0.002 N/m", "25 N/m, 0.002 N/m"),
+    ],
+)
+def test_sentences_have_numbers_for_people(text: str, told: str) -> None:
+    assert tidy(text) == told
+
+
+def test_a_long_equation_may_go_on_in_the_next_line() -> None:
+    sum_ = " + ".join(f"a_{k}*sin({k}*x)" for k in range(1, 9))
+    page = equations_html((f"scale = max(1 + d*({sum_}), 0.05)",))
+    assert page.count("<math>") > 8
+    ElementTree.fromstring(page.replace("&nbsp;", " "))
+    assert equations_html(("y = (a + b)/(c + d)",)).count("<math>") == 1

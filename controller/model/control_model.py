@@ -171,10 +171,6 @@ class ControlModel:
         sharp = control_model(self.rig, self.theta, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
         return replace(sharp, held_out_error=self.held_out_error)
 
-    def with_tick(self, tick_s: float) -> ControlModel:
-        """The same model with another tick."""
-        return replace(self, tick_s=checked_tick(tick_s))
-
     def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         return ca.SX.sym("x", len(self.states)), ca.SX.sym("command"), ca.SX.sym("disturbance_N"), ca.SX.sym("t")
 
@@ -183,13 +179,6 @@ class ControlModel:
         for k in range(self.substeps):
             x = self.symbols.substep(x, c, c, d, t + k * h, h, self.values)
         return x
-
-
-def checked_tick(tick_s: float) -> float:
-    """`tick_s`, or a ValueError where it is no time."""
-    if not 1e-5 <= tick_s <= 1.0:
-        raise ValueError(f"tick_s must lie in [1e-5, 1] s; got {tick_s:g}")
-    return float(tick_s)
 
 
 def control_model(
@@ -206,6 +195,8 @@ def control_model(
         raise ValueError(
             f"rig must be of a kind whose capsule is free (magnetic, coil, vibro) to be controlled; got {rig.kind!r}"
         )
+    if not 1e-5 <= tick_s <= 1.0:
+        raise ValueError(f"tick_s must lie in [1e-5, 1] s; got {tick_s:g}")
     if not 1e-7 <= smoothing <= 1e-2:
         raise ValueError(f"smoothing must lie in [1e-7, 1e-2] m/s; got {smoothing:g}")
     theta = Theta.of(values)
@@ -228,7 +219,7 @@ def control_model(
     vector = np.array([float(numbers[p.key]) for p in symbols.parameters])
     corrected = any(theta.effects.get(LevelOverSpeed.id, {}).values())
     error = None if corrected else theta.get(HELD_OUT)
-    return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
+    return ControlModel(rig, drive, symbols, vector, float(tick_s), float(smoothing), delay, response, error)
 
 
 def _effects(kind: str, values: Theta, known: Catalogue) -> tuple[type[Effect], ...]:

@@ -65,7 +65,7 @@ class Planner:
         n, N = len(model.states), horizon.stages
         gain = model.force_per_command
         rate = weights.rate_N_s / gain
-        self.follows = 1.0 if model.gap_limit_m is not None else 0.0
+        self.follows = 1.0 if model.drive.gap_limit_m is not None else 0.0
         self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
         self.soft = np.minimum([envelope.gap_m, envelope.limits.speed_m_s, envelope.limits.force_N], FREE)
         self.penalty = np.array([weights.gap, weights.speed, weights.force])

@@ -56,9 +56,8 @@ def check_start(view: View) -> Findings:
     if rows := run_in(view):
         speed, moving = float(np.mean(view.speed[_first(view)])), _starts_in_motion(view)
         begins = f"in motion at {1e3 * speed:.3g} mm/s" if moving else "under the load that an earlier motion left"
-        yield view.finding(
+        yield view.notes(
             "starts_in_motion",
-            "note",
             f"the record starts {begins}; predictions start at rest and free, so its first {rows * view.dt:.3g} s count"
             " in no fit and no error",
             "speed over the first tenth of a second" if moving else "gap of the magnet at once, beside in motion",

@@ -12,6 +12,7 @@ from controller.signals import Array
 from models.compiled.kernel import LANES
 from models.compiled.machine_code import Code, addresses, call
 
+Motion = tuple[float, float, float, int, Array]
 compiled = njit(cache=True, error_model="numpy")
 
 
@@ -82,9 +83,8 @@ def _run(
 
 
 @compiled
-def _roll(
-    code: int, path: Array, commands: Array, d: float, t: float, stage: float, substeps: int, parameters: Array
-) -> None:
+def _roll(code: int, path: Array, commands: Array, motion: Motion) -> None:
+    d, t, stage, substeps, parameters = motion
     work, now = _work(path[0], parameters, d), np.empty(4)
     for k in range(commands.shape[0] - 1):
         _stage(code, work, now, commands[k], commands[k + 1], t + k * stage, stage, substeps)
@@ -93,26 +93,13 @@ def _roll(
 
 @compiled
 def _pursue(
-    code: int,
-    inverse: int,
-    path: Array,
-    commands: Array,
-    position: Array,
-    speed: Array,
-    catch: float,
-    rate: float,
-    low: float,
-    high: float,
-    d: float,
-    t: float,
-    stage: float,
-    substeps: int,
-    parameters: Array,
+    code: int, inverse: int, path: Array, commands: Array, wanted: Array, bounds: tuple[float, ...], motion: Motion
 ) -> None:
+    (catch, rate, low, high), (d, t, stage, substeps, parameters) = bounds, motion
     work, now = _work(path[0], parameters, d), np.empty(4)
     aimed = path.shape[1] + parameters.shape[0] + 1
     for k in range(commands.shape[0] - 1):
-        now[0] = speed[k + 1] + (position[k + 1] - work[0]) / catch
+        now[0] = wanted[1, k + 1] + (wanted[0, k + 1] - work[0]) / catch
         now[1] = t + k * stage
         call(inverse, work, now)
         c = min(max(work[aimed], commands[k] - rate * stage), commands[k] + rate * stage)
@@ -134,18 +121,8 @@ def _holds(code: int, path: Array, forces: Array, slopes: Array, t: float, stage
 
 
 @compiled
-def _linearise(
-    code: int,
-    path: Array,
-    A: Array,
-    B: Array,
-    commands: Array,
-    d: float,
-    t: float,
-    stage: float,
-    substeps: int,
-    parameters: Array,
-) -> None:
+def _linearise(code: int, path: Array, A: Array, B: Array, commands: Array, motion: Motion) -> None:
+    d, t, stage, substeps, parameters = motion
     n, work, now = path.shape[1], _work(path[0], parameters, d), np.empty(4)
     J = work[n + parameters.shape[0] + 1 :]  # column by column
     S, moved = np.zeros((n, n + 2)), np.zeros(n)
@@ -187,13 +164,13 @@ class Kernels:
     - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: m states, each under
       its own disturbance, in a time in which the command goes in a straight line from `command` to `after`;
       `run_each(which, values (m,), states, ...)`: with the parameter at `which` each state's own.
-    - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N
-      stages of `stage_s` in which the command goes in a straight line from one of `commands` to the next; fills
-      `path[1:]`.
-    - `linearise(path, A (N, n, n), B (N, n, 2), commands, ...)`: the same with `dx_next = A dx + B (dc0, dc1)`.
-    - `pursue(path, commands, position (N + 1,), speed (N + 1,), catch_s, rate, low, high, disturbance_N, ...)`: the
-      same with commands that follow `position` and `speed` by inverting the model, an error fading with `catch_s`;
-      fills `commands[1:]` too.
+    - `roll(path (N + 1, n), commands (N + 1,), motion)`: from `path[0]` N stages in which the command goes in a
+      straight line from one of `commands` to the next; fills `path[1:]`. A `motion` is (disturbance_N, t, stage_s,
+      substeps, parameters).
+    - `linearise(path, A (N, n, n), B (N, n, 2), commands, motion)`: the same with `dx_next = A dx + B (dc0, dc1)`.
+    - `pursue(path, commands, wanted (2, N + 1), (catch_s, rate, low, high), motion)`: the same with commands that
+      follow the positions and speeds `wanted` by inverting the model, an error fading with `catch_s`; fills
+      `commands[1:]` too.
     - `holds(path, forces (N + 1,), slopes (N + 1, n), t, stage_s, parameters)`: the wall's force in N along a path, and
       its slopes.
     """

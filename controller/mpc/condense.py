@@ -5,6 +5,7 @@ import numpy as np
 
 from controller.signals import Array
 
+Task = tuple[Array, float, float]  # reference (3, N + 1), the command's last rate, the stage in s
 EXCESS = 10.0  # of the square beside the share by which a soft bound is exceeded
 compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 
@@ -29,19 +30,10 @@ def keep_feasible(commands: Array, last_rate: float, stage: float, first: float,
 
 
 @compiled
-def cost(
-    path: Array,
-    commands: Array,
-    forces: Array,
-    reference: Array,
-    last_rate: float,
-    stage: float,
-    scales: Array,
-    soft: Array,
-    penalty: Array,
-) -> float:
+def cost(path: Array, commands: Array, forces: Array, task: Task, scales: Array, soft: Array, penalty: Array) -> float:
     """A plan's cost; `reference` (3, N + 1): position, speed, rate; `scales`: position, speed, rate, jump, final."""
-    total, n, rate = 0.0, commands.shape[0] - 1, last_rate
+    reference, rate, stage = task
+    total, n = 0.0, commands.shape[0] - 1
     for j in range(3):
         worst = 0.0
         for k in range(1, n + 1):
@@ -79,18 +71,10 @@ def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
 
 @compiled
 def quadratic(
-    path: Array,
-    commands: Array,
-    Z: Array,
-    reference: Array,
-    last_rate: float,
-    stage: float,
-    scales: Array,
-    unit: float,
-    H: Array,
-    f: Array,
+    path: Array, commands: Array, Z: Array, task: Task, scales: Array, unit: float, H: Array, f: Array
 ) -> None:
     """Fill the leading (N, N) Hessian (Gauss-Newton) and (N,) gradient of the cost by the rates over `unit`."""
+    reference, before, stage = task
     n = commands.shape[0] - 1
     H[:n, :n] = 0.0
     f[:n] = 0.0
@@ -103,7 +87,6 @@ def quadratic(
             f[i] += ex * zx + ev * zv
             for j in range(i + 1):
                 H[i, j] += px * zx * Z[k, 0, j] + pv * zv * Z[k, 1, j]
-    before = last_rate
     r, q = unit / scales[2], unit / scales[3]
     for k in range(n):
         now = (commands[k + 1] - commands[k]) / stage

@@ -117,47 +117,42 @@ class Planner:
     ) -> tuple[MpcPlan, MpcPlan]:
         """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""
         k, h, b = self.model.kernels, self.horizon, self.hard
-        self._now, self._d, self._reference, self._last_rate = now, disturbance, reference, last_rate
-        self._parameters = k.parameters if parameters is None else parameters
+        self._task, parameters = (reference, last_rate, h.stage_s), k.parameters if parameters is None else parameters
+        self._motion = (disturbance, now, h.stage_s, h.substeps, parameters)
         self._pressed = self.soft[2] < FREE
         warm, ahead = (MpcPlan(np.array(guess), np.zeros((h.stages + 1, state.size))) for _ in range(2))
         warm.path[0] = ahead.path[0] = state
         bounds = (CATCH_S, b[2], b[0], b[1])
-        k.pursue(ahead.path, ahead.commands, reference[0], reference[1], *bounds, *self._stages)
+        k.pursue(ahead.path, ahead.commands, reference, bounds, self._motion)
         self._roll(warm)
         self._roll(ahead)
         return warm, ahead
 
-    @property
-    def _stages(self) -> tuple[float, float, float, int, Array]:
-        return self._d, self._now, self.horizon.stage_s, self.horizon.substeps, self._parameters
-
     def _roll(self, plan: MpcPlan) -> None:
         """Bring a plan's commands within the hard bounds, fill in their path and its cost."""
-        keep_feasible(plan.commands, self._last_rate, self.horizon.stage_s, self.model.tick_s, self.hard)
-        self.model.kernels.roll(plan.path, plan.commands, *self._stages)
+        keep_feasible(plan.commands, self._task[1], self.horizon.stage_s, self.model.tick_s, self.hard)
+        self.model.kernels.roll(plan.path, plan.commands, self._motion)
         self._price(plan)
 
     def _price(self, plan: MpcPlan) -> None:
-        stage_s = self.horizon.stage_s
         if self._pressed:
-            self.model.kernels.holds(plan.path, self.forces, self.slopes, self._now, stage_s, self._parameters)
-        wanted, numbers = (self._reference, self._last_rate, stage_s), (self.scales, self.soft, self.penalty)
-        plan.cost = float(cost(plan.path, plan.commands, self.forces, *wanted, *numbers))
+            _, now, stage_s, _, parameters = self._motion
+            self.model.kernels.holds(plan.path, self.forces, self.slopes, now, stage_s, parameters)
+        numbers = (self.scales, self.soft, self.penalty)
+        plan.cost = float(cost(plan.path, plan.commands, self.forces, self._task, *numbers))
 
     def _iterate(self, best: MpcPlan) -> bool:
         """One SQP step from `best`, which it changes; False where it is not worth another."""
         program, stage_s, took, t0 = self.program, self.horizon.stage_s, best.timings, self.clock()
-        self.model.kernels.linearise(best.path, self.A, self.B, best.commands, *self._stages)
+        self.model.kernels.linearise(best.path, self.A, self.B, best.commands, self._motion)
         self._pressed = self.soft[2] < FREE
         self._price(best)
         self._pressed = self._pressed and float(np.abs(self.forces).max()) > _PRESSED * self.soft[2]
         t1 = self.clock()
         sensitivities(self.A, self.B, program.unit * stage_s, self.Z)
-        wanted = (self._reference, self._last_rate, stage_s, self.scales)
-        quadratic(best.path, best.commands, self.Z, *wanted, program.unit, program.H, program.f)
+        quadratic(best.path, best.commands, self.Z, self._task, self.scales, program.unit, program.H, program.f)
         t2 = self.clock()
-        change = program.solve(best.path, best.commands, self.forces, self.slopes, self.Z, self._last_rate)
+        change = program.solve(best.path, best.commands, self.forces, self.slopes, self.Z, self._task[1])
         t3 = self.clock()
         took["linearise"] += t1 - t0
         took["condense"] += t2 - t1

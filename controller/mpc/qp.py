@@ -6,6 +6,7 @@ import numpy as np
 from controller.mpc.condense import EXCESS, compiled
 from controller.signals import Array
 
+Pace = tuple[float, float, float, Array]  # stage and tick in s, unit of the rates, hard bounds
 FREE = 1e30  # no bound, for the solver
 _NEAR = 0.6  # share of a bound from which on it gets rows
 _ITERATIONS = 300  # of the active set, before a program counts as unsolved
@@ -13,17 +14,10 @@ _ITERATIONS = 300  # of the active set, before a program counts as unsolved
 
 @compiled
 def soft_rows(
-    path: Array,
-    commands: Array,
-    forces: Array,
-    slopes: Array,
-    Z: Array,
-    step: float,
-    soft: Array,
-    rows: Array,
-    upper: Array,
+    plan: tuple[Array, Array, Array, Array], Z: Array, step: float, soft: Array, rows: Array, upper: Array
 ) -> int:
     """Rows (m, N + 3) and right sides (m,) of `|value|/bound - slack <= 1` for stages near a soft bound; returns m."""
+    path, commands, forces, slopes = plan
     n, count = commands.shape[0] - 1, 0
     for kind in range(3):
         near = False
@@ -52,23 +46,13 @@ def soft_rows(
 
 @compiled
 def hard_rows(
-    commands: Array,
-    last_rate: float,
-    stage: float,
-    tick: float,
-    unit: float,
-    bounds: Array,
-    rows: Array,
-    upper: Array,
-    lower: Array,
-    simple: int,
-    count: int,
+    commands: Array, last_rate: float, pace: Pace, rows: Array, upper: Array, lower: Array, simple: int, count: int
 ) -> int:
     """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates over `unit`; returns the rows
     in use, `count` before. The rates' own bounds are the first N of `upper` and `lower`, row k's at `simple + k`; rows
     of acceleration and range are there only while the plan comes near them.
     """
-    n = commands.shape[0] - 1
+    n, (stage, tick, unit, bounds) = commands.shape[0] - 1, pace
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
     before, bent, close = last_rate, False, False
     for k in range(n):
@@ -122,11 +106,11 @@ class Program:
         """Changes (N,) of the rates within the bounds that the plan is near to; None without a finite solution."""
         n, upper, lower = self.stages, self._upper, self._lower
         step = self.unit * self.stage_s
-        count = soft_rows(path, commands, forces, slopes, Z, step, self._soft, self._rows, upper[n + 3 :])
+        count = soft_rows((path, commands, forces, slopes), Z, step, self._soft, self._rows, upper[n + 3 :])
         size = n + 3 if count else n
         upper[n:size], lower[n:size] = FREE, 0.0
         lower[size : size + count] = -FREE
-        count = hard_rows(commands, last_rate, *self._pace, self._rows, upper, lower, size, count)
+        count = hard_rows(commands, last_rate, self._pace, self._rows, upper, lower, size, count)
         top, rows, H = size + count, self._rows[:count], self.H
         if size == n:
             H, rows = H[:n, :n].copy(), rows[:, :n].copy()

@@ -58,11 +58,11 @@ class ModelSwitch:
     ):
         """Raises ValueError for a model that this controller cannot use, or one of another tick."""
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
-        self._estimator = estimator
-        self._age_s = supervisor.envelope.limits.age_s
+        self._estimator, self._age_s = estimator, supervisor.envelope.limits.age_s
         self._present: Observer = estimator_for(controller, model, estimator, self._age_s)
         self._waiting: deque[Prepared] = deque()
-        self._origin, self.taken_at, self.switches = math.inf, math.nan, 0
+        self.taken_at, self.switches = math.nan, 0
+        self.origin_s = math.inf  # when the reference began, on the clock of `observe`
         self._monitor = _monitor_of(self._present)
         self.history: History | None = None
         if offer is not None:
@@ -103,18 +103,13 @@ class ModelSwitch:
         return self._present.model
 
     @property
-    def origin_s(self) -> float:
-        """When the reference began, on the clock of `observe`; inf before."""
-        return self._origin
-
-    @property
     def counts(self) -> Counts:
         """What became of the measurements so far."""
         return self._present.counts
 
     def begin(self, origin_s: float) -> None:
         """The reference begins at `origin_s`."""
-        self._origin = origin_s
+        self.origin_s = origin_s
         if self._monitor is not None:
             self._monitor.begin(origin_s)
 
@@ -126,11 +121,11 @@ class ModelSwitch:
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
         """The estimate at `now`, as `Estimator.observe`, by whichever is in use."""
         estimate = self._present.observe(now, command, measurements)
-        if self._monitor is not None and now >= self._origin:
+        if self._monitor is not None and now >= self.origin_s:
             self._monitor.look(now, command, estimate)
         if self.history is not None:
             self.history.add(measurements)
-        if not self._waiting or now < self._origin + self._waiting[0].offer.at_s:
+        if not self._waiting or now < self.origin_s + self._waiting[0].offer.at_s:
             return estimate
         fresh = self._waiting[0].observer.observe(now, command, measurements)
         if fresh.lost or not self._supervisor.take_offered():
@@ -142,7 +137,7 @@ class ModelSwitch:
         """Go on with the model that was `prepared`: nothing is made in this tick."""
         for field in fields(Counts):
             setattr(prepared.observer.counts, field.name, getattr(self._present.counts, field.name))
-        self._present, self.taken_at = prepared.observer, now - self._origin
+        self._present, self.taken_at = prepared.observer, now - self.origin_s
         self.switches += 1
         if self._waiting:
             first = self._waiting[0]

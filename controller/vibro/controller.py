@@ -54,11 +54,6 @@ class VibroController(Controller):
         """The waveform of the present cycle."""
         return self._cycle.waveform
 
-    @property
-    def bias_m_s(self) -> float:
-        """What the map is believed to be wrong by in the present gear, m/s."""
-        return float(self.filter.z[2])
-
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The level for the tick that begins at `now` in s."""
         started = time.perf_counter()

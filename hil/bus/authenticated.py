@@ -63,15 +63,12 @@ def inside(wire: can.Message) -> can.Message:
 
 
 class AuthenticatedBus(WrappingBus):
-    """Another bus, of CAN FD. What is sent and received here are the catalogue's classic frames; on the wire they are
-    FD frames of 24 bytes, 8 of them freshness and 8 authenticator.
+    """Another bus, of CAN FD: what is sent and received here are the catalogue's classic frames, on the wire FD frames
+    of 24 bytes with freshness and authenticator (docs/bus.md).
 
-    The freshness is the `epoch` of this start (`hil.bus.key.next_epoch`) and a count of the frames since, which only
-    grow. Of each identifier a frame is taken whose epoch is greater than any before, or known with a greater count;
-    what this node has said itself counts. A receiver that has begun anew knows none: for that is the drives' challenge.
-
-    `refused` counts what was not taken, at most 64 in one `recv`: `classic` (no FD frame), `type` (extended or remote),
-    `length`, `forged` (wrong authenticator), `replayed` (not fresh). Error frames are passed on.
+    Of each identifier a frame is taken whose epoch is greater than any before, or known with a greater count; what this
+    node has said itself counts. `refused` counts the others, at most 64 in one `recv`: `classic` (no FD frame), `type`,
+    `length`, `forged`, `replayed`. Error frames are passed on.
     """
 
     def __init__(self, inner: can.BusABC, key: bytes, epoch: int) -> None:

@@ -23,9 +23,7 @@ _LARGEST_DBC = 1 << 22  # bytes
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One signal: `length` bits from bit `start` (little endian), value = raw `scale` + `offset` within [`lower`,
-    `upper`]; `names` says what its numbers stand for, where they do.
-    """
+    """One signal, little endian: value = raw `scale` + `offset` within [`lower`, `upper`]; `names` of its numbers."""
 
     name: str
     start: int
@@ -53,9 +51,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One message: how it is `sent` (one of SEND_TYPES), the `data_id` of its protection, its signals but CRC and
-    counter.
-    """
+    """One message: how it is `sent`, the `data_id` of its protection, its signals but CRC and counter."""
 
     name: str
     id: int

@@ -25,9 +25,7 @@ class Refusal:
 
 
 class Codec:
-    """One frame's codec; neither sets nor checks the protection. A value goes on the wire as `round((value -
-    offset)/scale)`, ties to even. Bits that no signal owns are 0.
-    """
+    """One frame's codec, without protection: `round((value - offset)/scale)`, ties to even; unowned bits are 0."""
 
     __slots__ = ("_reading", "_writing", "frame", "length")
 

@@ -14,9 +14,7 @@ _EPOCHS: Final = 1 << 32  # of 32 bits
 
 
 def read_key(path: Path) -> bytes:
-    """The AES key of 128 or 256 bits in `path`, hexadecimal. Raises ValueError for a file that is not this user's
-    alone.
-    """
+    """The AES key in `path`, hexadecimal. Raises ValueError for a file that is not this user's alone."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:

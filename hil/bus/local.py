@@ -27,12 +27,10 @@ _BUFFER: Final = 1 << 20  # bytes of a socket
 
 
 class LocalBus(OwnBus):
-    """A node on the local bus `channel`, connected to every other one by a SEQPACKET socket; there is no hub.
-
-    A frame is in the receivers' queues when `send` returns, in the order in which this node sent. A receiver that does
-    not read fills its own queue only; what no longer fits is lost to it and counted in `overruns`. Nodes come and go at
-    any time, also by SIGKILL. Not modelled: arbitration, bit time, errors, acknowledgement. Times of frames are the
-    sender's `time.time()`. With `fd` frames of CAN FD and 29-bit identifiers may be sent; every node hears them.
+    """A node on the local bus `channel`, connected to every other one by a SEQPACKET socket; there is no hub. A frame
+    is in the receivers' queues when `send` returns. A receiver that does not read loses what no longer fits, counted in
+    `overruns` of the sender. Nodes come and go at any time, also by SIGKILL. Not modelled: arbitration, bit time,
+    errors, acknowledgement. Times of frames are the sender's `time.time()`.
     """
 
     def __init__(

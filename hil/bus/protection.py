@@ -3,11 +3,10 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 
 import can
 
-from hil.bus.catalogue import Catalogue, Frame
+from hil.bus.catalogue import Frame, load_catalogue
 from hil.bus.codec import Codec, Reason, Refusal
 from hil.bus.wrapping import classic_frame
 
@@ -27,9 +26,7 @@ _TABLE = crc_table(POLYNOMIAL)
 
 
 def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
-    """CRC of `data` and the byte `data_id`: start 0xFF, inverted. On 8 bytes, one of them the CRC, its Hamming distance
-    is 4.
-    """
+    """CRC of `data` and the byte `data_id`: start 0xFF, inverted; Hamming distance 4 on 8 bytes with itself."""
     table, rest = _TABLE, _START
     for byte in data:
         rest = table[rest ^ byte]
@@ -46,7 +43,11 @@ class Sender:
     """Turns values into protected frames of one kind; counts them."""
 
     def __init__(self, frame: Frame) -> None:
-        self._codec, self._counter, self._data_id = Codec(frame), 0, frame.data_id
+        self.id, self._codec, self._counter, self._data_id = frame.id, Codec(frame), 0, frame.data_id
+
+    def message(self, values: Mapping[str, float], stamp: float = 0.0, *, heard: bool = False) -> can.Message:
+        """The next frame, to be sent, or as one that was `heard`. Errors as `frame`."""
+        return classic_frame(self.id, self.frame(values), stamp, heard=heard)
 
     def frame(self, values: Mapping[str, float]) -> bytes:
         """The next frame. Raises FrameError for values that do not fit; the counter then stays."""
@@ -64,32 +65,30 @@ class Sender:
 class FrameTransmitter:
     """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
 
-    def __init__(self, bus: can.BusABC, catalogue: Catalogue, names: Iterable[str]) -> None:
-        self._bus, self._senders = bus, {name: (catalogue[name].id, Sender(catalogue[name])) for name in names}
+    def __init__(self, bus: can.BusABC, names: Iterable[str]) -> None:
+        self._bus, self._senders = bus, {name: Sender(load_catalogue()[name]) for name in names}
         self.unsent = 0
 
     def say(self, name: str, values: Mapping[str, float]) -> None:
-        identifier, sender = self._senders[name]
         try:
-            self._bus.send(classic_frame(identifier, sender.frame(values)), timeout=0)
+            self._bus.send(self._senders[name].message(values), timeout=0)
         except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
             self.unsent += 1
 
     def skip(self, name: str, frames: int) -> None:
         """Count `frames` that there was no time to send."""
-        self._senders[name][1].skip(frames)
+        self._senders[name].skip(frames)
 
 
 class Receiver:
     """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when
     they came.
 
-    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is
-    refused. After the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew;
-    while they are fresh no other sequence is let in, so a replay beside the true sender is not, unless it is 15 frames
-    old to the frame. A replay of a whole recording after the sender fell silent cannot be told from its restart:
-    heartbeats and the time to live bound what it can do. Frames that are not cyclic come after silences of any length:
-    every counter but the last one is let in at once, none of them can start anything.
+    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`. After the data
+    have become stale, `RESYNC` good frames that count on from each other begin anew; while they are fresh no other
+    sequence is let in, so no replay beside the true sender, unless it is 15 frames old to the frame. A replay after the
+    sender fell silent is not told from its restart: heartbeats and the time to live bound it. Of frames that are not
+    cyclic every counter but the last one is let in: none of them can start anything.
     """
 
     def __init__(self, frame: Frame) -> None:
@@ -151,12 +150,12 @@ class Receiver:
         return Refusal("counter", f"frame {self._row} of {RESYNC} after a silence")
 
 
-@dataclass(frozen=True, slots=True)
 class Reception:
-    """Receivers by identifier; what is not among them is counted as unknown."""
+    """Receivers of frames by identifier; what is not among them is counted as unknown."""
 
-    receivers: Mapping[int, Receiver]
-    unknown: Counter[int] = field(default_factory=Counter)
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        self.receivers = {frame.id: Receiver(frame) for frame in frames}
+        self.unknown: Counter[int] = Counter()
 
     @property
     def refused(self) -> int:

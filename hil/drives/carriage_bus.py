@@ -3,16 +3,16 @@
 import math
 from abc import abstractmethod
 from collections import deque
+from contextlib import suppress
 from typing import Any, ClassVar, Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import NOT_MEASURED_C, Codec
 from hil.bus.protection import Sender
 from hil.bus.wrapping import WrappingBus, classic_frame
 from hil.drives.table import ActuatorTable
-from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, heartbeat
+from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, frames, heartbeat
 
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
@@ -21,22 +21,18 @@ _TOO_SHORT: Final = 7  # bytes: a frame that every node refuses
 
 class CarriageBus(WrappingBus):
     """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
-    what of the catalogue the drive's own become.
-
-    The frames made here are protected anew, so CRC and counter guard nothing beyond this process. None tells a
-    temperature that a limit of ours is for: such drives look after that. What another master commands the drive comes
-    in as a CarriageCommand, which only a controller sends.
+    what of the catalogue the drive's own become. These are protected anew, so CRC and counter guard nothing beyond this
+    process. What another master commands the drive comes in as a CarriageCommand, which only a controller sends.
     """
 
     maker: ClassVar[str]
     table: Any
 
-    def __init__(self, inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> None:
+    def __init__(self, inner: can.BusABC, table: ActuatorTable, tick_s: float) -> None:
         super().__init__(inner, f"{self.maker} node {table.node_id} on {inner.channel_info}")
-        self.table, self._tick_s, self._command_id = table, tick_s, catalogue["CarriageCommand"].id
-        self._heard = {catalogue[heard].id: (heard, Codec(catalogue[heard])) for heard in _HEARD}
-        self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
-        self._catalogue = catalogue
+        self.table, self._tick_s, self._command_id = table, tick_s, frames()["CarriageCommand"].id
+        self._heard = {frames()[heard].id: (heard, Codec(frames()[heard])) for heard in _HEARD}
+        self._speakers = {spoken: Sender(frames()[spoken]) for spoken in _SPOKEN}
         self._ready: deque[can.Message] = deque()
         self._began_s = math.nan
 
@@ -114,7 +110,7 @@ class CarriageBus(WrappingBus):
     def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
         """Let it hear a heartbeat; `anew` where the drive has just booted."""
         self._began_s = stamp if math.isnan(self._began_s) or anew else self._began_s
-        self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s, self._catalogue), stamp)
+        self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s), stamp)
 
     def fail(self, code: int, detail: int, stamp: float) -> None:
         """Let it hear a fault, twice as every drive tells one."""
@@ -123,7 +119,7 @@ class CarriageBus(WrappingBus):
 
     def refuse(self, name: str, message: can.Message) -> None:
         """Let it hear a frame that is too short: it is refused for its length, as the catalogue's `name`."""
-        self._ready.append(self._as_received(message, self._speakers[name][0], _TOO_SHORT))
+        self._ready.append(self._as_received(message, self._speakers[name].id, _TOO_SHORT))
 
     @staticmethod
     def _as_received(message: can.Message, identifier: int, most: int) -> can.Message:
@@ -132,12 +128,8 @@ class CarriageBus(WrappingBus):
 
     def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
         """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
-        identifier, sender = self._speakers[name]
-        try:
-            data = sender.frame(values)
-        except ValueError:
-            return
-        self._ready.append(classic_frame(identifier, data, stamp, heard=True))
+        with suppress(ValueError):
+            self._ready.append(self._speakers[name].message(values, stamp, heard=True))
 
     def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
         """Send one of the drive's own frames, classic, with an 11-bit identifier."""

@@ -7,7 +7,6 @@ from typing import Any, Final
 import can
 
 from controller.limits import Limits
-from hil.bus.catalogue import Catalogue
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.cia402.bus import Cia402Bus
 from hil.drives.cia402.protocol import Cia402Table
@@ -28,7 +27,7 @@ class Maker:
 
     table: type[ActuatorTable]
     set_up: Callable[..., list[str]]
-    bus: Callable[[can.BusABC, Any, Catalogue, float], CarriageBus]
+    bus: Callable[[can.BusABC, Any, float], CarriageBus]
 
 
 MAKERS: Final = {
@@ -66,6 +65,6 @@ def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float,
     return MAKERS[table.where].set_up(bus, table, limits, tick_s, faulty=faulty)
 
 
-def carriage_bus(inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> CarriageBus:
+def carriage_bus(inner: can.BusABC, table: ActuatorTable, tick_s: float) -> CarriageBus:
     """The bus on which the drive is the catalogue's carriage."""
-    return MAKERS[table.where].bus(inner, table, catalogue, tick_s)
+    return MAKERS[table.where].bus(inner, table, tick_s)

@@ -6,7 +6,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.table import TurningTable
 from hil.nodes.frame_map import ENABLE, QUICK_STOP_M_S2, READY, STANDBY
@@ -16,15 +15,14 @@ _SETTLE: Final = 2  # steps that a drive has to come to rest
 
 
 class TurningBus(CarriageBus):
-    """A command is held until the next SYNC; what stops the drive acts at once: the carriage is braked by places,
-    and the drive then stopped.
+    """A command is held until the next SYNC; what stops the drive acts at once: the carriage is braked by places.
 
-    It is armed from "ready" on, for which it must stand by, and was led once it has followed since. `_left` says why it
-    was not led on, `_asked` counts the ticks in which it did not begin to follow, `_stopped` how often it was stopped.
+    It is armed from "ready" on, and was led once it has followed since. `_left` says why it was not led on, `_asked`
+    counts the ticks in which it did not begin to follow, `_stopped` how often it was stopped.
     """
 
-    def __init__(self, inner: can.BusABC, table: TurningTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: TurningTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._place_m = self._speed_m_s = self._wanted_m = 0.0
         self._last_m = self._rate_m_s = math.nan
         self._armed = self._led = self._fresh = False

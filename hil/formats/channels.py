@@ -23,9 +23,7 @@ _ZEROED: Final = "datetime64[ns]"
 
 @dataclass(frozen=True)
 class Heading:
-    """A channel that a file has: its name, the unit that the file states, its group (a topic, a frame, a channel
-    group), whether it has a clock, which is no channel of its own, and how many samples it has, where that is known.
-    """
+    """A channel that a file has; `group`: a topic, a frame, a channel group; `samples`: where that is known."""
 
     name: str
     unit: str = ""
@@ -79,9 +77,7 @@ def library(name: str, extra: str) -> Any:
 
 @contextmanager
 def alone(path: Path) -> Iterator[BinaryIO]:
-    """The record `path`, open; within it the system refuses to open a further file, whatever the record names. Modules
-    must be loaded before.
-    """
+    """The record `path`, open; within it no further file can be opened. Modules must be loaded before."""
     with opened(path, "record") as file:
         fence = os.dup(file.fileno())
         os.close(fence)

@@ -45,10 +45,8 @@ def one_clock(
     samples: Mapping[str, tuple[Array, Array]], rows_of: str, held: Sequence[str] = ()
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns at the times of `rows_of`, with `t_s`, from (times, values) of each; and sentences about what was done.
-
-    Others go straight between their samples; those that are `held` are the mean of what was held since the row before.
-    Where these change more often, there are rows in between, in which `rows_of` has no value (NaN). Rows outside the
-    span of any of them are left out.
+    Others go straight between their samples; `held` ones are the mean of what was held since the row before, with rows
+    in between where they change more often. Rows outside the span of any are left out.
     """
     told, clean = list[str](), dict[str, tuple[Array, Array]]()
     for name, (times, values) in samples.items():
@@ -84,9 +82,7 @@ def one_clock(
 
 
 def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
-    """(group, times (n,), channels) but for the channel `t_s`. Those without a clock get what that one holds, else the
-    number of the sample.
-    """
+    """(group, times (n,), channels) but for `t_s`, whose times those without a clock get, else the samples' number."""
     clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
     found: list[tuple[str, Array, list[Channel]]] = []
     for channel in (channel for channel in channels if channel.heading.name != TIME):

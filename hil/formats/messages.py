@@ -23,10 +23,7 @@ class Message:
 
 
 def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[Channel]:
-    """The channels `topic/field` that `pick` takes; `messages` is called twice, to look and to read.
-
-    A message's time is the stamp of its header, where it has one, else its own; times in s count from the first.
-    """
+    """The channels `topic/field` that `pick` takes, at headers' stamps, else their own. `messages` is called twice."""
     known: dict[str, Heading] = {}
     seen: set[str] = set()
     for message in messages():

@@ -125,9 +125,7 @@ def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
 
 
 def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
-    """Headings go to `target`, then the samples of what is asked for through `source`, or a sentence: a line of JSON
-    each, samples as numbers of 8 bytes below it.
-    """
+    """Headings, then samples of what `source` asks for, or a sentence: JSON, then numbers of 8 bytes."""
 
     def pick(headings: Sequence[Heading]) -> Collection[str]:
         _tell(target, {"headings": [asdict(heading) for heading in headings]})

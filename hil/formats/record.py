@@ -20,9 +20,7 @@ _SWITCHES = ("drive_on",)
 
 
 def channel_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
-    """The record of `rig` in a file, its columns as `[columns]` says, at the times of the first measured one. Raises
-    ValueError of one sentence.
-    """
+    """The record of `rig` in a file, its columns as `[columns]` says. Raises ValueError of one sentence."""
     choice = _Choice(path, rig, driven_only)
     channels = {channel.heading.name: channel for channel in read_channels(path, choice.pick)}
     with refusing(path, "a measurement"):

@@ -1,8 +1,7 @@
-"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence with the place, never
-in a loop.
+"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence, never in a loop.
 
-A file is a header and objects: containers, which unpack to further objects, among them the frames; an object may begin
-in one container and end in the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
+A file is a header and objects: containers, which unpack to further objects; one may begin in one container and end in
+the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
 """
 
 import struct
@@ -33,8 +32,8 @@ Tell = Callable[[str], None]
 
 
 def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of `path`. Of a file that ends in the middle what is whole, and
-    `tell` gets a sentence. Raises ValueError of one sentence with the offset for an object that cannot be.
+    """The frames of `path`; of one that is cut off what is whole, with a sentence for `tell`. Raises ValueError with
+    the place.
     """
     with opened(path, "log") as file:
         yield from _Reading(path, file, tell).frames()

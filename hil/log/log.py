@@ -77,11 +77,10 @@ class NodeLog(ABC):
 class FrameLog(NodeLog):
     """A log that a process of its own writes: the node only hands frames to a pipe, which never waits.
 
-    The log begins once its writer does, or after 10 s. The writer puts whole containers on file at least twice a second
-    and, once the node is gone, what is left in the pipe: a killed node loses nothing, a killed writer at most the last
-    second. A writer that dies is followed by another one, at once and then once a second; until then frames wait in the
-    pipe (1 MiB, 43,690 frames), and what no longer fits is dropped. Each such thing is a sentence for `tell` and in
-    `troubles`; once closed, `lost` counts frames that were taken and never came on file.
+    Whole containers are on file at least twice a second: a killed node loses nothing, a killed writer at most the last
+    second. A writer that dies is followed by another one; until then frames wait in the pipe (1 MiB, 43,690 frames),
+    and what no longer fits is dropped. Each such thing is a sentence for `tell` and in `troubles`; once closed, `lost`
+    counts frames that were taken and never came on file.
     """
 
     def __init__(

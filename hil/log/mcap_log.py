@@ -5,7 +5,7 @@ from typing import Final
 
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal, without_absent
-from hil.bus.protection import Receiver, Reception
+from hil.bus.protection import Reception
 from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from models.files.writing import writing
@@ -20,7 +20,7 @@ class McapLog:
         """Begin the file. Raises OSError where it cannot be written, RefusedError without the library."""
         catalogue = load_catalogue()
         self._frames = catalogue.by_id()
-        self._reception = Reception({number: Receiver(frame) for number, frame in self._frames.items()})
+        self._reception = Reception(self._frames.values())
         self._begun: set[int] = set()
         self._path = path
         self._file = path.open("wb")

@@ -19,9 +19,7 @@ def record_path(path: Path) -> Path:
 
 
 def keep_older(path: Path) -> Path | None:
-    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, `NAME-2.blf`, ...; that
-    name, None where there is none. Raises ValueError.
-    """
+    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, ...; that name."""
     if not path.exists():
         return None
     number = 1

@@ -76,9 +76,7 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """Every signal of the good frames of `path` as a channel `Frame/Signal`, at the times of arrival, NaN where it says
-    nothing. `tell` as `read_frames`. Raises ValueError of one sentence.
-    """
+    """Every signal of the good frames as a channel `Frame/Signal` at the times of arrival. Raises ValueError."""
     reading = _Reading(path, tell)
     channels: list[Channel] = []
     for name, frames in reading.good.items():
@@ -96,12 +94,10 @@ def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
 
 
 def log_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
-    """The record that the log `path` holds of `rig`.
-
-    Rows are the measured values' own times, arrival less the age that the frame states. A position or current that was
-    fed back goes straight between its frames; a held drive is the mean of what was commanded since the row before, with
-    rows in between as often as commands come. What protection refuses and the sensor does not vouch for is left out.
-    With `driven_only` rows may be the drive's. Raises ValueError of one sentence.
+    """The record that the log `path` holds of `rig`: rows are the measured values' own times, arrival less the age that
+    the frame states. What was fed back goes straight between its frames; a held drive is the mean of what was commanded
+    since the row before. What protection refuses or the sensor does not vouch for is left out. With `driven_only` rows
+    may be the drive's. Raises ValueError of one sentence.
     """
     if rig.kind not in SOURCES:
         raise ValueError(

@@ -119,9 +119,7 @@ class _Entry(NamedTuple):
 def log_record(
     described: Mapping[str, str], controller: str, values: Theta, limits: Limits, catalogue: Catalogue, **more: Any
 ) -> dict[str, Any]:
-    """The record beside a log, by which `capsule replay` builds the same controller again: `described` is
-    {"deployment": text} or {"scenario": text}, `values` the learned model's parameters.
-    """
+    """The record beside a log, by which `capsule replay` builds the same controller; `described`: a file's text."""
     return {
         **described,
         "controller": controller,

@@ -81,15 +81,13 @@ def plain(message: can.Message) -> bool:
     return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
 
 
-def heartbeat(state: int, up_s: float, catalogue: Catalogue) -> dict[str, float]:
+def heartbeat(state: int, up_s: float) -> dict[str, float]:
     """The signals of the heartbeat of a node in `state`, in the numbers of heartbeats, that has run for `up_s`."""
-    return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": catalogue.fingerprint}
+    return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": frames().fingerprint}
 
 
 def answer_of(number: int, target: int) -> int:
-    """The answer to a challenge, CRC-32 of `number` (4 bytes, least first) and `target`: it has been heard, by
-    whomever.
-    """
+    """The answer to a challenge: CRC-32 of `number` (4 bytes, least first) and `target`."""
     return zlib.crc32(number.to_bytes(4, "little") + bytes([target]))
 
 
@@ -121,9 +119,9 @@ def frame_map_of(kind: str) -> FrameMap:
     return FRAME_MAPS[kind]
 
 
-def controllers_frames(catalogue: Catalogue) -> dict[int, str]:
+def controllers_frames() -> dict[int, str]:
     """Identifiers and names of the frames that a controller alone sends."""
-    return {frame.id: frame.name for frame in catalogue.frames.values() if frame.sender == "Controller"}
+    return {frame.id: frame.name for frame in frames().frames.values() if frame.sender == "Controller"}
 
 
 @cache

@@ -9,7 +9,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import FrameTransmitter, Receiver
 from hil.nodes.controller.operator import SETPOINT, STATUS
@@ -36,12 +35,10 @@ class OperatorSender:
     """Sends OperatorSetpoint on `bus` as `source`; each setpoint lives for `life_ms`, 1 to 200.
 
     Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
-    has sent `release`, and whatever ends this program ends the motion within `life_ms`. The counter goes on by one each
-    `CYCLE_S` of `clock`, also where a call came later, for by it the controller sees what is held back on the way.
-
-    Of the setpoints with the switch held `taken` counts those for which this source was in charge, `refused` the others
-    by reason, as the controller's answers say. `others` counts setpoints that somebody else sends as this source, whose
-    answers are not told apart. Raises ValueError for a source that the frame does not know.
+    has sent `release`. The counter goes on by one each `CYCLE_S` of `clock`, also where a call came later. Of the
+    setpoints with the switch held `taken` counts those for which this source was in charge, `refused` the others by
+    reason, `others` those that somebody else sends as this source. Raises ValueError for a source that the frame does
+    not know.
     """
 
     def __init__(
@@ -49,27 +46,24 @@ class OperatorSender:
         bus: can.BusABC,
         source: str = "script",
         life_ms: float = 100.0,
-        catalogue: Catalogue | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        catalogue = catalogue or frames()
-        frame = catalogue[SETPOINT]
+        frame, status = frames()[SETPOINT], frames()[STATUS]
         life = frame.field("TimeToLive_ms")
         if not life.lower <= life_ms <= life.upper:
             raise ValueError(f"life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {life_ms:g}")
         self.bus, self.answer, self.answers, self.sent = bus, None, 0, 0
         self.taken, self.others = 0, 0
         self.refused: Counter[str] = Counter()
-        self.transmitter = FrameTransmitter(bus, catalogue, (SETPOINT,))
+        self.transmitter = FrameTransmitter(bus, (SETPOINT,))
         self.source = source
         self._pending: list[float] = []
         self._clock, self._said_at, self._behind_s = clock, math.inf, 0.0
         self._common = {"TimeToLive_ms": life_ms, "Source": float(frame.field("Source").number(source))}
         self._modes = {raw: float(frame.field("Mode").number(raw)) for raw in ("position", "speed")}
-        status = catalogue[STATUS]
         self._id, self._receiver = status.id, Receiver(status)
-        setpoint = catalogue[SETPOINT].field("Source")
-        self._setpoint, self._shift, self._mask = catalogue[SETPOINT].id, setpoint.start, (1 << setpoint.length) - 1
+        setpoint = frame.field("Source")
+        self._setpoint, self._shift, self._mask = frame.id, setpoint.start, (1 << setpoint.length) - 1
         self._names = {name: status.field(name).names for name in ("State", "Source", "Refused")}
 
     answer: OperatorAnswer | None

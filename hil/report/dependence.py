@@ -7,7 +7,7 @@ from plotly.subplots import make_subplots
 from hil.report.quantities import number, percent, scale
 from hil.report.theme import STAGE_COLOURS, styled
 from hil.report.words import column_words, listed
-from models.identification.finding import Curve, Dependence
+from models.identification.finding import Dependence, ResidualCurve
 
 _SHOWN = 4  # curves in the list
 _TELLS = 0.01  # share of the residual from which a curve is in it
@@ -45,7 +45,7 @@ def _best(found: Dependence) -> str:
     return f"Of the residual a curve predicts, on stretches it was not made on: {listed(rows)}."
 
 
-def _over(curve: Curve) -> str:
+def _over(curve: ResidualCurve) -> str:
     words, _ = column_words(curve.variable)
     return f"over {words}{', as a resistance,' if curve.along == '-v' else ''}"
 

@@ -27,11 +27,10 @@ _INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022  # abort codes of SDO
 
 class Cia402Drive(MakersDrive):
     """What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last
-    rate: the worst of what the profile leaves open. RPDO 1 later than its event timer, a controller without heartbeat
-    and too high a temperature are faults: brake, then latched. A reset disables, no more.
+    rate: the worst of what the profile leaves open. RPDO 1 too late, a controller without heartbeat and heat are
+    faults.
 
-    What it may do wrong: it `stays` in its mode whatever is asked for, `ignores` its targets and says so, is `jammed`,
-    or does not find its home (`homeless`).
+    What it may do wrong: it `stays` in its mode, `ignores` its targets and says so, is `jammed`, or `homeless`.
     """
 
     LED = p402.OPERATION

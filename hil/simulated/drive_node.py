@@ -8,9 +8,8 @@ from typing import Final
 import can
 
 from controller.limits import Limits
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
-from hil.bus.protection import FrameTransmitter, Receiver, Reception
+from hil.bus.protection import FrameTransmitter, Reception
 from hil.nodes import frame_map as wire
 from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
 from hil.nodes.listening import waiting
@@ -31,21 +30,19 @@ class DriveNode:
     """Listens, steps its state machine, and moves its power stage only while enabled and its command lives.
 
     A command counts from its arrival for its time to live, but from no more than a tick after the begin of its own
-    tick: one that comes late lives shorter, one that comes too late is refused as `stale`. It is taken over with the
-    next SYNC, without one at the drive's own pace. A temperature above `derate_C` halves the limits, above
-    `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for 60 ms, and to be off the bus. A
-    fault is latched: after a reset the drive is enabled step by step only. A controller that has begun anew is told of
-    it again.
+    tick: one that comes too late is refused as `stale`. It is taken over with the next SYNC, without one at the drive's
+    own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a
+    controller without heartbeat for 60 ms, and to be off the bus. A controller that has begun anew is told of a latched
+    fault again.
 
-    Standing by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that has been answered:
-    what was recorded before cannot enable it. Frames of other types are counted (`strange`) and ignored; a bus that
-    raises is a slot in which nothing is heard (`deaf`).
+    Standing by it draws a number (`draw`), tells it, and does not become ready before that has been answered: what was
+    recorded before cannot enable it. Frames of other types are counted (`strange`), and slots in which the bus raises
+    (`deaf`).
     """
 
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         power: Power,
         limits: Limits,
@@ -54,26 +51,21 @@ class DriveNode:
     ) -> None:
         self._draw = draw
         self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
-        self.catalogue = catalogue
         self.temperature_C = AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
         self.broken, self.node_id = False, wiring.target
-        self._names = {
-            catalogue[n].id: n
-            for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
-        }
         self.boot(0.0)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
-        self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
+        names = (self.wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
+        self.reception = Reception(wire.frames()[name] for name in names)
         for name in (self.wiring.command, "Sync"):
-            receiver = self.reception.receivers[self.catalogue[name].id]
+            receiver = self.reception.receivers[wire.frames()[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.transmitter = FrameTransmitter(
             self.bus,
-            self.catalogue,
             (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
         )
         self.stage = Stage(wire.BOOT, now)
@@ -132,8 +124,8 @@ class DriveNode:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if isinstance(values, Refusal):
                 continue
-            name, stamp = self._names[message.arbitration_id], message.timestamp
-            counter = self.reception.receivers[message.arbitration_id].counter
+            receiver = self.reception.receivers[message.arbitration_id]
+            name, counter, stamp = receiver.frame.name, receiver.counter, message.timestamp
             if name == "Sync":
                 if not self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
                     self.stale += 1
@@ -168,7 +160,7 @@ class DriveNode:
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2
             self._uptime_s = values["Uptime_s"]
-            self._heard_at, self._stranger = stamp, values["Catalogue"] != self.catalogue.fingerprint
+            self._heard_at, self._stranger = stamp, values["Catalogue"] != wire.frames().fingerprint
 
     def _take_over(self) -> None:
         if self._waiting:
@@ -199,7 +191,7 @@ class DriveNode:
             self.transmitter.say(self.wiring.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
-            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
+            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began)
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:

@@ -114,9 +114,7 @@ def _check_archive(path: Path) -> None:
 
 
 class FmuPlant:
-    """`plant.session.Stepped` by an FMU at rest at 0. A row has what its outputs show at that time; between rows the
-    drive's command is set to what it is at the step's end.
-    """
+    """`plant.session.Stepped` by an FMU at rest at 0: rows have its outputs, steps the drive's command at their end."""
 
     def __init__(self, path: Path, rig: Truth) -> None:
         """Raises ValueError as `read_fmu`, and for one that does not start."""

@@ -17,11 +17,9 @@ AMBIENT_C: Final = 25.0  # of a laboratory
 
 
 class MakersDrive(ABC):
-    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command. Its state in its
-    maker's numbers is `state`, `LED` that in which it follows commands.
-
-    It is as hot as it is `heated_to_C`, its encoder shows what `misread` makes of the place, or nothing where it is
-    `broken`, and it answers as `node_id`. `rejected` counts frames that were refused or not sent.
+    """Behaves as a `DriveNode` to the plant. Its state in its maker's numbers is `state`, `LED` that in which it
+    follows. It is as hot as it is `heated_to_C`, its encoder shows what `misread` makes of the place, or nothing where
+    it is `broken`, and it answers as `node_id`. `rejected` counts frames that were refused or not sent.
     """
 
     LED: int

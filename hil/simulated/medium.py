@@ -50,13 +50,10 @@ class _Waiting(NamedTuple):
 
 
 class Medium:
-    """The wire. `advance` moves the time; frames sent by the nodes before that take part in it from then on.
-
-    Modelled: arbitration by identifier, every frame's own length with stuff bits, error signalling with retransmission,
-    error counters, passive nodes' pause, bus-off without automatic return, a collision of two senders of one
-    identifier, a sender without anybody to acknowledge. Not modelled: propagation, sampling, overload frames, remote
-    frames, different views of one error. With a `data_bit_rate` CAN FD's frames too. `shown` is called with every frame
-    that was sent.
+    """The wire. `advance` moves the time; frames sent before take part in it from then on, by arbitration, with their
+    own length and stuff bits, error signalling, retransmission and counters, passive nodes' pause, bus-off without
+    automatic return, collisions of one identifier, and senders without anybody to acknowledge. Not modelled:
+    propagation, sampling, overload and remote frames, different views of one error. `shown` is called with every frame.
     """
 
     def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None, data_bit_rate: int = 0) -> None:
@@ -208,9 +205,7 @@ def _first(port: SimulatedBus) -> _Waiting:
 
 
 class SimulatedBus(OwnBus):
-    """A node on a `Medium`: `recv` never waits, `send` queues at the medium's time. Off the bus both raise
-    CanOperationError.
-    """
+    """A node on a `Medium`: `recv` never waits, `send` queues at the medium's time."""
 
     def __init__(self, medium: Medium, name: str) -> None:
         super().__init__(channel=name)

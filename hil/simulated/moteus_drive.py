@@ -19,9 +19,7 @@ BOOT_S: Final = 0.03  # of the simulated drive
 PREPARES_S: Final = 0.01
 """From the first command to position mode: modes 2 to 4, gate driver and zero of the current sensors."""
 DAMPED_S: Final = 0.02
-"""Time constant with which the carriage is braked beside its friction, where no limit of acceleration leads it to rest:
-the maker states none, it goes with gains or resistance and what is moved.
-"""
+"""With which the carriage is braked beside its friction, where no limit leads it to rest; the maker states none."""
 _COMMAND: Final = {
     wire.COMMAND_POSITION: 0.0,
     wire.COMMAND_VELOCITY: 0.0,
@@ -172,9 +170,7 @@ class MoteusDrive(MakersDrive):
             self.path.command(math.nan, 0.0, speed, acceleration)
 
     def _take(self, source: int, data: bytes) -> None:
-        """The subframes in order, up to one that cannot be read, and the reply. A mode makes a command of what is
-        written.
-        """
+        """The subframes in order, up to one that cannot be read, and the reply; the mode acts at the end."""
         self._reply, self._commanded = b"", False
         try:
             for part in wire.parts(data):

@@ -33,12 +33,10 @@ POS_GAIN: Final = 20.0  # axis0.controller.config.pos_gain as shipped, in 1/s
 
 class OdriveDrive(MakersDrive):
     """It has no SYNC: a position acts at once, its reports leave in its own cycle. Its speed is `pos_gain` times what
-    is left to the position, plus Vel_FF, so that the last command drives it on until the watchdog ends it, which counts
-    in closed loop control alone and may be off (`watchdog_on`). An error disarms: the axis is idle, the carriage
-    coasts. An error whose cause is gone vanishes, an e-stop stays; the reason of the disarming stays until Clear_Errors
-    or the next arming.
-
-    What it may do wrong: not be `calibrated`, or not take the commands `deaf_to`.
+    is left to the position, plus Vel_FF; the last command drives it on until the watchdog ends it, which may be off
+    (`watchdog_on`). An error disarms: the carriage coasts. An error whose cause is gone vanishes, an e-stop stays; the
+    reason of the disarming stays until Clear_Errors or the next arming. What it may do wrong: not be `calibrated`, or
+    be `deaf_to` commands.
     """
 
     LED = CLOSED_LOOP

@@ -70,9 +70,7 @@ class PlantNode:
         drive: MakersDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
-        """`drive`: another one than the catalogue's. `draw`: of its challenges. Raises ValueError for a rig that is not
-        on the bus.
-        """
+        """`drive`: a maker's; `draw`: of challenges. Raises ValueError for a rig that is not on the bus."""
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
@@ -82,7 +80,7 @@ class PlantNode:
         self._told: list[tuple[float, float]] = []
         self._lie: LyingDrive | None = None
         self._now = 0.0
-        own = (drive_bus, frames(), wiring, power, limits, tick_s, draw)
+        own = (drive_bus, wiring, power, limits, tick_s, draw)
         self.drive: DriveNode | MakersDrive = drive or DriveNode(*own)
         self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
         self._localiser = _Localiser(sensor_bus)
@@ -158,7 +156,7 @@ class _Sensor:
     """A sensor on the bus: what it measures, and its heartbeat."""
 
     def __init__(self, bus: can.BusABC, name: str, beat: str) -> None:
-        self._mouth = FrameTransmitter(bus, frames(), (name, beat))
+        self._mouth = FrameTransmitter(bus, (name, beat))
         self._name, self._beat, self._cycle_s = name, beat, frames()[name].cycle_s
         self._said_at, self._beat_at = 0.0, -math.inf
 
@@ -172,7 +170,7 @@ class _Sensor:
         """The heartbeat, where it is due."""
         if now - self._beat_at >= 0.02 - 0.5 * SLOT_S:
             self._beat_at = now
-            self._mouth.say(self._beat, heartbeat(2, now, frames()))
+            self._mouth.say(self._beat, heartbeat(2, now))
 
 
 class _Localiser(_Sensor):

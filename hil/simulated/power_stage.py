@@ -22,9 +22,7 @@ class Power(Protocol):
         ...
 
     def step(self, dt: float, share: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s by `share` of the limits, 0: to the safe state; `sensed` is the
-        sensor's.
-        """
+        """The plant's command for the next `dt` s by `share` of the limits, 0: to the safe state."""
         ...
 
     @property
@@ -128,9 +126,7 @@ class CoilPower:
 
 @dataclass
 class InnerMassPower:
-    """A switched coil on board, which senses the inner mass's stretch, at a share of its rated force. Safe state: off;
-    the mass swings out on its spring within what friction and damping leave it.
-    """
+    """A switched coil on board, at a share of its rated force. Safe state: off; the mass swings out."""
 
     output: float = 0.0
     stretch_m: float = 0.0

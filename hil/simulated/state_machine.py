@@ -38,11 +38,9 @@ class Told:
 
 
 def next_stage(stage: Stage, told: Told, now: float) -> Stage:
-    """The stage after one step at `now` in s.
-
-    A cause for a fault latches it from everywhere. A fault ends by a reset that names it, once its cause is gone, in
-    standby and never beyond; from there on "off", "ready" and "enable" lead up one by one, each while its command
-    lives, "ready" only once the challenge has been answered.
+    """The stage after one step at `now` in s. A cause for a fault latches it from everywhere. It ends by a reset that
+    names it, once its cause is gone, in standby; from there "off", "ready" and "enable" lead up one by one, each while
+    its command lives, "ready" only once the challenge has been answered.
     """
     if told.cause and not stage.fault:
         return Stage(wire.FAULT, now, told.cause)

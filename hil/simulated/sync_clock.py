@@ -11,13 +11,12 @@ SILENCE_S: Final = 0.06  # A controller without SYNC for so long counts as anoth
 
 
 class SyncClock:
-    """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far: those
-    that took the shortest way. It grows by `DRIFT` a second, and begins anew once SYNC has been silent (a
-    drive also begins anew with a reset). While it lives no other time is let in: a SYNC that counts back, or whose tick
-    would have begun more than `SILENCE_S` before or after it came, is another controller's or a recording.
+    """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far. It grows
+    by `DRIFT` a second, and begins anew once SYNC has been silent. While it lives no other time is let in: a SYNC that
+    counts back, or whose tick would have begun more than `SILENCE_S` off, is another controller's or a recording.
 
-    A command belongs to the SYNC with its own counter: both count on once a tick, from 0 when the controller begins.
-    Counters have 4 bits, so commands that come 16 ticks after SYNC from the beginning on are not told from fresh ones.
+    A command belongs to the SYNC with its own counter of 4 bits, so one that is 16 ticks late from the beginning on is
+    not told.
     """
 
     def __init__(self) -> None:

@@ -75,9 +75,7 @@ class Active:
         return next((link for link in links if link is not None), None)
 
     def advance(self, s: Signals, h: Any) -> Active:
-        """The same effects with their hidden states a step `h` later, each under the command that the one before lets
-        through.
-        """
+        """The effects, hidden states a step `h` later, each under the command that the one before lets through."""
         z = self.z
         for e in self.effects:
             p, before = self._own(e, self.p), self._own(e, z)

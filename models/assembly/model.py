@@ -1,6 +1,4 @@
-"""Base + drive + effects -> one CasADi model: states, parameters with bounds, step and output; what everything else
-reads.
-"""
+"""Base + drive + effects -> one CasADi model: states, parameters with bounds, step and output."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -37,9 +37,7 @@ class Grip:
 
 @dataclass(frozen=True)
 class Stepper:
-    """The parts of one model; `advance` is its step. `smoothing` in m/s makes friction, mucus and tension
-    differentiable.
-    """
+    """The parts of one model; `advance` is its step. `smoothing` in m/s makes it differentiable."""
 
     surface: Surface
     drive: Drive
@@ -121,9 +119,7 @@ class Stepper:
         )
 
     def advance(self, now: dict[Name, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[Name, Any], Any]:
-        """The states after a step `h` from `t` in s while the command goes from `c0` to `c1`, and the output at its
-        end.
-        """
+        """The states after a step `h` from `t` in s as the command goes from `c0` to `c1`, and the output then."""
         imposed = self.drive.imposed and self.link is None
         drag, rate = Drag(now["u"], now["slip"]), (c1 - c0) / h
         T_quiet = self.tension(drag.u if imposed else drag.u + 0.5 * h * now["u_rate"])
@@ -166,9 +162,7 @@ class Stepper:
         return new | dict(seen.z), seen.measured(s, output)
 
     def _faced(self, now: dict[Name, Any], push: Push) -> Any:
-        """Direction that a resting body's friction faces: of one in a dragged wall the last motion's, else where the
-        drive pushes.
-        """
+        """Direction that a resting body's friction faces: in a wall the last motion's, else the drive's push."""
         if not self.surface.dragged:
             return np.where(push.force == 0, now["direction"], np.sign(push.force))
         return now["direction"]

@@ -22,9 +22,7 @@ def differences(measured: Array, predicted: Array, noise_std: float, most: float
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def less_in_the_tail(r: Array, tail: float) -> Any:
-    """`r` (n,) where it is small against `tail`, about the root of 2 `tail` |r| where it is large (pseudo-Huber):
-    `r sqrt(2/(1 + sqrt(1 + (r/tail)^2)))`.
-    """
+    """Pseudo-Huber `r sqrt(2/(1 + sqrt(1 + (r/tail)^2)))`: `r` (n,) where small, then root of 2 `tail` |r|."""
     out = np.empty(len(r))
     for k in range(len(r)):
         share = r[k] / tail

@@ -46,9 +46,7 @@ class Catalogue(Mapping[str, type[Effect]]):
 
     @classmethod
     def read(cls, paths: Sequence[Path]) -> Catalogue:
-        """With the effects of the Python files `paths` and of installed packages. Raises ValueError of one sentence
-        where one cannot be used.
-        """
+        """With the effects of Python files and installed packages. Raises ValueError where one cannot be used."""
         return cls(own_effects(paths, CATALOGUE))
 
     @classmethod
@@ -79,9 +77,7 @@ class Catalogue(Mapping[str, type[Effect]]):
         return (*EFFECTS, *(origin.effect for origin in self.own))
 
     def acting_on(self, kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
-        """The candidates that can act on a rig of `kind`; `variants` stand in place of those of the same id: the same
-        law with bounds, starts or units of that kind.
-        """
+        """The candidates that can act on a rig of `kind`; `variants` with its own bounds or units take their place."""
         more = KINDS[kind].effects
         declared = {effect.id: effect for effect in self.candidates if kind in effect.kinds or effect.id in more}
         return tuple((declared | {variant.id: variant for variant in variants}).values())

@@ -57,9 +57,7 @@ def number(
     role: Role = "",
     least: float = 0.0,
 ) -> Parameter:
-    """A parameter of an effect, called as the attribute that it is given to, from the effect's source where it has none
-    of its own; calibration may change it.
-    """
+    """A parameter of an effect, named after its attribute; the effect's source where it has none of its own."""
     return Parameter("", value, unit, lower, upper, source, fit, spread, role, least)
 
 
@@ -126,9 +124,7 @@ class Effect:
 
     @classmethod
     def further(cls, p: Values) -> list[tuple[str, str, Any]]:
-        """Equations (hook, left, right) of what only one kind of rig asks of an effect; those of the hooks below are
-        written down from the hooks.
-        """
+        """Equations (hook, left, right) of what one kind of rig alone asks; others are written from the hooks."""
         return []
 
     @classmethod
@@ -141,9 +137,7 @@ class Effect:
         return 1.0
 
     def shared(self, p: Values, factors: Shares) -> Shares:
-        """Factors on F_e, `mu m g` and `mu N_p`, of which the last two make the slip limit, given those that `level`
-        would give them.
-        """
+        """Factors on F_e, `mu m g` and `mu N_p` (the slip limit's parts), given those that `level` would give them."""
         return factors
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
@@ -163,9 +157,7 @@ class Effect:
         return 0.0
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Value, onset: Value) -> Value:
-        """Speed in m/s at which a slipping wall draws back, given the base model's `speed` and the drag `onset` u_c at
-        which it slips.
-        """
+        """Speed in m/s at which a slipping wall draws back, given the base's and the drag `onset` u_c at slip."""
         return speed
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
@@ -207,9 +199,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class InnerMassEffect(Effect):
-    """An effect of the vibro drive's suspension or coil; its hooks see how far (m) and how fast (m/s) the inner mass
-    moves against the body.
-    """
+    """An effect of the vibro drive's suspension or coil; hooks see the inner mass's place (m) and speed (m/s)."""
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         """Extra force in N that pulls the inner mass back to the body (and the body after it)."""

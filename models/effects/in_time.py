@@ -1,6 +1,4 @@
-"""Friction and force as functions of clock time: drifts (a drying tissue, a fading grip) and periodic forces
-(breathing, waves).
-"""
+"""Friction and force over clock time: drifts (drying tissue, fading grip) and periodic forces (breathing, waves)."""
 
 import math
 
@@ -44,9 +42,7 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
 
 
 def with_harmonics(wave: Value, turn: Value, p: Values, first: int, names: tuple[str, ...]) -> Value:
-    """`wave` and the harmonics of the angle `turn` in rad, from order `first` on, whose sizes are `NAME_sin` and
-    `NAME_cos` of `names`.
-    """
+    """`wave` and harmonics of the angle `turn` in rad from order `first` on, sizes `NAME_sin` and `NAME_cos`."""
     for k, name in enumerate(names, start=first):
         wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
     return wave

@@ -45,9 +45,7 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """One candidate of one round: share of the residual it explains when screened, held-out gain when fitted, and what
-    became of it.
-    """
+    """A candidate of a round: share of the residual when screened, held-out gain when fitted, what became of it."""
 
     id: str
     round: int
@@ -70,9 +68,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Trace:
-    """One record as the report draws it: an abscissa, the measurement and each stage's prediction; `signals` to plot
-    residuals against.
-    """
+    """A record as a report draws it: abscissa, measurement, stages' predictions, `signals` to plot residuals over."""
 
     name: str
     role: str
@@ -85,9 +81,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Separation:
-    """How many standard deviations a proposed record puts the `rival` of an `effect` off, and how many the record that
-    tells them best so far, named `best_record`.
-    """
+    """Standard deviations by which a proposed record, and the `best_record` so far, tell `rival` from `effect`."""
 
     effect: str
     rival: str
@@ -112,7 +106,7 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ResidualCurve:
     """The residual over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
     `low` to `high`. `along`: as the residual stands, "+x", or against the motion, "-v". `share` of the residual that
     the curve foretells on stretches it was not made on.
@@ -133,10 +127,8 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Surface:
-    """The residual over two `variables`, as `Curve` over one: `values` (n, m) at `centres`, half the width of their
-    95 % intervals `half`; not a number where the records never were.
-    """
+class ResidualSurface:
+    """A curve over two `variables`: `values` (n, m) at `centres`, `half` their 95 % interval; NaN: never there."""
 
     variables: tuple[str, str]
     along: str
@@ -184,8 +176,8 @@ class Dependence:
     quantity: str
     unit: str
     records: tuple[str, ...]
-    curves: tuple[Curve, ...]
-    surface: Surface | None = None
+    curves: tuple[ResidualCurve, ...]
+    surface: ResidualSurface | None = None
     tone: Tone | None = None
     term: Term | None = None
 

@@ -1,6 +1,4 @@
-"""From a finished search to the answer that is reported: verdict, intervals, checks, errors before and after on
-held-out data.
-"""
+"""From a finished search to the answer: verdict, intervals, checks, errors before and after on held-out data."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -57,52 +55,47 @@ def close(
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train, known)
-    declared = {effect.id: effect for effect in kind.effects}
+    declared = {**kind.catalogue, **{effect.id: effect for effect in kind.effects}}
     kind, hidden = narrowed(kind, rig, train)
     words = report_of(kind)
     check_parts(kind, train, holdout)
     found = search(kind, train, progress, np.random.default_rng(seed), most)
-    thetas = _stage_values(kind, found)
+    nominal, fit = kind.nominal(), found.augmented
+    values = (nominal, nominal | found.calibrated.theta, nominal | fit.theta)
+    thetas = dict(zip(STAGES, values, strict=True))
     progress("held-out records", 0.95)
-    errors = {
-        part: (
-            {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
-            if records
-            else {}
-        )
-        for part, records in (("train", train), ("holdout", holdout))
-    }
-    spread = intervals(kind, found.augmented, found.model, found.parts)
+    errors = {"train": _errors(kind, train, thetas), "holdout": _errors(kind, holdout, thetas)}
+    held = errors["holdout"]
+    spread = intervals(kind, fit, found.model, found.parts)
     rng = np.random.default_rng(seed)
-    likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(SET.draws)]
+    likely = [drawn(kind, fit, found.model, rng) for _ in range(SET.draws)]
     sure = [name for name, estimate in spread.items() if estimate.told]
-    near = [drawn(kind, found.augmented, found.model, rng, sure) for _ in range(SET.draws)]
-    residuals = residual_checks(kind, train, found.augmented, near, effects=found.effects)
-    chance = chance_error(kind, holdout, found.augmented, likely)
-    floor = kind.noise_floor(holdout or train)
-    worse = setbacks(errors["holdout"], floor)
-    said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
+    near = [drawn(kind, fit, found.model, rng, sure) for _ in range(SET.draws)]
+    residuals = residual_checks(kind, train, fit, near, effects=found.effects)
+    chance, floor = chance_error(kind, holdout, fit, likely), kind.noise_floor(holdout or train)
+    worse = setbacks(held, floor)
     last = "augmented" if found.effects else "calibrated"
-    weakened = None if by_chance(errors["holdout"].get(last, np.nan), chance) else last
-    findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model), weakened), *findings)
+    said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
+    weakened = None if by_chance(held.get(last, np.nan), chance) else last
+    findings = (*setback_findings(said, holdout, at_bounds(kind, fit, found.model), weakened), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
     longest_s = max(_seconds(record) for record in train)
-    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance, longest_s))
+    checks = (*residuals, *model_checks(kind, found, spread, held, findings, allowed, chance, longest_s))
     verdict = verdict_of(found.effects, checks)
-    dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
     shown = shown_with(rig, train, [declared[name] for name in hidden]) if hidden else None
     proposal = propose(kind, kind.searched(train), found, shown, np.random.default_rng(seed))
-    told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
         kind.name,
         thetas,
         verdict,
-        told,
-        {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)},
+        {"records": ", ".join(r.name for r in train), "seed": str(seed)},
+        {stage: float(e) for stage, e in held.items() if np.isfinite(e)},
         own_effects_of(thetas, kind.catalogue),
         worse,
     )
+    wanted = words.next_experiment(kind, thetas["augmented"], train)
+    own = words.statements(kind, thetas, train)
     finding = Finding(
         kind=kind.name,
         quantity=kind.quantity,
@@ -111,41 +104,42 @@ def close(
         verdict=verdict,
         effects=tuple(_effect(kind, name, found, spread, verdict) for name in found.effects),
         calibration={name: estimate for name, estimate in spread.items() if isinstance(name, str)},
-        nominal=dict(thetas["nominal"].base),
+        nominal=dict(nominal.base),
         error=errors,
         noise_floor=floor,
         checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
-        next_experiment=_next(
-            findings, verdict, (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train))
-        ),
-        statements=tuple(
-            _statements(kind, found, verdict)
-            + _proposed(kind, found, train, holdout)
-            + words.statements(kind, thetas, train)
-        ),
+        next_experiment=_next(findings, verdict, (words_of(proposal), wanted)),
+        statements=(*_statements(kind, found, verdict), *_proposed(kind, found, train, holdout), *own),
         equations=tuple(words.equations(kind, thetas["augmented"])),
         symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
-        traces=tuple(_trace(kind, r, "train", thetas) for r in train)
-        + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
+        traces=(
+            *(_trace(kind, r, "train", thetas) for r in train),
+            *(_trace(kind, r, "holdout", thetas) for r in holdout),
+        ),
         seconds=time.monotonic() - began,
         timings=found.timings,
         findings=findings,
         cannot_show=hidden,
         reasons=_reasons(verdict, checks, findings),
         proposal=proposal,
-        dependence=dependence,
-        declared={**kind.catalogue, **{effect.id: effect for effect in kind.effects}},
+        dependence=dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None,
+        declared=declared,
     )
     progress("done", 1.0)
     return finding, model
 
 
+def _errors(kind: AnyKind, records: Sequence[Record], thetas: Mapping[str, Theta]) -> dict[str, float]:
+    """The reported error of each stage; none without records."""
+    if not records:
+        return {}
+    return {stage: kind.error(records, [kind.predict(r, theta) for r in records]) for stage, theta in thetas.items()}
+
+
 def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKind, dict[str, str]]:
-    """`kind` with the effects that `records` can show and what no form tells apart in them; and why they cannot show
-    the others, by id.
-    """
+    """`kind` with what `records` can show and what no form tells apart; why they cannot show the others, by id."""
     hidden = cannot_show(rig, records, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
@@ -174,27 +168,13 @@ def _next(findings: Sequence[RecordFinding], verdict: str, told: Sequence[str | 
     return "; ".join(dict.fromkeys(words for words in (*weak, *told) if words)) or None
 
 
-def _stage_values(kind: AnyKind, found: Search) -> dict[str, Theta]:
-    nominal = kind.nominal()
-    return dict(zip(STAGES, (nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta), strict=True))
-
-
 def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Estimate], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in kind.catalogue[name].refined_by}
     score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
-    known = confidence_map()
+    known, own = confidence_map(), _own(name, spread)
     sure = known.probability(score)
-    return FoundEffect(
-        name,
-        found.equivalent[name],
-        _own(name, spread),
-        found.gains[name],
-        sure,
-        curves,
-        score,
-        known.calibrated,
-        known.words(sure),
-    )
+    told = (found.gains[name], sure, curves, score, known.calibrated, known.words(sure))
+    return FoundEffect(name, found.equivalent[name], own, *told)
 
 
 def _own(name: str, spread: Mapping[Name, Estimate]) -> dict[str, Estimate]:

@@ -22,8 +22,8 @@ Split = tuple[list[Record], list[Record]]
 class Kind(ABC):
     """One kind of rig with the experimenter's beliefs: free-running prediction, criterion, reported error.
 
-    `name` in a rig file; `base` holds the parameters that calibration may fit, at their nominal values; `effects` the
-    candidates that can act here, as this kind has them, and `catalogue` all effects as they are declared.
+    `base` holds the parameters that calibration may fit, at their nominal values; `effects` the candidates that can act
+    here, as this kind has them, and `catalogue` all effects as they are declared.
 
     A fit goes through so many `criteria` and ends at number `final`: the last one, or the same computed more exactly.
     `judges` judge a model, block by block the one under which it fits better: an observer may lose a step that the free
@@ -32,10 +32,8 @@ class Kind(ABC):
 
     Below `least_gain` nothing is named: what two searches of the same criterion may differ by. `next_share` of the
     first effect's gain is what a further one must bring: small where a law can be exact, larger where a form that fits
-    badly would call for others to mend it. `beginnings_s` are lengths in s of ever longer beginnings of a record, the
-    first holds a few slip events or impacts; none where records are no time series. `equivalents` are explanations that
-    these data cannot tell from an effect though no fit tries them. `lanes` points are evaluated at about the price of
-    one.
+    badly would call for others to mend it. `equivalents` are explanations that these data cannot tell from an effect
+    though no fit tries them. `lanes` points are evaluated at about the price of one.
     """
 
     criteria: ClassVar[int] = 1
@@ -45,12 +43,20 @@ class Kind(ABC):
     least_gain: ClassVar[float] = 0.05
     next_share: ClassVar[float] = 0.05
     lanes: ClassVar[int] = 1
-    name: str
     base: tuple[Parameter, ...]
     effects: tuple[type[Effect], ...]
     catalogue: Catalogue
     equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
-    beginnings_s: tuple[float, ...] = ()
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Its name in a rig file."""
+
+    @property
+    def beginnings_s(self) -> tuple[float, ...]:
+        """Lengths in s of ever longer beginnings of a record, the first with a few slip events; none for tables."""
+        return ()
 
     @property
     @abstractmethod
@@ -98,15 +104,11 @@ class Kind(ABC):
 
     @abstractmethod
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What a perfect model would leave of `error`: the sensors' noise (repeats' scatter) through the same
-        measure.
-        """
+        """What a perfect model would leave of `error`: the noise (repeats' scatter) through the same measure."""
 
     @abstractmethod
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """A record like `record` but measured on the model at `theta` with the noise believed: what chance alone looks
-        like.
-        """
+        """A record like `record` measured on the model at `theta` with the noise believed: what chance looks like."""
 
     def measured(self, record: Record) -> Array:
         """The measured column, or columns, (n,) or (n, m)."""
@@ -127,16 +129,12 @@ class Kind(ABC):
         return None
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
-        """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one
-        tells as much.
-        """
+        """What of `records` a search looks at: all, or their beginnings where a short run tells as much."""
         return list(records)
 
     @abstractmethod
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never
-        within one.
-        """
+        """Splits into (training, validation) parts: by record, condition or sample; never within one."""
 
     def declared(self, effect: str) -> type[Effect]:
         """The `effect` with this kind's own ranges and names of parameters; else the catalogue's."""

@@ -72,7 +72,7 @@ HELD_OUT = "held_out_error"
 _Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
 
 
-class _File(Table):
+class _ModelFile(Table):
     """A model file."""
 
     model_config = ConfigDict(extra="ignore")
@@ -138,7 +138,7 @@ class Model:
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
         try:
-            file = _File.model_validate(raw)
+            file = _ModelFile.model_validate(raw)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             table, *keys = (str(part) for part in first["loc"])
@@ -188,9 +188,7 @@ class Model:
 
 
 def sealed(text: str) -> str:
-    """The text of a model file with the checksum of its content, which neither comments nor the order of keys change.
-    Raises ValueError for no TOML.
-    """
+    """A model file's text with the checksum of its content, comments and order apart. Raises ValueError for no TOML."""
     line = f'{CHECKSUM} = "{_checksum(parse_toml(text, "model"))}"'
     bare = re.sub(rf"^{CHECKSUM}\s*=.*\n", "", text, count=1, flags=re.MULTILINE)
     return f"{line}\n{bare}"

@@ -1,6 +1,4 @@
-"""What records must hold before anything is fitted to them: motion, parts to fit on and to judge by, no more than can
-be computed.
-"""
+"""What records must hold before anything is fitted: motion, parts to fit on and to judge by, a bounded length."""
 
 from collections.abc import Sequence
 
@@ -15,9 +13,7 @@ from models.rigs.kinds import KINDS
 
 
 def check_demand(record: Record) -> None:
-    """Refuse a record whose prediction would take too long or whose clock is too fine to be one, whatever it
-    measures.
-    """
+    """Refuse a record whose prediction would take too long, or whose clock is too fine to be one."""
     if KINDS[record.kind].runs:
         runs = np.unique(np.column_stack([record[name] for name in ("period_s", "cycles")]), axis=0)
         what, asked = "period_s times cycles, summed over the runs,", float(np.sum(np.prod(runs, axis=1)))
@@ -36,9 +32,7 @@ def check_demand(record: Record) -> None:
 
 
 def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
-    """Refuse records that cannot tell anything: still, stopped for long, or more than can be computed. Raises
-    ValueError.
-    """
+    """Refuse records that cannot tell anything: still, stopped for long, too much to compute. Raises ValueError."""
     for record in (*train, *holdout):
         if record.layout.time:
             _check_clock(record)
@@ -50,9 +44,7 @@ def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
 
 
 def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) -> None:
-    """Refuse records without two parts to fit on and to judge by, or with fewer numbers than are fitted. Raises
-    ValueError.
-    """
+    """Refuse records without two parts to fit on and to judge by, or with too few numbers. Raises ValueError."""
     wanted = KINDS[kind.name].wanted
     names, nominal = ", ".join(r.name for r in train), kind.nominal()
     for record in (*train, *holdout):
@@ -90,9 +82,7 @@ def _check_clock(record: Record) -> None:
 
 
 def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) -> None:
-    """At least one of the columns of each group must change within or between records; for a table of runs, not all be
-    0.
-    """
+    """One of the columns of each group must change within or between records; of a table of runs, not all be 0."""
     names, kind = ", ".join(r.name for r in records), records[0].layout
     for group in groups:
         there = [name for name in group if all(name in r.columns for r in records)]

@@ -51,9 +51,7 @@ def residual_checks(
 
 
 def chance_error(kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0) -> float:
-    """The largest reported error of `fit` on imitations of `records` on models `likely`; not a number where there are
-    no records.
-    """
+    """The largest reported error of `fit` on imitations of `records` on models `likely`; NaN without records."""
     if not records:
         return float("nan")
     rng = np.random.default_rng(seed)

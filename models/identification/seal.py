@@ -1,6 +1,4 @@
-"""Gives a model file that was changed by hand, or written by an earlier version, the checksum of its content:
-`python -m models.identification.seal MODEL.toml`.
-"""
+"""Seals a model file that was changed by hand: `python -m models.identification.seal MODEL.toml`."""
 
 import sys
 from pathlib import Path

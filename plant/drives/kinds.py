@@ -11,7 +11,7 @@ import numpy as np
 
 from plant import layout as at
 from plant.drives import steps
-from plant.hidden.registry import COIL, FORCE, MAGNETIC, PULL, ROW, VIBRO
+from plant.hidden.registry import COIL, MAGNETIC, PULL, ROW, VIBRO
 from plant.tables import Floats
 
 
@@ -186,16 +186,6 @@ class TrueCoil(TrueDrive):
 
     def columns(self) -> dict[str, str]:
         return {"coil_current_A": "current", "position_m": "reading", "coil_voltage_V": "commanded"}
-
-
-@dataclass(frozen=True)
-class Force(TrueDrive):
-    """A force in N on the body, nothing else."""
-
-    kind: ClassVar[str] = FORCE
-
-    def steps(self, effects: Floats) -> int:
-        return steps.FORCE
 
 
 @dataclass(frozen=True)

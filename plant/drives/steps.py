@@ -124,26 +124,18 @@ def _swing(force: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
 
 @compiled
 def _move(
-    v: float,
-    mean: float,
-    x: float,
-    dt: float,
-    hoop: float,
-    s: Floats,
-    p: Floats,
-    h: Floats,
-    tab: Floats,
-    leveled: bool,
-    forced: bool,
+    v: float, mean: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats, felt: tuple[bool, bool]
 ) -> None:
-    """Body, wall and what they remember at the end of a step at `x` and `v`, in which the speed was `mean`."""
+    """Wall and what is remembered at the end of a step at speed `v` in which it was `mean`; `felt`: whether the table
+    `h` has effects on the level, and forces.
+    """
     if v != 0.0:
         s[at.S_DIRECTION] = 1.0 if v > 0 else -1.0
-    s[at.S_V], s[at.S_X] = v, x
+    s[at.S_V] = v
     move_wall(mean, dt, hoop, s, p, h, tab)
-    if leveled:
+    if felt[0]:
         remember_motion(mean, dt, s, h)
-    if forced:
+    if felt[1]:
         remember_stress(mean, dt, s, h)
 
 
@@ -178,7 +170,8 @@ def _advance_pull(
             due += every
         if leveled:
             hoop = hoop_at_slip(hoop * resistance_level(x, v, t, s, h), x, h)
-        _move(v, v, drive[k + 1], dt, hoop, s, p, h, tab, leveled, forced)
+        s[at.S_X] = drive[k + 1]
+        _move(v, v, dt, hoop, s, p, h, tab, (leveled, forced))
     s[at.S_STEP] += drive.shape[0] - 1
     return rows
 
@@ -236,7 +229,8 @@ def advance(
             net += hidden_force(x, v, t, s, p, h)
         after = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         mean = 0.5 * (v + after) if kind >= INNER_FORCE else after
-        _move(after, mean, x + dt * mean, dt, hoop, s, p, h, tab, leveled, forced)
+        s[at.S_X] = x + dt * mean
+        _move(after, mean, dt, hoop, s, p, h, tab, (leveled, forced))
         held = unchanging and v == 0.0 and after == 0.0 and s[at.S_SLIP] == 0.0
     s[at.S_STEP] += drive.shape[0] - 1
     return rows

@@ -60,13 +60,11 @@ class Runs:
         if wrong:
             raise ValueError(f"profile.durations_s must be more than 0 and at most {LONGEST_S:g} s; got {wrong[0]:g}")
         _check_speeds("speeds_m_s", *self.speeds_m_s)
+        many, got = len(self.speeds_m_s), len(self.durations_s)
+        if many != got:
+            raise ValueError(f"profile.durations_s must be as many as speeds_m_s, {many}; got {got}")
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        if len(self.speeds_m_s) != len(self.durations_s):
-            raise ValueError(
-                f"profile.durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got"
-                f" {len(self.durations_s)}"
-            )
         segments = [*zip(self.speeds_m_s, self.durations_s, strict=True), (0.0, duration_s)]
         return piecewise_runs(segments, dt)[: round(duration_s / dt) + 1]
 

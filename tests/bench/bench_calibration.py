@@ -31,7 +31,7 @@ from scipy.optimize import isotonic_regression
 
 from hil.app.main import run as capsule
 from hil.log.recorder import code_version
-from models.identification.confidence_map import ConfidenceMap
+from models.identification.confidence_map import MAP, ConfidenceMap
 from models.identification.settings import SET
 from plant.experiments.series import make_series
 from plant.experiments.series_rigs import BELIEVED
@@ -128,6 +128,16 @@ def isotonic(said: Sequence[Statement], series: int, date: str) -> ConfidenceMap
     score = [float(np.mean([s.p for s in pool])) for pool in pools]
     right = np.maximum.accumulate([(sum(s.right for s in pool) + 1) / (len(pool) + 2) for pool in pools])
     return ConfidenceMap(series, len(rows), date, tuple(score), tuple(float(r) for r in right))
+
+
+def map_toml(fitted: ConfidenceMap) -> str:
+    """As a file that `read_map` reads."""
+    head = "".join(line for line in MAP.read_text(encoding="utf-8").splitlines(keepends=True) if line[:1] == "#")
+    rows = {name: ", ".join(f"{v:.4g}" for v in getattr(fitted, name)) for name in ("score", "right")}
+    return (
+        f'{head}series = {fitted.series}\nstatements = {fitted.statements}\ndate = "{fitted.date}"\n'
+        f"score = [{rows['score']}]\nright = [{rows['right']}]\n"
+    )
 
 
 def cross_validated(said: Sequence[Statement], series: int) -> list[Statement]:
@@ -315,7 +325,7 @@ def main() -> None:
         asked.diagram.write_text(diagram(said, len(told)), encoding="utf-8")
     if asked.fit is not None:
         fitted = isotonic(said, len(told), datetime.date.today().isoformat())
-        asked.fit.write_text(fitted.to_toml(), encoding="utf-8")
+        asked.fit.write_text(map_toml(fitted), encoding="utf-8")
         error = expected_calibration_error(cross_validated(said, len(told)))
         print(f"{asked.fit}: {len(fitted.score)} knots; expected calibration error {error:.3f} (cross-validated)")
     print(f"\n{len(told)} of {len(wanted)} series of {asked.seconds:g} s a record\n\n{tables(told)}")

@@ -56,7 +56,7 @@ class Kill:
 def kill(after_s: float, writer_too: bool) -> Kill:
     """Lead a plant in real time, and kill the controller `after_s` after the drive was enabled."""
     catalogue = load_catalogue()
-    own, command = controllers_frames(catalogue), catalogue["CarriageCommand"].id
+    own, command = controllers_frames(), catalogue["CarriageCommand"].id
     heard, enabled_at = list[tuple[float, int, bytes]](), float("inf")
     with tempfile.TemporaryDirectory() as name:
         folder, log = Path(name), Path(name) / "run.blf"

@@ -7,10 +7,11 @@ from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wal
 from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import environmental_resistance
 from plant import layout as at
-from plant.drives.kinds import Force, TrueCoil, TrueMagnet, TruePull, TrueVibro
+from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
 from plant.experiments.excitation import pulse_width
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.tables import Floats
+from tests.plant.force import Force
 
 BIG = Truth(TrueVibro(0.074, 256.23, force_N=1.25), capsule=Capsule(mass_kg=0.193), surface=TruePlate(0.29))
 SMALL = Truth(

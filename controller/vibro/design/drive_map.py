@@ -1,14 +1,15 @@
 """The drive map of a model: seeds from its speed map, checked against wrong parameters, optimised, in gears."""
 
 import hashlib
-import json
 import math
 import os
-from dataclasses import asdict, replace
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from controller.vibro.cycles import IMPACTS, Cycles, VibroModel
+from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.optimal_cycle import optimal_cycle
 from controller.vibro.design.speed_map import SpeedMap, speed_map, squares
 from controller.vibro.gears import DriveMap, Gear, gear_of
@@ -29,6 +30,7 @@ _TRIED = 12  # square waves of a speed that are checked
 _SAVES, _IN_VAIN = 0.02, 2  # of the energy, what a guess is worth; guesses in a row that are not
 _FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
 _LAG_S = (0.03, 0.5)  # shortest and longest lag of the mean speed
+_MAPS: Final = TypeAdapter(DriveMap)
 _FORMAT = 12  # of the kept map: another one is made anew
 
 
@@ -130,7 +132,7 @@ def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
     file = cache_folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
     try:
         return from_json(read_text(file, "drive map"))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError):
         found = design(model, optimise)
     draft = file.with_suffix(f".{os.getpid()}")
     draft.write_text(to_json(found), encoding="utf-8")
@@ -140,16 +142,9 @@ def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
 
 def to_json(drive: DriveMap) -> str:
     """The map as text; `from_json` reads it back exactly."""
-    return json.dumps(asdict(drive), indent=1)
+    return _MAPS.dump_json(drive, indent=1).decode()
 
 
 def from_json(text: str) -> DriveMap:
-    """A map from text. Raises ValueError, KeyError or TypeError where it is none."""
-    raw = json.loads(text)
-    gears = []
-    for gear in raw["gears"]:
-        waves = tuple(Waveform(w["period_s"], tuple(w["edges"]), tuple(w["levels"])) for w in gear["waveforms"])
-        gears.append(
-            Gear(waves, tuple(gear["speeds_m_s"]), float(gear["home_m_s"]), IMPACTS[IMPACTS.index(gear["impact"])])
-        )
-    return DriveMap(tuple(gears), float(raw["lag_s"]))
+    """A map from text. Raises ValueError where it is none."""
+    return _MAPS.validate_json(text)

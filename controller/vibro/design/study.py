@@ -10,7 +10,6 @@ from scipy.linalg import solve_discrete_are
 
 from controller.design.margins import OpenLoop, closed_loop
 from controller.model.linear import Linear
-from controller.signals import Array
 from controller.vibro.cycles import Cycles, VibroModel, impact_of
 from controller.vibro.design.drive_map import wrong_models
 from controller.vibro.design.speed_map import Alternative, SpeedMap, free_period, squares
@@ -116,8 +115,17 @@ def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSp
     variance.
     """
     F, g = transition(period_s, lag_s)
-    K = _steady_gain(ProgressFilter(lag_s), F, period_s, speed_m_s)
-    k_z, k_u = _plan_gains(lag_s)
+    f, h, kept = ProgressFilter(lag_s), period_s, np.ix_([0, 2], [0, 2])
+    # the gain that the filter settles at; the known s has none
+    Q = (f.wander + f.wander_share * abs(speed_m_s)) ** 2 * np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]])
+    R = (f.reading_std_m**2 + f.ripple_m**2) * min(Tuning().sample_s / period_s, 1.0)
+    P = solve_discrete_are(F[kept].T, np.array([[1.0], [0.0]]), Q, np.array([[R]]))
+    K = np.array([P[0, 0], 0.0, P[1, 0]]) / (P[0, 0] + R)
+    # the first command of the unbounded plan by the state and by the last command
+    mpc = AveragedMpc(lag_s)
+    ahead = (np.zeros(mpc.horizon), np.zeros(mpc.horizon), -_BOUNDLESS, _BOUNDLESS)
+    k_z = np.array([mpc.plan(row, 0.0, *ahead)[0] for row in np.eye(3)])
+    k_u = float(mpc.plan(np.zeros(3), 1.0, *ahead)[0])
     keep = np.eye(3)
     keep[:, 0] -= K
     A = np.zeros((4, 4))
@@ -127,26 +135,3 @@ def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSp
     A[3, 3] += k_u
     B[3] = k_z @ K
     return control.ss(A, B, -A[3:], -B[3:], period_s)
-
-
-def _steady_gain(f: ProgressFilter, F: Array, period_s: float, speed_m_s: float) -> Array:
-    """The Kalman gain (3,) that the filter settles at; the known s has none."""
-    q, h = (f.wander + f.wander_share * abs(speed_m_s)) ** 2, period_s
-    Q = q * np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]])
-    R = (f.reading_std_m**2 + f.ripple_m**2) * min(Tuning().sample_s / period_s, 1.0)
-    kept = np.ix_([0, 2], [0, 2])
-    c = np.array([[1.0, 0.0]])
-    P = solve_discrete_are(F[kept].T, c.T, Q, np.array([[R]]))
-    gain = P[:, 0] / (P[0, 0] + R)
-    return np.array([gain[0], 0.0, gain[1]])
-
-
-def _plan_gains(lag_s: float) -> tuple[Array, float]:
-    """The first command's derivatives by the state (3,) and by the last command."""
-    mpc, none = AveragedMpc(lag_s), np.zeros(3)
-    flat = np.zeros(mpc.horizon)
-
-    def first(z: Array, last: float) -> float:
-        return float(mpc.plan(z, last, flat, flat, -_BOUNDLESS, _BOUNDLESS)[0])
-
-    return np.array([first(row, 0.0) for row in np.eye(3)]), first(none, 1.0)

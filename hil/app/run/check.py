@@ -50,7 +50,7 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalo
 
 def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> list[Point]:
     clock, began = bus.clock, bus.clock.now()
-    receiver = FrameReceiver(bus, catalogue, frame_map_of(deployment.rig.kind), deployment.control.tick_s)
+    receiver = FrameReceiver(bus, frame_map_of(deployment.rig.kind), deployment.control.tick_s)
     while clock.now() - began < LISTEN_S:
         receiver.listen(clock.now())
         time.sleep(0.002)
@@ -123,12 +123,10 @@ def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
 
 
 def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histogram:
-    """How long a tick takes, measured on a drive that is made up and does what it is told; the first half only warms
-    up.
-    """
+    """How long a tick takes on a made-up drive that obeys; the first half only warms up."""
     took = Histogram()
     with Tape() as tape:
-        node = ControllerNode(replace(task, probe=False), tape, catalogue=catalogue, dry_run=True)
+        node = ControllerNode(replace(task, probe=False), tape, dry_run=True)
         speak = _made_up(node, tape, catalogue)
         tick_s = task.model.tick_s
         for k in range(ticks):
@@ -162,6 +160,6 @@ def _made_up(node: ControllerNode, tape: Tape, catalogue: Catalogue) -> Callable
             place = 1e-5 * ((k // every) % 3 - 1)
             say("CapsuleLocalisation", {"Position_m": place, "Quality": 1.0, "Age_s": 0.002, "Valid": 1}, now)
         if k % max(round(0.02 / node.tick_s), 1) == 0:
-            say(wiring.heartbeat, heartbeat(2, now, catalogue), now)
+            say(wiring.heartbeat, heartbeat(2, now), now)
 
     return speak

@@ -12,7 +12,7 @@ from hil.app.scenario.jog_script import Step
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import SETPOINT
-from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, frames, heartbeat
+from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from hil.simulated.medium import Medium, SimulatedBus
 
@@ -22,9 +22,7 @@ _BACK_M_S: Final = -0.4  # speed that the other one asks for
 
 
 class Hand:
-    """Sends the setpoints of `jog`, one a cycle, on `bus`. `presses` counts how often the dead-man switch went from
-    released to held; once it is `let_go` it stays released.
-    """
+    """Sends the setpoints of `jog`, one a cycle; `presses` counts presses; once `let_go` it stays released."""
 
     def __init__(self, bus: can.BusABC, jog: JogTable) -> None:
         self.let_go, self.presses = False, 0
@@ -52,9 +50,7 @@ class Hand:
 
 
 class SecondOperator:
-    """Another operator, from when it first speaks on: released for two cycles, then as fast backwards as a frame can
-    say; as a source of its own, or as the same one, its counter beginning at 0.
-    """
+    """Another operator: released for two cycles, then as fast backwards as a frame can say."""
 
     def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: Catalogue) -> None:
         names = catalogue[SETPOINT].field("Source").names.values()
@@ -85,16 +81,14 @@ class SecondOperator:
 
 
 class Stranger:
-    """A node that speaks as a controller where a scenario's faults ask for it: one of its own will, or a player of what
-    the true one has said. Its ticks are not those of the true one: it speaks in the last slot of each.
-    """
+    """A node that speaks as a controller, in the last slot of a tick: of its own, or playing what was said."""
 
     def __init__(self, medium: Medium, wiring: FrameMap, tick_s: float, kinds: set[str]) -> None:
         asked = kinds & {"second_master", "player"}
         self._port = SimulatedBus(medium, "stranger") if asked else None
         self._wiring, self._tick_s = wiring, tick_s
         self._names = ("Sync", "ControllerHeartbeat", wiring.command)
-        self._mouth = None if self._port is None else FrameTransmitter(self._port, frames(), self._names)
+        self._mouth = None if self._port is None else FrameTransmitter(self._port, self._names)
         self._said: list[can.Message] = []
         self._ticks, self._played, self._since = 0, 0, math.nan
 
@@ -102,7 +96,7 @@ class Stranger:
         """Its part of a tick, at `now`."""
         if self._port is None or self._mouth is None:
             return
-        own = controllers_frames(frames())
+        own = controllers_frames()
         while (message := self._port.recv(0)) is not None:
             if message.arbitration_id in own and "player" not in kinds:
                 self._said.append(message)
@@ -116,7 +110,7 @@ class Stranger:
         self._ticks += 1
         told = (
             {"Tick": self._ticks, "Period_s": self._tick_s},
-            heartbeat(2, self._ticks * self._tick_s, frames()),
+            heartbeat(2, self._ticks * self._tick_s),
             self._wiring.values(1e-4 * self._ticks, 0.05, ENABLE),
         )
         for name, values in zip(self._names, told, strict=True):

@@ -6,7 +6,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.cia402 import protocol as p402
 from hil.drives.cia402.protocol import Cia402Table
@@ -16,23 +15,20 @@ _ALIVE: Final = struct.pack("B", p402.OPERATIONAL)
 _NMT: Final = {4: STOPPING, p402.OPERATIONAL: ENABLED, 127: STANDBY}
 FOLLOWING_ERROR: Final = 0x8611  # 0x8611, CiA 402
 _FOLLOWS_LATEST, _ASTRAY_REPORTS = 100, 2
-"""Reports in operation until a drive must follow, as long as a brake takes to open; and those in a row after which one
-that has followed is believed that it does not."""
+"""Reports until a drive must follow, as a brake takes to open; those in a row that are believed after that."""
 
 
 class Cia402Bus(CarriageBus):
-    """Commands leave as RPDO 1; TPDOs and heartbeat come in as feedback, heartbeat and, where a fault begins, faults.
-
-    A CiA 402 drive has no time to live in its commands: RPDO 1 has a deadline instead. Its warning, and a limit of its
-    own, show as "derated". Where it says while it is led that it does not follow its target (bit 12), or that it is too
-    far off (bit 13), that is a fault, latched here.
+    """Commands leave as RPDO 1, whose deadline stands for their time to live; TPDOs and heartbeat come in as feedback,
+    heartbeat and faults. A warning, and a limit of the drive's own, show as "derated". Where it says while it is led
+    that it does not follow its target (bit 12), or is too far off (bit 13), that is a fault, latched here.
     """
 
     maker = "CiA 402"
     table: Cia402Table
 
-    def __init__(self, inner: can.BusABC, table: Cia402Table, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: Cia402Table, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._wanted_m = math.nan
         self._takers = {
             0x180 + table.node_id: self._moved,
@@ -54,9 +50,7 @@ class Cia402Bus(CarriageBus):
         return "; ".join(word for word in told if word)
 
     def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """Controlword and target: the place, or the speed that leads there within the tick and, by
-        `velocity_gain_Hz`, makes up for what the drive was off the place before.
-        """
+        """Controlword and target: the place, or the speed that leads there and makes up for what was missed."""
         wanted = OFF if self._doubt else mode
         word = p402.controlword(wanted, p402.state_of(self._statusword), reset=self._reset)
         self._reset = False

@@ -15,8 +15,7 @@ _WORDS: Final = {
     p402.OPERATION: p402.ENABLE_OPERATION | p402.START_HOMING,
 }
 _MODE_S, _ERROR_S = 0.5, 0.1
-"""Within how long a drive must show the mode that it is told to take; and from when on after the start a homing error
-is of this homing."""
+"""Within how long a drive must show a mode; and from when on after the start a homing error is of this homing."""
 
 
 def word_of(node: Any, index: int, *, signed: bool = False) -> int:

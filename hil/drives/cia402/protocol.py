@@ -21,8 +21,7 @@ WARNING: Final = 0x80  # bit of the statusword: the drive does not do all it is 
 VOLTAGE, REMOTE, LIMITED = 1 << 4, 1 << 9, 1 << 11
 """Further bits: voltage is there, the bus's controlwords are obeyed, a limit of the drive's own is active."""
 FOLLOWS, DEVIATES = 1 << 12, 1 << 13
-"""In a cyclic mode: the target is followed; and, led by places, it is further off than 0x6065 for longer than
-0x6066."""
+"""In a cyclic mode: the target is followed; led by places, it is beyond 0x6065 for longer than 0x6066."""
 REACHED, ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13
 """While homing: at rest at the target, home is found, and it could not be found."""
 DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAULT = 0x00, 0x06, 0x07, 0x0F, 0x02, 0x80
@@ -83,9 +82,7 @@ def _options(raw: object) -> object:
 
 
 class Cia402Table(ActuatorTable):
-    """`[cia402]`: the carriage is a CANopen drive, led in a cyclic synchronous mode; `options` are objects of its own:
-    index, sub, value.
-    """
+    """`[cia402]`: a CANopen drive, led in a cyclic synchronous mode; `options`: index, sub, value."""
 
     where = "cia402"
     node_id: int = key(NODE, 1, 1, 15)
@@ -160,11 +157,9 @@ def fault_of(error: int) -> int:
 
 
 def controlword(mode: int, state: int, *, reset: bool = False) -> int:
-    """What to tell a drive in `state` for a `mode` of the catalogue's command.
-
-    One step up at a time, never from a state below "ready to switch on" by `ENABLE`, and never up with a `reset`: after
-    it the drive stands disabled until off, ready and enable are asked for in turn. Whatever stops a moving drive brakes
-    it; its voltage goes later.
+    """What to tell a drive in `state` for a `mode` of the catalogue's command: one step up at a time, never from below
+    "ready to switch on" by `ENABLE`, never up with a `reset`. What stops a moving drive brakes it; its voltage goes
+    later.
     """
     if state == FAULTED:
         return RESET_FAULT if reset else DISABLE_VOLTAGE

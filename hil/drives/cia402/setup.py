@@ -41,11 +41,9 @@ class Entry:
 
 
 def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> tuple[Entry, ...]:
-    """All that the drive is told, in order.
-
-    RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry is a fault (0x6007: 1) that brakes
-    (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes and ends disabled (0x605A: 2).
-    Beyond `following_m` off its target for `following_s` the drive says so (0x6065, 0x6066).
+    """All that the drive is told, in order. RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry
+    is a fault (0x6007: 1) that brakes (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes
+    and ends disabled (0x605A: 2).
     """
     node, counts = table.node_id, table.counts_per_m
     travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)
@@ -90,9 +88,7 @@ def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry, by: s
 
 
 def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """As `hil.drives.makers.set_up`: its objects are written and read back, it is homed where the table says so and it
-    has no fault, and its PDOs begin. Needs the package canopen.
-    """
+    """As `hil.drives.makers.set_up`: objects, homing where the table says so, PDOs. Needs the package canopen."""
     try:
         import canopen
     except ImportError:
@@ -129,9 +125,7 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *
 
 
 def _is_idle(node: Any, table: Cia402Table, faulty: bool) -> None:
-    """A drive that knows its modes, has no fault (but where `faulty`), and is disabled. One that is stopped answers
-    only once it is pre-operational.
-    """
+    """Of a drive that knows its modes, has no fault (but where `faulty`), and is disabled."""
     try:
         kind = word_of(node, 0x1000) & 0xFFFF
     except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like

@@ -8,7 +8,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.moteus import protocol as wire
 from hil.drives.moteus.protocol import FAULTS, WATCHDOG, MoteusTable
 from hil.drives.turning import IDLE_TICKS, TurningBus
@@ -26,20 +25,19 @@ _LONGEST: Final = 64  # length of a frame that stops: of bits that a gateway fli
 
 
 class MoteusBus(TurningBus):
-    """A command leaves with the SYNC after it as position mode with its own watchdog; every SYNC asks mode, place,
-    speed, fault and the watchdog that the drive holds, and the reply comes in as feedback and heartbeat.
+    """A command leaves with the SYNC after it as position mode with its own watchdog; the reply to each frame tells
+    mode, place, speed, fault and the command that the drive holds: after one that was not sent it is stopped.
 
-    "Ready" is told once the stopped drive has taken the watchdog and told it back; "enable" then begins position mode,
-    without limits of speed and acceleration, for the places come with their own. Every reply tells the command that the
-    drive holds, too: after one that was not sent it is stopped. "Stopped" clears a fault of this drive, so none is sent
-    while one is latched, until that is acknowledged.
+    "Ready" is told once the stopped drive has told the watchdog back; "enable" then begins position mode, without
+    limits of the drive's own. "Stopped" clears its fault, so none is sent while one is latched, until that is
+    acknowledged.
     """
 
     maker = "moteus"
     table: MoteusTable
 
-    def __init__(self, inner: can.BusABC, table: MoteusTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: MoteusTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._watchdog_s = wire.single(table.watchdog_s)
         self._servo, self._held_s = -1, math.nan
         self._prefix, self._in_session = wire.SESSION, False

@@ -34,9 +34,7 @@ REPLY_WANTED: Final = 0x8000  # bit of the identifier
 HOST: Final = 0x7A  # the controller's number as a source: no reply to it has an identifier of the catalogue
 BROADCAST: Final = 0x7F  # node id
 SESSION: Final = 202
-"""The can.prefix of a drive that is led. It is set in the drive's memory alone, so one that has booted anew has its own
-again, and what is still under way to the one that was led is not for it.
-"""
+"""The can.prefix of a drive that is led: in its memory alone, so one that has booted anew has its own again."""
 PREFIXES: Final = (0, SESSION)  # of identifiers that are read
 _LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
 FAULTS: Final[Mapping[int, tuple[str, int]]] = {
@@ -167,9 +165,7 @@ def single(value: float) -> float:
 
 @dataclass(frozen=True)
 class Part:
-    """One subframe: registers from `first` on with their raw values, how many are asked for in `form`, an error's
-    number in `count`; a line of the diagnostic stream, or a question for at most `count` bytes of it.
-    """
+    """One subframe; `count`: of values, of registers or bytes asked for, or an error's number."""
 
     kind: int
     first: int = 0

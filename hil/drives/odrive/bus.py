@@ -6,7 +6,6 @@ from typing import Final
 
 import can
 
-from hil.bus.catalogue import Catalogue
 from hil.drives.odrive import protocol as wire
 from hil.drives.odrive.protocol import FREE_NODES, Command, OdriveTable
 from hil.drives.turning import IDLE_TICKS, TurningBus
@@ -25,19 +24,18 @@ _FORGIVEN: Final = 2  # errors after which it is still asked
 
 
 class OdriveBus(TurningBus):
-    """A command leaves with the SYNC after it as Set_Input_Pos, which feeds the drive's watchdog; its encoder estimates
-    come in as feedback, its heartbeats as heartbeats, an error as a fault.
+    """A command leaves with the SYNC after it as Set_Input_Pos, which feeds the watchdog; estimates come in as
+    feedback.
 
     "Ready" is told of an idle axis without errors once it is asked for; "enable" then asks for closed loop control. An
-    error, and a reason for which the axis disarmed itself, is latched until it is acknowledged, though the drive may
-    forget it before.
+    error, and a reason of a disarming, is latched until it is acknowledged, though the drive may forget it.
     """
 
     maker = "ODrive"
     table: OdriveTable
 
-    def __init__(self, inner: can.BusABC, table: OdriveTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, table, catalogue, tick_s)
+    def __init__(self, inner: can.BusABC, table: OdriveTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
         self._axis = self._errors = self._result = self._latched = self._forgiven = 0
         self._heard_at, self._others_at, self._others = -math.inf, -math.inf, set[int]()
 

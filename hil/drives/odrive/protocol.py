@@ -10,26 +10,15 @@ from pydantic import BeforeValidator, Field
 
 from hil.bus.wrapping import classic_frame
 from hil.drives.table import NODE, TurningTable
-from hil.nodes.frame_map import (
-    INTERNAL,
-    OVER_CURRENT,
-    OVER_SPEED,
-    OVER_TEMPERATURE,
-    SENSOR,
-    SUPPLY,
-    TIME_TO_LIVE,
-    frames,
-    plain,
-)
+from hil.nodes import frame_map as our
+from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames, plain
 from models.parameter import nearest
 from models.rigs.schema import key
 
 
 @dataclass(frozen=True)
 class Command:
-    """A frame: the 5 lower bits of its identifier, whose 6 upper ones are the node, its signals as struct has them, and
-    its `length` in bytes, at least theirs.
-    """
+    """A frame: the 5 lower bits of its identifier, its signals as struct has them, its least `length` in bytes."""
 
     number: int
     layout: str = "<"
@@ -115,14 +104,14 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = {
     0x40: ("MISSING_INPUT", INTERNAL),
     0x100: ("DC_BUS_OVER_VOLTAGE", SUPPLY),
     0x200: ("DC_BUS_UNDER_VOLTAGE", SUPPLY),
-    0x400: ("DC_BUS_OVER_CURRENT", OVER_CURRENT),
-    0x800: ("DC_BUS_OVER_REGEN_CURRENT", OVER_CURRENT),
-    0x1000: ("CURRENT_LIMIT_VIOLATION", OVER_CURRENT),
-    0x2000: ("MOTOR_OVER_TEMP", OVER_TEMPERATURE),
-    0x4000: ("INVERTER_OVER_TEMP", OVER_TEMPERATURE),
-    0x8000: ("VELOCITY_LIMIT_VIOLATION", OVER_SPEED),
+    0x400: ("DC_BUS_OVER_CURRENT", our.OVER_CURRENT),
+    0x800: ("DC_BUS_OVER_REGEN_CURRENT", our.OVER_CURRENT),
+    0x1000: ("CURRENT_LIMIT_VIOLATION", our.OVER_CURRENT),
+    0x2000: ("MOTOR_OVER_TEMP", our.OVER_TEMPERATURE),
+    0x4000: ("INVERTER_OVER_TEMP", our.OVER_TEMPERATURE),
+    0x8000: ("VELOCITY_LIMIT_VIOLATION", our.OVER_SPEED),
     0x10000: ("POSITION_LIMIT_VIOLATION", INTERNAL),
-    0x1000000: ("WATCHDOG_TIMER_EXPIRED", TIME_TO_LIVE),
+    0x1000000: ("WATCHDOG_TIMER_EXPIRED", our.TIME_TO_LIVE),
     0x2000000: ("ESTOP_REQUESTED", INTERNAL),
     0x4000000: ("SPINOUT_DETECTED", SENSOR),
     0x8000000: ("BRAKE_RESISTOR_DISARMED", SUPPLY),
@@ -166,9 +155,7 @@ def _endpoints(raw: object) -> object:
 
 
 class OdriveTable(TurningTable):
-    """`[odrive]`: the carriage is an ODrive, whose safe state is no torque. `endpoints` are ids by path of
-    `READ_BACK`.
-    """
+    """`[odrive]`: an ODrive, whose safe state is no torque. `endpoints`: ids by path of `READ_BACK`."""
 
     where = "odrive"
     node_id: Annotated[int, Field(json_schema_extra={"enum": list(FREE_NODES)})] = key(NODE, 2)
@@ -224,5 +211,4 @@ READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]
     "axis0.config.can.input_vel_scale": ("<I", lambda *_: VEL_FF_SCALE),
     "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
 }
-"""What is read back where the drive's endpoint of that path is stated: its type, and what it must hold for a table and
-a speed in m/s."""
+"""By the path of an endpoint that is stated: its type, and what it must hold for a table and a speed in m/s."""

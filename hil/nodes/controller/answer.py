@@ -21,11 +21,9 @@ _ASTRAY: Final = 3  # ticks in a row in which it must be so: a report may be an 
 
 
 class Onlooker:
-    """Looks on while the node leads. `begin` when the drive is enabled, `look` once a tick from then on.
-
-    `jumps` is how often the believed position stepped by 2 mm or more, because three readings in a row had said so,
-    `jump_m` the last one; `cautious_s` when that was. `led` counts ticks by who led. `unrest` says that the drive moves
-    while it stands by or waits, "" where it does not.
+    """Looks on while the node leads: `begin` when the drive is enabled, `look` once a tick. `jumps`: how often the
+    believed position stepped by 2 mm or more, `jump_m` the last one, `cautious_s` when. `led` counts ticks by who led.
+    `unrest` says that the drive moves while it stands by or waits, "" where it does not.
     """
 
     def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, friction: float) -> None:
@@ -47,9 +45,7 @@ class Onlooker:
         return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
 
     def not_led(self, wanted: str, health: Health) -> str:
-        """Why a run that ended was not led as asked for, "" where it was: see `fallback.not_led`, or the model broke
-        after a jump.
-        """
+        """Why a run that ended was not led as asked for, or after a jump broke the model; "" where it was."""
         if self.jumps and health.state == "broken":
             return f"the model broke after the localisation had jumped: {self.words}"
         return not_led(self.led, wanted)
@@ -69,9 +65,7 @@ class Onlooker:
         reference: Reference,
         probe: Probe | None,
     ) -> str:
-        """The drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s` before its stamp. Why to
-        stop, "" where there is no reason.
-        """
+        """Why to stop; `seen` has come, true `late_s` before its stamp."""
         self._ticks.append((drive, wanted_m))
         reason = self.contradiction.drove(drive, wanted_m, self._tick_s)
         for m in seen:

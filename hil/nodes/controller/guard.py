@@ -11,10 +11,18 @@ from typing import Final
 import can
 
 from controller.limits import Envelope, number
-from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.bus.wrapping import classic_frame
-from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer, controllers_frames
+from hil.nodes.frame_map import (
+    ENABLE,
+    FRAME_MAPS,
+    MOVING,
+    QUICK_STOP,
+    WAITING,
+    FrameMap,
+    Observer,
+    controllers_frames,
+    frames,
+)
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
 GUARD_REASON: Final = 2  # `Reason` of the guard's stop
@@ -81,10 +89,8 @@ class Passed:
 
 
 def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: float, fence: Fence) -> Passed:
-    """The command that may leave `dt` s after `before`. Never raises.
-
-    Any mode but `ENABLE` moves nothing and passes. A stop holds until another mode than `ENABLE` has been asked for. A
-    `wanted` that is no finite number is a missing command.
+    """The command that may leave `dt` s after `before`. Never raises. Any mode but `ENABLE` moves nothing and passes. A
+    stop holds until another mode than `ENABLE` has been asked for. A `wanted` that is no finite number is missing.
     """
     aim = number(wanted)
     here = _within(aim, fence.low, fence.high) if fence.rests and math.isfinite(aim) else _rest(before.value, fence)
@@ -109,9 +115,7 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
 
 
 def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:
-    """Why a drive that moves by `rate` a second must stop, "" where it need not. What came more than a tick after the
-    begin of this one shows that the controller was away in between.
-    """
+    """Why a drive that moves by `rate` a second must stop; what comes from the future shows a pause."""
     if missed >= fence.late_stop or min(evidence.feedback_s, evidence.localisation_s) < -fence.tick_s:
         return LATE
     if not evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
@@ -132,17 +136,14 @@ def _within(value: float, low: float, high: float) -> float:
 
 
 class Guard:
-    """The only one who sends for the controller: frames of the whitelist, each through its codec; the drive's command
-    through `passed`.
-
-    `refused` counts what was not allowed or did not fit, `unsent` what the bus did not take. Where `dry` nothing is
-    sent. `observe` sees each frame that was sent, or would have been where `dry`. No method raises.
+    """The only one who sends for the controller: its frames, the drive's command through `passed`. `refused` counts
+    what was not allowed or did not fit, `unsent` what the bus did not take. Where `dry` nothing is sent. `observe` sees
+    each frame that was sent, or would have been. No method raises.
     """
 
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         fence: Fence,
         *,
@@ -155,14 +156,12 @@ class Guard:
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
         others = {one.command for one in FRAME_MAPS.values()} - {wiring.command}
-        own = {name: number for number, name in controllers_frames(catalogue).items() if name not in others}
-        self._senders = {name: (number, Sender(catalogue[name])) for name, number in own.items()}
+        own = set(controllers_frames().values()) - others
+        self._senders = {name: Sender(frames()[name]) for name in own}
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
-        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside a stop of the
-        guard's.
-        """
+        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside the guard's."""
         fence = self.fence.after(since_s)
         out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)
         self._time, self.sent = now, out
@@ -176,16 +175,11 @@ class Guard:
 
     def send(self, name: str, values: Mapping[str, float], now: float) -> bool:
         """Send one frame of the whitelist; whether it went out."""
-        if name not in self._senders:
-            self.refused[name] += 1
-            return False
-        identifier, sender = self._senders[name]
         try:
-            data = sender.frame(values)
-        except ValueError:
+            message = self._senders[name].message(values, now)
+        except (KeyError, ValueError):
             self.refused[name] += 1
             return False
-        message = classic_frame(identifier, data, now)
         if not self.dry:
             try:
                 self._bus.send(message, timeout=0)

@@ -15,18 +15,15 @@ def paused(gap_s: float) -> str:
 
 
 def gap_words(gap_s: float, tick_s: float, reports: int, frames: int) -> str:
-    """What a step of the clock by `gap_s` was, after which `frames` were waiting, the drive's `reports` among them: a
-    pause, where they fill the time (a report for each two ticks at least, or `FILLED` of any sort), else a jump.
-    """
+    """What a step of the clock was: a pause, where the frames that waited fill the time, else a jump."""
     filled = 2 * reports >= gap_s / tick_s - 1 or frames >= FILLED
     return paused(gap_s) if filled and gap_s > tick_s else "clock jumped"
 
 
 class Lateness:
-    """The counter is the sender's clock: one more each `cycle_s`. `late_s` is by how much the time between arrivals has
-    outgrown the counter's, from the frame on that took the shortest way: max(0, late_s + dt (1 - drift_share) - n
-    cycle_s) after dt s in which the counter went on by n. So a clock, or a sender, that is slower by `drift_share` is
-    not told from a delay that grows by as much, and a delay that never changes is not seen.
+    """The sender's counter is its clock, one more each `cycle_s`: `late_s = max(0, late_s + dt (1 - drift_share) - n
+    cycle_s)` after dt s in which it went on by n. A sender slower by `drift_share` is not told from a growing delay,
+    and a delay that never changes is not seen.
     """
 
     __slots__ = ("_counter", "_cycle_s", "_share", "_stamp", "late_s")

@@ -19,7 +19,6 @@ from controller.supervision.contradiction import CONTRADICT
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
-from hil.bus.catalogue import Catalogue
 from hil.nodes import frame_map as wire
 from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
@@ -28,18 +27,16 @@ from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLi
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
-from hil.nodes.frame_map import Observer, answer_of, frame_map_of, frames, heartbeat
+from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
-    `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
-    have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
-    a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
-    `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
-    replayed, `experiments` those that it asked for, `operator` what setpoints from the bus are held to, where they are
-    accepted. With `probe` a short motion to and fro comes before the reference (`Probe`).
+    """What a controller node is built from: model, name of a controller in `controller.registry`, where to go, limits;
+    `seen_noise_m` and `resolution_m` of the localisation, `deadline_s` that the MPC's plan may take of a tick (inf: no
+    clock decides), an `offer` that is to take over at a rest, an `estimator` of `ESTIMATORS`, what was `learned` and
+    the `experiments` asked for in a run that is replayed, what setpoints from an `operator` are held to, and whether a
+    `probe` comes first.
     """
 
     model: ControlModel
@@ -89,9 +86,7 @@ __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Ti
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
-"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
-long ago and a tick more.
-"""
+"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond."""
 _RESTS_M_S: Final = 1e-4  # speed of a reference that rests
 _REST_S: Final = 0.05  # A reference rests at a time around which, so long before and after, it is no faster
 OTHER_CONTROLLER: Final = 9  # reason of a SafeStop
@@ -102,25 +97,18 @@ GRID_SLACK: Final = 1e-3  # share of a tick by which a time may lie before its p
 
 class ControllerNode:
     """`tick(now)` once a tick of the model: sends SYNC, takes in what has come, and computes the command for the tick
-    that begins with the *next* SYNC, at which the drive takes it over; so the whole tick is there to compute in and the
-    delay is known to the model.
+    that begins with the *next* SYNC, at which the drive takes it over. It never raises, never sleeps and takes bounded
+    time.
 
-    `now` is in s of the clock that stamps received messages (`can.Message.timestamp`). The node begins idle: it
-    listens, estimates and commands mode "off". `start` leads the drive through ready to enabled, `stop` back. Whatever
-    makes it stop by itself is latched with its `reason`, and the drive stays off until `start` is called again; that
-    acknowledges a latched fault of the drive first (DriveReset), which then passes through off, ready and enable as at
-    the beginning. `acknowledge` does that alone. Another controller on the bus stops it with a SafeStop for all, in the
-    tick in which it is heard and for as long as it speaks.
+    `now` is in s of the clock that stamps received messages. The node begins idle. `start` leads the drive through
+    ready to enabled, `stop` back. Whatever makes it stop by itself is latched with its `reason` until `start`, which
+    acknowledges a latched fault of the drive first; `acknowledge` does that alone. Another controller on the bus stops
+    it with a SafeStop for all, for as long as it speaks.
 
-    Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
-    by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused for ... s" where
-    what was waiting filled the time, "clock jumped" where it did not (`gap_words`).
-
-    Where the task accepts an `operator`, the reference is the task's own until one takes charge, then the operator's.
-    While nobody has been in charge for long enough the drive is stopped; it is enabled again as at first, with the
-    reference where the capsule is, once somebody is.
-
-    `tick` never raises, never sleeps and takes bounded time. `observer` sees every frame in and out.
+    Ticks that did not take place are caught up with while the last command lives; after a longer step of the clock the
+    node stops (`gap_words`). With an `operator` the reference is the task's own until one takes charge, then the
+    operator's; while nobody has been in charge for long enough the drive is stopped. `observer` sees every frame in and
+    out.
     """
 
     def __init__(
@@ -128,12 +116,10 @@ class ControllerNode:
         task: Task,
         bus: can.BusABC,
         *,
-        catalogue: Catalogue | None = None,
         observer: Observer | None = None,
         dry_run: bool = False,
     ) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
-        catalogue = catalogue or frames()
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
@@ -145,10 +131,10 @@ class ControllerNode:
         for offer in task.learned:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
-        self.operator = None if task.operator is None else Operator(task.operator, catalogue)
-        self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer, self.operator)
+        self.operator = None if task.operator is None else Operator(task.operator)
+        self.receiver = FrameReceiver(bus, self.wiring, self.tick_s, observer, self.operator)
         fence = Fence.of(self.envelope, self.wiring, self.tick_s)
-        self.guard = Guard(bus, catalogue, self.wiring, fence, dry=dry_run, observe=observer)
+        self.guard = Guard(bus, self.wiring, fence, dry=dry_run, observe=observer)
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
         self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
@@ -159,7 +145,6 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
-        self._catalogue = catalogue
         self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._surprise = math.nan
         self._origin, self._index = 0.0, 0
@@ -215,9 +200,7 @@ class ControllerNode:
         self.estimator.begin(origin_s)
 
     def drive(self, experiment: Experiment) -> None:
-        """Interrupt the reference by `experiment` at its next rest from `at_s` on, where that stays within the travel
-        allowed and no operator may steer; `experiments_at` says when each began, in s of the reference's time.
-        """
+        """Interrupt the reference at its next rest from `at_s` on, where that stays within the travel allowed."""
         self._experiments.append(experiment)
 
     def stop(self, reason: str = "operator") -> None:
@@ -268,7 +251,7 @@ class ControllerNode:
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
-            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began, self._catalogue), now)
+            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began), now)
         if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
             self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
@@ -314,8 +297,7 @@ class ControllerNode:
     def _missed(self, now: float) -> int:
         """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new
         grid from here, after a step of the clock backwards or beyond the life of the last command. A tick that is late
-        by less than a period is none the less its own, and the next one may follow it soon. The number that SYNC tells
-        goes on with the time, never back.
+        by less than a period is its own. SYNC's number goes on with the time, never back.
         """
         if not math.isfinite(self._last):
             self._origin, self._index = now, 0

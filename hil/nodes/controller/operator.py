@@ -8,11 +8,11 @@ import numpy as np
 
 from controller.move import SetpointMove, brake, move, rest
 from controller.signals import Reference
-from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.view import within
+from hil.nodes.frame_map import frames
 from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
@@ -62,9 +62,9 @@ class OperatorLimits(NamedTable):
                 f" {self.lowest_m:g} and {self.highest_m:g}"
             )
 
-    def check_sources(self, catalogue: Catalogue) -> None:
+    def check_sources(self) -> None:
         """Raises ValueError for a source that the frame does not know, naming the nearest."""
-        known = list(catalogue[SETPOINT].field("Source").names.values())
+        known = list(frames()[SETPOINT].field("Source").names.values())
         for name in self.sources:
             if name not in known:
                 raise ValueError(
@@ -76,25 +76,19 @@ class Operator:
     """Takes OperatorSetpoint frames in and turns them into a reference; never raises, takes bounded time.
 
     One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
-    heard released for `RELEASED_S`. It is so until it releases, or its setpoint has lived; then the reference is held
-    from the next tick on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again.
-    Whatever ended the charge, the source must be heard released before it counts. A release by the one in charge counts
-    whatever its counter, so also from a second node that sends as the same source; as long as the first one's switch is
-    heard held, releases of the second do not make it count again. `taken` says whether anybody has ever been in charge
-    since `begin`: until then the reference is the deployment's own.
+    heard released for `RELEASED_S`; until it releases, or its setpoint has lived. Then the reference is held, and the
+    drive is `resting` after `stop_after_s`. A release by the one in charge counts whatever its counter; as long as one
+    node's switch is heard held, releases of a second one of the same source do not arm it. `taken`: somebody has been
+    in charge since `begin`; from then on a setpoint of speed 0 from any other accepted source ends the charge, and
+    begins none.
 
-    Once somebody has been in charge, a setpoint of speed 0 from any other accepted source is a stop: it ends the charge
-    of whoever has it and begins none, so it never enables a drive.
-
-    `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
-    accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read, from its
-    arrival less the time by which `Lateness` says it was held back on), `not_released`. `presses` and `expired` count
-    how often somebody took charge and how often a setpoint's life ended it; `limited` counts how often a setpoint came
-    to the end of the range, where the reference stands however long it asks for more.
+    `refused` counts frames by reason: those of the protection, `source` (not accepted), `busy` (another is in charge),
+    `late` (older than its life when read, by arrival less `Lateness`), `not_released`. `presses`, `expired` and
+    `limited` count charges, those that a setpoint's life ended, and setpoints to the end of the range.
     """
 
-    def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:
-        frame = catalogue[SETPOINT]
+    def __init__(self, limits: OperatorLimits) -> None:
+        frame = frames()[SETPOINT]
         source = frame.field("Source")
         self.id, self.limits = frame.id, limits
         self.refused: Counter[str] = Counter()
@@ -106,7 +100,7 @@ class Operator:
         self._nameless = Receiver(frame)
         names = source.names
         self._accepted = {raw for raw in names if not limits.sources or names[raw] in limits.sources}
-        self._reasons = {name: raw for raw, name in catalogue[STATUS].field("Refused").names.items()}
+        self._reasons = {name: raw for raw, name in frames()[STATUS].field("Refused").names.items()}
         self._speed, self._switch = frame.field("Mode").number("speed"), 1 << frame.field("DeadMan").start
         self._why, self._why_at = 0, -math.inf
         self.begin()

@@ -27,14 +27,11 @@ def readings_alike(noise_m: float, resolution_m: float) -> float:
 
 @dataclass
 class Plausibility:
-    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit: a drive
-    that is late by less, or on its way from one to the next, is not off. It may be off for less than `follow_ticks` in
-    a row; a report that is still the same to the last bit after the command has moved by `follow`/10 may be so for as
-    long.
+    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit, for less
+    than `follow_ticks` in a row; or be the same to the last bit after the command has moved by `follow`/10.
 
-    The localisation is stuck where its readings, which have noise of `noise_m` and steps of `resolution_m`, show no
-    variance for longer than chance allows (`readings_alike`), or do not move while the wanted position goes
-    `FARTHEST_M` and two steps.
+    The localisation is stuck where its readings (`noise_m`, steps of `resolution_m`) are alike for longer than chance
+    allows (`readings_alike`), or while the wanted position goes `FARTHEST_M` and two steps.
     """
 
     follow: float

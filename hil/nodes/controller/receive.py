@@ -8,12 +8,12 @@ from typing import Any, Final
 import can
 
 from controller.signals import Measurement
-from hil.bus.catalogue import Catalogue, Frame
+from hil.bus.catalogue import Frame
 from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver, Reception, crc8
+from hil.bus.protection import Reception, crc8
 from hil.nodes.controller.guard import Evidence
 from hil.nodes.controller.operator import SETPOINT, Operator
-from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, plain
+from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames, plain
 from hil.nodes.listening import waiting
 
 BACK_S: Final = 0.5  # by how much an uptime must go back: further than frames that a link swaps or repeats
@@ -22,9 +22,7 @@ WITHIN_S: Final = 0.5  # in which these come from two nodes
 
 
 class Twins:
-    """Hears every frame of one heartbeat whose CRC is right, its counter refused or not, as one of two senders' always
-    is. Two that began within `BACK_S` of each other are not told apart.
-    """
+    """Two senders of one heartbeat, by every frame whose CRC is right, if they began `BACK_S` apart."""
 
     __slots__ = ("_backs", "_data_id", "_length", "_mask", "_shift", "_step_s", "_up_s", "heard_at", "name")
 
@@ -57,21 +55,18 @@ LOCALISER: Final = "LocaliserHeartbeat"
 class FrameReceiver:
     """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
 
-    `state`, `report` (position in m, current in A, level; 0 before the first one) and `temperature_C` are the drive's
-    last good feedback; `fault` the code that it has latched. `feedbacks` is how many the last `listen` took in, of all
-    good `frames`; `full` counts the ticks in which more were waiting than one takes. `told_s` is how old the newest
-    localisation was when it was read, `still` what must rest while the drive is not enabled, `challenge` the drive's
-    newest number that has not been answered (-1: none).
+    `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback,
+    `fault` the code that it has latched, `challenge` its number that has not been answered (-1: none), `still` what
+    must rest while it is not enabled. `feedbacks` of all good `frames` came in the last `listen`; `full` counts ticks
+    with more than one takes; `told_s` is the age of the newest localisation when read.
 
-    `foreign` counts frames that only a controller sends, by name: another one speaks. `strange` counts, by type, what
-    is no classic data frame with an 11-bit identifier; `deaf` the ticks in which the bus raised, `deaf_words` what it
-    said last.
+    `foreign` counts frames that only a controller sends, by name; `strange`, by type, what is no classic data frame
+    with an 11-bit identifier; `deaf` ticks in which the bus raised.
     """
 
     def __init__(
         self,
         bus: can.BusABC,
-        catalogue: Catalogue,
         wiring: FrameMap,
         tick_s: float,
         observer: Observer | None = None,
@@ -79,9 +74,8 @@ class FrameReceiver:
     ) -> None:
         sensors = ("CapsuleLocalisation", LOCALISER, "ForceReading", "ForceSensorHeartbeat")
         names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
-        self._names = {catalogue[name].id: name for name in names}
-        self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
-        self._twins = {catalogue[name].id: Twins(catalogue[name]) for name in (wiring.heartbeat, LOCALISER)}
+        self.reception = Reception(frames()[name] for name in names)
+        self._twins = {frames()[name].id: Twins(frames()[name]) for name in (wiring.heartbeat, LOCALISER)}
         self._beats = tuple(self._twins.values())
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
@@ -92,8 +86,8 @@ class FrameReceiver:
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
         self.foreign_at = -math.inf
-        self._foreign = controllers_frames(catalogue)
-        self._fingerprint, self._other = catalogue.fingerprint, False
+        self._foreign = controllers_frames()
+        self._fingerprint, self._other = frames().fingerprint, False
         self._bus, self._observer, self.operator = bus, observer, operator
         self._place_at = self._fed_at = -math.inf
         self._beat_at = math.nan
@@ -108,9 +102,7 @@ class FrameReceiver:
         return self.strange["error"]
 
     def skip(self) -> None:
-        """Let go what has been waiting since the bus was opened: a queue that ran over has a gap, behind which good
-        frames would be refused for their counters. Never raises, takes bounded time.
-        """
+        """Let go what has been waiting: a queue that ran over has a gap. Never raises, takes bounded time."""
         for _ in waiting(self._bus, SKIPPED):
             pass
 
@@ -137,7 +129,9 @@ class FrameReceiver:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
                 self.frames += 1
-                self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
+                self._take(
+                    self.reception.receivers[message.arbitration_id].frame.name, values, message.timestamp, now, found
+                )
         return found
 
     def _deafened(self, error: Exception) -> None:

@@ -16,9 +16,7 @@ _FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.
 
 
 def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> dict[str, float]:
-    """The signals of BelievedMotion; `surprise`: by how many standard deviations the newest position since the last
-    such frame was off (NaN: none came). A belief that is no number is lost.
-    """
+    """The signals of BelievedMotion; `surprise` in standard deviations, NaN: none. No number is lost."""
     x = model.index("x")
     lost = estimate.lost or not math.isfinite(estimate.state[x] + estimate.std[x])
     return {

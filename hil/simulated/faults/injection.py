@@ -22,10 +22,8 @@ _REMEMBERED: Final = 32  # frames of an identifier, of which one comes again
 
 class FaultInjection(WrappingBus):
     """While `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave; while `broken` it
-    raises.
-
-    `now` gives the time in s of the messages' stamps. The same seed and frames give the same result. `key` is that of
-    an authenticated bus, of which `inner` is the wire.
+    raises. `now` gives the time in s of the stamps; `key` is that of an authenticated bus, of which `inner` is the
+    wire.
     """
 
     def __init__(self, inner: can.BusABC, now: Callable[[], float], seed: int = 0, key: bytes = b"") -> None:

@@ -17,9 +17,7 @@ _LATE: Final = ("late", "late_unsaid")
 
 
 class Lie:
-    """`fault` as a function of the time in s and of what a sound sensor would show, or a sound drive do. A way is
-    turned or scaled about the first value, where no other place, `about`, is given; `std` is the sensor's noise.
-    """
+    """`fault` as a function of time and truth; ways are turned or scaled about the first value, or `about`."""
 
     def __init__(self, fault: Fault, seed: int = 0, std: float = 0.0, about: float = math.nan) -> None:
         self.fault, self.first, self.last, self.about = fault, math.nan, math.nan, about

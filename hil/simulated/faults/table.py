@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.drives import CARRIAGE, INNER_MASS
-from models.files.tables import from_table
 from models.parameter import nearest
+from models.rigs.schema import from_table
 
 LINKS: Final = ("commands", "feedback", "localisation", "all")
 SENSORS: Final = ("localisation", "feedback")
@@ -25,9 +25,7 @@ _SHARE: Final = (1e-6, 1.0)  # least and most
 
 @dataclass(frozen=True)
 class FaultKind:
-    """What a kind of fault does, its targets (the first where none is named), what its `value` means and may be, what a
-    scenario must have beside it (`needs`), and the kinds of rig that can have it, all where none is named.
-    """
+    """What a kind of fault does, its targets, what its `value` means, what it needs, which rigs can have it."""
 
     summary: str
     targets: tuple[str, ...] = ("",)
@@ -135,9 +133,7 @@ KINDS: Mapping[str, FaultKind] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of kind `kind` from `at_s` on for `duration_s`, a lie where nothing is said to the end; `target` and
-    `value` as `KINDS` says. A drift ends once it is `size_m`.
-    """
+    """One fault; a lie lasts where nothing is said. A drift ends once it is `size_m`."""
 
     kind: str
     at_s: float

@@ -4,9 +4,7 @@ from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class BackEmf(Effect):
-    """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (one whose asked-for current is logged,
-    K/R ampere).
-    """
+    """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (K/R ampere of an asked-for current)."""
 
     id = "back_emf"
     summary = "the moving magnet takes voltage from the coil that drives it"

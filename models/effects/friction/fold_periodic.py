@@ -8,9 +8,7 @@ from models.effects.effect import Effect, Signals, Value, Values, by_name, numbe
 
 
 class FoldPeriodic(Effect):
-    """Level `1 + a (sin q + b sin 2q + c cos 2q + d sin 3q + e cos 3q)`, `q = 2 pi x/L + phi`: the same going and
-    coming back.
-    """
+    """Level `1 + a (sin q + b sin 2q + c cos 2q + d sin 3q + e cos 3q)`, `q = 2 pi x/L + phi`, both ways."""
 
     id = "fold_periodic"
     summary = "resistance varies periodically along the lumen"

@@ -8,9 +8,7 @@ _REST = 1e-9  # m/s, keeps the power's derivative finite
 
 
 class Stribeck(Effect):
-    """Level `1 + s exp(-(|v|/v_s)^k)`: excess at `|v| < v_s` only, no memory; k is 2 in the classical form, 1/2 to 2 in
-    measured ones.
-    """
+    """Level `1 + s exp(-(|v|/v_s)^k)`: excess at `|v| < v_s` only, no memory; k is 2 classically, measured 1/2 to 2."""
 
     id = "stribeck"
     summary = "extra resistance at low speed that fades as speed grows"

@@ -8,9 +8,7 @@ CREEP_SPEED = 2.0e-3  # m/s, below which dry friction passes through 0
 
 
 class GuideFriction(InnerMassEffect):
-    """Force `F_d xi'/sqrt(xi'^2 + v_0^2)` with `v_0` 2 mm/s: constant against the relative motion, hardly any at
-    rest.
-    """
+    """Force `F_d xi'/sqrt(xi'^2 + v_0^2)`, `v_0` 2 mm/s: constant against the relative motion, hardly any at rest."""
 
     id = "guide_friction"
     summary = "dry friction of the inner mass in its guide"

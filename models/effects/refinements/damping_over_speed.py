@@ -1,6 +1,4 @@
-"""Damping of the suspension as a free curve over the inner mass's speed: what a named damping leaves of its own
-shape.
-"""
+"""Damping of the suspension as a free curve over the inner mass's speed: what a named damping leaves of its shape."""
 
 import itertools
 

@@ -10,9 +10,7 @@ _MINUTE_S = 60.0  # time after which both shapes are the same
 
 
 class DryingShape(Effect):
-    """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/s(60 s)` the drying's own time s in what a minute makes of it; never
-    below 0.05.
-    """
+    """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/s(60 s)` the drying's own time over a minute's; never below 0.05."""
 
     id = "drying_shape"
     summary = "the finer shape of a drift of the resistance"

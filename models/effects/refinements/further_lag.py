@@ -1,6 +1,4 @@
-"""A second lag of the drive in a row with the first: what a named lag leaves of its own order. Refines an effect, never
-named itself.
-"""
+"""A second lag of the drive after the first: what a named lag leaves of its own order. Never named itself."""
 
 from models.effects.drive.actuator_lag import ActuatorLag
 from models.effects.effect import by_name, number

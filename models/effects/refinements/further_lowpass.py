@@ -1,6 +1,4 @@
-"""A second smoothing in a row with the first: what a named one leaves of its own order. Refines an effect, never named
-itself.
-"""
+"""A second smoothing after the first: what a named one leaves of its own order. Never named itself."""
 
 from models.effects.effect import number
 from models.effects.sensor.sensor_lowpass import SensorLowpass

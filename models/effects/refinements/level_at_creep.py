@@ -6,9 +6,7 @@ from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class LevelAtCreep(Effect):
-    """Level `1 + (e + d o) exp(-|v|/v_c)`, d the direction of motion (at rest the last one): a law's changed level
-    comes with the speed and is not there at once.
-    """
+    """Level `1 + (e + d o) exp(-|v|/v_c)`, d the (last) direction: a law's changed level comes with the speed."""
 
     id = "level_at_creep"
     summary = "resistance in creep and at rest that differs from the one in motion"

@@ -1,6 +1,4 @@
-"""Resistance as a free curve over speed: what a named law of speed leaves of its own shape. Refines an effect, never
-named itself.
-"""
+"""Resistance as a free curve over speed: what a named law of speed leaves of its shape. Never named itself."""
 
 import itertools
 

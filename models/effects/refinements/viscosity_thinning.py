@@ -5,9 +5,7 @@ from models.effects.wall.wall_viscosity import WallViscosity
 
 
 class ViscosityThinning(Effect):
-    """Wall force `c u' ((1 + (u'/u_0')^2)^(n/2) - 1)` beyond the viscous wall's `c u'`: together Carreau's law without
-    a second plateau.
-    """
+    """Wall force `c u' ((1 + (u'/u_0')^2)^(n/2) - 1)` beyond `c u'`: together Carreau's law, one plateau."""
 
     id = "viscosity_thinning"
     summary = "a viscous wall that thins with its rate"

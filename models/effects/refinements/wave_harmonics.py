@@ -1,6 +1,4 @@
-"""The finer shape of a wave's contractions: what its first four harmonics leave. Refines an effect, never named
-itself.
-"""
+"""The finer shape of a wave's contractions: what its first four harmonics leave. Never named itself."""
 
 from models.effects.effect import Effect, Signals, Value, Values, number
 from models.effects.force.peristaltic_wave import PeristalticWave, wave_turn

@@ -8,9 +8,7 @@ _FORM = "an amplifier warms up within a minute, then drifts on"
 
 
 class SensorDrift(Effect):
-    """Output `y + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at the begin `1 + k` times as much while the sensor warms
-    up.
-    """
+    """Output `y + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much while the sensor warms."""
 
     id = "sensor_drift"
     summary = "the sensor's zero drifts"

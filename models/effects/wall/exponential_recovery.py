@@ -6,9 +6,7 @@ from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class ExponentialRecovery(Effect):
-    """Recovery at `v_i (1 - q + q m |u|/u_c)`: constant speed at q = 0, exponential with time constant `t_r/m` at q =
-    1.
-    """
+    """Recovery at `v_i (1 - q + q m |u|/u_c)`: constant speed at q = 0, exponential in `t_r/m` at q = 1."""
 
     id = "exponential_recovery"
     summary = "the wall draws back exponentially"

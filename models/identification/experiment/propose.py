@@ -7,7 +7,7 @@ import numpy as np
 
 from models.checks.excitation import Shown
 from models.identification.experiment.plan import Plan, Room, random_plan, varied
-from models.identification.experiment.question import Candidate, Question, question, refitted, separation
+from models.identification.experiment.question import Candidate, Question, question
 from models.identification.finding import NEXT_CSV, Proposal, Separation
 from models.identification.fitting.fit import parallel
 from models.identification.kind import Kind
@@ -35,12 +35,14 @@ def propose(
     room = Room.of(records, rig.layout.driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
-    pairs = [
-        (_candidate(kind, effect, model), _candidate(kind, rival.effect, rival.fitted))
-        for effect, model, rival in found.doubts
-    ]
+
+    def candidate(effect: str, model: FittedModel) -> Candidate:
+        return Candidate(effect, model.effects, kind.nominal() | model.thetas[0])
+
+    pairs = [(candidate(effect, m), candidate(rival.effect, rival.fitted)) for effect, m, rival in found.doubts]
     if pairs:
-        read = _beginnings(records, SET.plan_read_s if rig.drawn else SET.slow_plan_read_s)
+        seconds = (SET.plan_read_s if rig.drawn else SET.slow_plan_read_s) / len(records)
+        read = [record.beginning(seconds) for record in records]
         asked = [question(kind, read, *pair, rng) for pair in pairs[: SET.questions]]
         plan, apart = _best(kind, room, asked, read, rng)
     elif shown is None:
@@ -99,16 +101,6 @@ def words_of(proposal: Proposal | None) -> str | None:
     )
 
 
-def _candidate(kind: Kind, effect: str, model: FittedModel) -> Candidate:
-    """A fitted model in question."""
-    return Candidate(effect, model.effects, kind.nominal() | model.thetas[0])
-
-
-def _beginnings(records: Sequence[Record], seconds: float) -> list[Record]:
-    """The beginnings of `records`, `seconds` together."""
-    return [record.beginning(seconds / len(records)) for record in records]
-
-
 def _best(
     kind: Kind, room: Room, asked: Sequence[Question], read: Sequence[Record], rng: np.random.Generator
 ) -> tuple[Plan, list[float]]:
@@ -118,7 +110,7 @@ def _best(
 
     def worth(plan: Plan) -> float:
         motion = plan.record(kind.name)
-        return min(separation(kind, q, motion) for q in asked)
+        return min(q.separation(motion) for q in asked)
 
     def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
         return list(zip(parallel(worth, plans), plans, strict=True))
@@ -129,6 +121,6 @@ def _best(
         rows = sorted(rows, key=lambda row: -row[0])[:best]
         rows += judged([varied(rows[k % best][1], rng) for k in range(again)])
     finals = [plan for _, plan in sorted(rows, key=lambda row: -row[0])[:best]]
-    apart = [[refitted(kind, q, read, plan.record(kind.name)) for q in asked] for plan in finals]
+    apart = [[q.refitted(read, plan.record(kind.name)) for q in asked] for plan in finals]
     farthest = max(range(len(finals)), key=lambda k: min(apart[k]))
     return finals[farthest], apart[farthest]

@@ -108,9 +108,7 @@ def _blocks(values: np.ndarray) -> list[np.ndarray]:
 
 
 def memory(residual: np.ndarray) -> float:
-    """Samples of a residual that count as one: 1 + 2 sum of the autocorrelation until it first dies out, at most 200
-    lags.
-    """
+    """Samples of a residual that count as one: 1 + 2 sum of the autocorrelation until it dies out (200 lags)."""
     r = residual - residual.mean()
     n = len(r)
     power = float(r @ r)

@@ -28,7 +28,7 @@ _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 
 
 @dataclass(frozen=True)
-class Axis:
+class FreeParameter:
     """One fitted parameter, and the scale on which the criterion is looked at."""
 
     parameter: Parameter
@@ -56,16 +56,14 @@ class Fit:
         return self.cost / self.count
 
 
-def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
-    """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's
-    probe.
-    """
-    result = [Axis(p, _scale(p)) for p in kind.base if p.fit]
+def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
+    """What a fit of `kind` with `effects` may move: on the scale of a tenth of its value, an amplitude of its probe."""
+    result = [FreeParameter(p, _scale(p)) for p in kind.base if p.fit]
     known = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
     for effect in (known[name] for name in effects):
         size = effect.amplitude().name
         own = (p for p in effect_parameters([effect]) if p.fit)
-        result += [Axis(p, effect.probe if p.name == size else _scale(p)) for p in own]
+        result += [FreeParameter(p, effect.probe if p.name == size else _scale(p)) for p in own]
     return result
 
 
@@ -101,13 +99,11 @@ def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], cri
 
 @dataclass(frozen=True)
 class Problem:
-    """The regularised least-squares problem of a fit: the residuals of `records` under one `criterion` of `kind`, in
-    units of their noise, over the parameters `axes`.
-    """
+    """Regularised least squares: residuals of `records` under a `criterion` of `kind`, in their noise, over `axes`."""
 
     kind: Kind
     records: Sequence[Record]
-    axes: list[Axis]
+    axes: list[FreeParameter]
     criterion: int
 
     @classmethod
@@ -161,9 +157,7 @@ class Problem:
         return np.array(columns).T
 
     def descend(self, start: Theta, secant: float, steps: int) -> Fit:
-        """Least squares within bounds in at most `steps` rounds, derivatives as secants `secant` wide that look across
-        the jags.
-        """
+        """Least squares in at most `steps` rounds, derivatives as secants `secant` wide that look across jags."""
         x0 = self.start(start)
         if not len(x0):
             (r,) = self.all_at([x0])

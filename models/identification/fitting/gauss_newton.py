@@ -1,6 +1,4 @@
-"""Least squares on a jagged criterion: derivatives as secants along the criterion's own principal directions, trial
-steps side by side.
-"""
+"""Least squares on a jagged criterion: secants along the criterion's principal directions, trial steps side by side."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -49,9 +47,7 @@ class Slope:
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """Where to descend: `residuals` of many points at once, bounds, a first guess of how far each parameter may go for
-    a secant, and how many trial steps are worth their time at once.
-    """
+    """Where to descend: `residuals` of many points, bounds, `scale` of first secants, trial steps worth a `batch`."""
 
     residuals: Callable[[list[Array]], list[Array]]
     lower: Array
@@ -85,9 +81,7 @@ class GaussNewton:
         return Slope(x, r, here.jacobian)
 
     def _lowest(self, here: Slope, seen: Point) -> Point:
-        """The lowest of `seen` and the trial steps, or of the first few (`seen` counts as one) that hold one that is
-        worth it; `here` where none is lower.
-        """
+        """The lowest of `seen` and the first few trial steps that hold one worth it; `here` where none is lower."""
         steps, best = self._steps(here), min((here.x, here.residual), seen, key=_height)
         for first in range(-1, len(steps), self.batch):
             some = steps[max(first, 0) : first + self.batch]
@@ -97,9 +91,7 @@ class GaussNewton:
         return best
 
     def _first_reach(self, x: Array, secant: float) -> tuple[Array, Array]:
-        """The residuals at `x`, and how far each parameter goes for the wanted effect, from one trial of its scale
-        each.
-        """
+        """The residuals at `x`, and how far each parameter goes for the wanted effect, by a trial of its scale."""
         reach = self._limited(secant * self.scale)
         up = np.where(x + reach <= self.upper, reach, -reach)
         r, *values = self.residuals([x, *(self.clip(x + step) for step in np.diag(up))])
@@ -142,9 +134,7 @@ class GaussNewton:
         return points
 
     def _principal(self, jacobian: Array, x: Array, reach: Array, wanted: float) -> Array:
-        """Directions, as columns, whose effects are orthogonal and as large as wanted where that does not lead too far;
-        a parameter close to a bound is a direction of its own.
-        """
+        """Directions, as columns, of orthogonal effects of one size; a parameter near a bound is one by itself."""
         basis = np.diag(reach)
         inner = np.flatnonzero(np.minimum(x - self.lower, self.upper - x) > SET.secant_near * reach)
         if len(inner):

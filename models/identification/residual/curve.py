@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification.finding import Curve, Surface
+from models.identification.finding import ResidualCurve, ResidualSurface
 from models.identification.kind import Array
 from models.identification.residual.left import Left
 from models.identification.settings import SET
@@ -14,7 +14,7 @@ from models.identification.settings import SET
 Index = NDArray[np.int64]
 
 
-def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> Curve | None:
+def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> ResidualCurve | None:
     """The residual over `variable`, along the motion's axis or against the motion (`way`); None where too few stretches
     share a bin. Intervals by bootstrap of whole stretches, which keeps what neighbours have in common.
     """
@@ -25,10 +25,10 @@ def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> C
     weights = np.bincount(bins.cell, weights=bins.signals[0], minlength=bins.size)
     centres = weights / np.maximum(np.bincount(bins.cell, minlength=bins.size), 1)
     share = foretold(bins.cell, left.along(way), left.fold)
-    return Curve(variable, way, share, centres[enough], mean[enough], low[enough], high[enough])
+    return ResidualCurve(variable, way, share, centres[enough], mean[enough], low[enough], high[enough])
 
 
-def surface_of(left: Left, variables: tuple[str, str], way: str, rng: np.random.Generator) -> Surface:
+def surface_of(left: Left, variables: tuple[str, str], way: str, rng: np.random.Generator) -> ResidualSurface:
     """The same over two variables at once."""
     bins = _Bins.of(left, variables, way, SET.surface_bins)
     mean, low, high, enough = bins.means(left.along(way), left.stretch, rng)
@@ -36,7 +36,7 @@ def surface_of(left: Left, variables: tuple[str, str], way: str, rng: np.random.
     mean[~enough], half[~enough] = np.nan, np.nan
     first, second = (0.5 * (edges[1:] + edges[:-1]) for edges in bins.edges)
     share = foretold(bins.cell, left.along(way), left.fold)
-    return Surface(variables, way, share, (first, second), mean.reshape(bins.shape), half.reshape(bins.shape))
+    return ResidualSurface(variables, way, share, (first, second), mean.reshape(bins.shape), half.reshape(bins.shape))
 
 
 def foretold(cell: Index, y: Array, fold: Index) -> float:
@@ -106,9 +106,9 @@ class _Bins:
         return mean, np.minimum(low, mean), np.maximum(high, mean), (counts > 0).sum(axis=0) >= SET.curve_least
 
 
-def ranked(curves: Sequence[Curve | None]) -> tuple[Curve, ...]:
+def ranked(curves: Sequence[ResidualCurve | None]) -> tuple[ResidualCurve, ...]:
     """Those that are told, from the one that foretells most on; of a variable's two ways the better one."""
-    best: dict[str, Curve] = {}
+    best: dict[str, ResidualCurve] = {}
     for curve in sorted((c for c in curves if c is not None), key=lambda c: -c.share):
         best.setdefault(curve.variable, curve)
     return tuple(best.values())

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from models.identification.finding import Curve, Dependence, Surface, Tone
+from models.identification.finding import Dependence, ResidualCurve, ResidualSurface, Tone
 from models.identification.kind import Array, Kind
 from models.identification.residual.curve import curve_of, ranked, surface_of
 from models.identification.residual.left import Left, left_of
@@ -42,7 +42,7 @@ def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int
     )
 
 
-def _surface(left: Left, curves: Sequence[Curve], rng: np.random.Generator) -> Surface | None:
+def _surface(left: Left, curves: Sequence[ResidualCurve], rng: np.random.Generator) -> ResidualSurface | None:
     """The best surface over two of the variables that foretell most, where it foretells clearly more than a curve."""
     if not curves:
         return None

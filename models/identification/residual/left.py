@@ -34,9 +34,7 @@ class Left:
 
 
 def left_of(kind: Kind, records: Sequence[Record], theta: Theta) -> Left | None:
-    """What the model at `theta` leaves of `records`; None for measurements of several columns and for tables, whose
-    rows are no samples in time.
-    """
+    """What the model at `theta` leaves of `records`; None for several measured columns and for tables."""
     signals = [{name: y for name, y in kind.signals(record).items() if name != kind.quantity} for record in records]
     speed = next((name for name in signals[0] if name.startswith("v_")), None)
     if speed is None or any(np.ndim(kind.measured(record)) != 1 for record in records):

@@ -1,6 +1,4 @@
-"""The term that is proposed for a curve: the shortest form of a small library that follows it, else straight lines
-between knots.
-"""
+"""The term that is proposed for a curve: the shortest form of a small library, else straight lines between knots."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from scipy.optimize import least_squares
 
 from models.effects import shapes
 from models.effects.formula import Formula, written
-from models.identification.finding import Curve, Estimate, Term
+from models.identification.finding import Estimate, ResidualCurve, Term
 from models.identification.kind import Array
 from models.identification.settings import SET
 
@@ -67,10 +65,8 @@ FORMS: Final = (
 """The library of short forms, from the fewest numbers to the most."""
 
 
-def term_of(curve: Curve, unit: str, level: float) -> Term | None:
-    """The term that follows `curve`, whose values are in `unit`; `level` is the mean resistance. None where the signal
-    is none that an effect can look at.
-    """
+def term_of(curve: ResidualCurve, unit: str, level: float) -> Term | None:
+    """The term that follows `curve` in `unit`, `level` the mean resistance; None where no effect can see its signal."""
     if curve.variable not in SYMBOLS:
         return None
     fits = [_Fitted.best(form, curve) for form in FORMS]
@@ -84,13 +80,13 @@ class _Fitted:
     """A form fitted to a curve: `values` are amplitude, constant and the form's numbers; `deviations` theirs."""
 
     form: Form
-    curve: Curve
+    curve: ResidualCurve
     given: Mapping[str, Any]
     values: Array
     deviations: Array
 
     @classmethod
-    def best(cls, form: Form, curve: Curve) -> _Fitted:
+    def best(cls, form: Form, curve: ResidualCurve) -> _Fitted:
         """The best fit from the form's starts; amplitude and constant follow from the other numbers."""
         z, begin, span = curve.centres, float(curve.centres.min()), float(np.ptp(curve.centres))
         given = {name: {"scale": span, "begin": begin}[name] for name in form.fixed}
@@ -188,7 +184,7 @@ class _Fitted:
         return [unit, unit, *("1" if name in PURE else own for name in self.form.numbers)]
 
 
-def _errors(curve: Curve) -> Array:
+def _errors(curve: ResidualCurve) -> Array:
     """Standard deviations of a curve's values, none much smaller than the median's."""
     error = (curve.high - curve.low) / (2 * SET.z95)
     return np.maximum(error, max(0.3 * float(np.median(error)), 1e-12 * float(np.ptp(curve.values)) + 1e-300))
@@ -198,7 +194,7 @@ def _square(fit: tuple[Array, Array]) -> float:
     return float(fit[1] @ fit[1])
 
 
-def _knotted(curve: Curve) -> _Fitted:
+def _knotted(curve: ResidualCurve) -> _Fitted:
     """Straight lines between knots at equally many of the curve's points, with one amplitude for all."""
     z = curve.centres
     places = np.quantile(z, np.linspace(0, 1, min(SET.term_knots, len(z))))

@@ -1,6 +1,4 @@
-"""Which candidate it is: joint fits by successive elimination, the better ones going on to a longer stretch, the last
-ones judged on validation records.
-"""
+"""Which candidate it is: joint fits by successive elimination, the last ones judged on validation records."""
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -222,9 +220,7 @@ def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
 def opening(
     kind: Kind, part: Sequence[Record], bases: Sequence[Theta], name: str, starts: Iterable[Mapping[str, float]]
 ) -> Theta:
-    """Place of the best amplitude of the effect `name` in the best of the shapes `starts` at the best of `bases` (a
-    calibration may have bent the base to make up for what was missing).
-    """
+    """Place of the best amplitude of `name` in the best shape of `starts` at the best of `bases`."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
 
@@ -243,9 +239,7 @@ def _first(row: tuple[float, Theta]) -> float:
 
 
 def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
-    """The best entries and the declared confounded effects of the first few: they share a residual and only a full fit
-    tells them apart.
-    """
+    """The best entries and the confounders of the first few: only a full fit tells those apart."""
     declared = {effect.id: effect for effect in kind.effects}
     wanted = list(entered[: SET.pool])
     for name in entered[: SET.alike]:
@@ -264,9 +258,7 @@ def _judge(model: FittedModel, name: str, start: Theta) -> Trial:
 
 
 def better_without(model: FittedModel, further: str, others: Fits) -> FittedModel:
-    """The better on the training records of `model` and of the same begun where `others`, fits with one `further`
-    effect, have their base and the effects.
-    """
+    """The better of `model` and of the same begun where fits with one `further` effect, `others`, have their base."""
     again = model.refitted(stepped, (theta.without(further) for theta in others))
     return min(model, again, key=lambda choice: choice.training_cost)
 

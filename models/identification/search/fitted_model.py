@@ -1,6 +1,4 @@
-"""A model in the middle of a search: its fits on the splits' training parts, and how well they fit, as candidates are
-compared by it.
-"""
+"""A model in the middle of a search: its fits on the splits' training parts, and how well they fit."""
 
 from __future__ import annotations
 
@@ -24,9 +22,7 @@ _LEAST = 1e-12  # a cost whose logarithm can be taken
 
 
 def judged(kind: Kind, records: Sequence[Record], theta: Theta) -> Array:
-    """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block
-    suits better.
-    """
+    """Mean square of the residuals in each of at most forty blocks, under the kind's judge that suits it better."""
 
     def blocks(residual: Array) -> list[float]:
         parts = np.array_split(residual, min(SET.blocks, len(residual)))
@@ -60,9 +56,7 @@ class FittedModel:
         return replace(self, thetas=tuple(thetas), effects=self.effects if effects is None else tuple(effects))
 
     def refitted(self, way: Way, starts: Iterable[Any], effects: Sequence[str] | None = None) -> FittedModel:
-        """The same model fitted anew by a `way` from `starts`, one a split, with other effects where these are
-        given.
-        """
+        """The same model fitted anew by a `way` from `starts`, one a split, of other effects where given."""
         chosen = self.effects if effects is None else tuple(effects)
         pairs = zip(self.splits, starts, strict=True)
         return self.fitted((way(self.kind, part, chosen, start) for (part, _), start in pairs), chosen)

@@ -1,6 +1,4 @@
-"""Closing the loop: calibrate, screen what may be missing, fit the best jointly, add one at a time while it pays, and
-say how sure.
-"""
+"""Closing the loop: calibrate, screen, fit the best jointly, add one at a time while it pays, say how sure."""
 
 from __future__ import annotations
 
@@ -30,9 +28,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass
 class Search:
-    """Everything the search learned, for the report. `doubts` holds each effect with the model and a rival that the
-    records cannot tell from it.
-    """
+    """Everything the search learned. `doubts`: each effect with the model and a rival that the records cannot tell."""
 
     calibrated: Fit
     augmented: Fit
@@ -55,6 +51,13 @@ class Search:
     known: Known = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
     trained_share: float = 1.0
+    last_s: float = field(default_factory=time.monotonic)
+
+    def note(self, name: str) -> None:
+        """The seconds since the last note were spent on `name`."""
+        now = time.monotonic()
+        self.timings[name] = self.timings.get(name, 0.0) + now - self.last_s
+        self.last_s = now
 
     @property
     def model(self) -> list[str]:
@@ -68,60 +71,41 @@ class Search:
         return 1.0 if excess <= 0 else (self.before - self.after) / excess
 
 
-@dataclass(frozen=True)
-class _Task:
-    """What a search works with: the kind of rig, where progress goes, a clock, random numbers, the most effects."""
-
-    kind: Kind
-    progress: Progress
-    clock: _Clock
-    rng: np.random.Generator
-    most: int
-
-    def moved(self, stage: str, begun: float, name: str, share: float) -> None:
-        """The candidate `name` is next; `share` of the stage is done, which began at `begun`."""
-        self.progress(f"{stage}: {name}", begun + 0.15 * share)
-
-
 def search(
     kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = SET.most_effects
 ) -> Search:
-    """Calibrate on `train`, then add at `most` so many effects, one at a time, while validation records gain beyond
-    what chance gives.
-    """
-    task = _Task(kind, progress, _Clock(), rng, most)
+    """Calibrate on `train`, then add at `most` so many effects, one at a time, while they gain beyond chance."""
+    began = time.monotonic()
     progress("calibrating", 0.02)
     told = kind.searched(train)
     splits = kind.splits(told)
     base = whole(kind, told, [], kind.nominal(), to_the_end=False)
     parts = [refit(kind, part, [], base.theta, np.inf) for part, _ in splits]
-    found = Search(base, base, trained_share=_trained_share(splits))
-    task.clock.note("calibration", found)
+    found = Search(base, base, trained_share=_trained_share(splits), last_s=began)
+    found.note("calibration")
     on_all = judged_cost(kind, told, base.theta)
-    model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
+    model = _named(FittedModel.of(kind, splits, [], parts), found, on_all, progress, rng, most)
     if kind.beginnings_s and not found.effects and found.after > SET.clean:
         trials = found.rounds[0][2] if found.rounds else []
         likeliest = trials[0].thetas[0] if trials else parts[0]
         found.horizon_s, splits = predictable(kind, splits, likeliest, SET.clean, rng)
         if found.horizon_s < np.inf:
             parts = [refit(kind, part, [], base.theta) for part, _ in splits]
-            model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
+            model = _named(FittedModel.of(kind, splits, [], parts), found, on_all, progress, rng, most)
     if found.effects:
         found.refinements, model = refined(model, found.known)
         found.after = model.cost
-        task.clock.note("finer shapes", found)
-        _compare_rivals(task, model, found)
-        task.clock.note("rivals", found)
-        progress("fitting the model on all records", 0.85)
+        found.note("finer shapes")
+        _compare_rivals(model, found, progress)
+        found.note("rivals")
+    progress("fitting the model on all records", 0.85)
+    if found.effects:
         reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
         start = base.theta | model.thetas[0]
-        found.augmented = whole(kind, train, found.model, start, max(SET.near, reached))
-        added, found.augmented = refined_at_last(
-            kind, train, found.effects, found.refinements, found.augmented, found.known
-        )
+        fit = whole(kind, train, found.model, start, max(SET.near, reached))
+        added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
         found.refinements += added
     else:
-        progress("fitting the model on all records", 0.85)
         found.augmented = finished(kind, train, [], base)
     rows = sum(map(len, train))
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
@@ -131,45 +115,52 @@ def search(
         found.calibrated = found.augmented
     elif sum(map(len, told)) < sum(map(len, train)):
         found.calibrated = step_on(kind, train, [], base.theta)
-    task.clock.note("final fit", found)
+    found.note("final fit")
     return found
 
 
-def _named(task: _Task, model: FittedModel, found: Search, on_all: float) -> FittedModel:
+def _named(
+    model: FittedModel, found: Search, on_all: float, progress: Progress, rng: np.random.Generator, most: int
+) -> FittedModel:
     """Effects added to `found` one at a time while validation records gain beyond what the null distribution gives;
     `model`, the calibrated base, with them. None is looked for where the base fitted to all records leaves no more than
     chance `on_all` of them, whatever fits to a part leave elsewhere: a slip event that these miss is no effect.
     """
-    kind, clock = task.kind, task.clock
-    task.progress("null distribution by parametric bootstrap", 0.15)
+    kind = model.kind
+    progress("null distribution by parametric bootstrap", 0.15)
     records = records_for_null(kind, model.part)
-    found.threshold, found.detectable, found.null_cost = null_distribution(kind, records, model.thetas[0], task.rng)
+    found.threshold, found.detectable, found.null_cost = null_distribution(kind, records, model.thetas[0], rng)
     found.threshold = max(found.threshold, kind.least_gain)
-    clock.note("null distribution", found)
+    found.note("null distribution")
     found.before = found.after = min(model.cost, on_all)
     found.rounds = []
-    for number in range(1, task.most + 1):
+    for number in range(1, most + 1):
         if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)) or (
             found.effects and found.explained > max(SET.explained, 1 - kind.next_share)
         ):
             break
-        task.progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
+        progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
         screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
-        clock.note("screening", found)
-        moved = partial(task.moved, f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
+        found.note("screening")
+        moved = partial(_moved, progress, number)
         trials, model = fair(model, compare_candidates(model, screened, moved))
         found.after = model.cost
         if not found.effects:
             found.before = found.after
         found.rounds.append((number, screened, trials))
-        clock.note("fitting candidates", found)
+        found.note("fitting candidates")
         if not trials or not _accept(kind, found, trials[0]):
             break
         _add(found, trials[0])
         found.after = float(trials[0].blocks.mean())
         model = _test_again(model.fitted(trials[0].thetas, found.effects), found)
-        clock.note("testing again", found)
+        found.note("testing again")
     return model
+
+
+def _moved(progress: Progress, number: int, name: str, share: float) -> None:
+    """The candidate `name` is next; `share` of the round `number` is done."""
+    progress(f"fitting candidates, round {number}: {name}", 0.3 + 0.15 * (number - 1) + 0.15 * share)
 
 
 def _test_again(model: FittedModel, found: Search) -> FittedModel:
@@ -209,10 +200,10 @@ def _add(found: Search, best: Trial) -> None:
     found.known.update(best.refinements)
 
 
-def _compare_rivals(task: _Task, model: FittedModel, found: Search) -> None:
+def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> None:
     """What the records cannot tell from each effect of `found`, and how sure it is against all others."""
     for k, effect in enumerate(found.effects):
-        task.progress(f"rivals of what was found: {effect}", 0.82 + 0.03 * k / len(found.effects))
+        progress(f"rivals of what was found: {effect}", 0.82 + 0.03 * k / len(found.effects))
         _, screened, trials = next(row for row in found.rounds if row[2] and row[2][0].effect == effect)
         rivals = rivals_of(model, effect, found.gains[effect], screened, trials)
         alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)
@@ -221,18 +212,6 @@ def _compare_rivals(task: _Task, model: FittedModel, found: Search) -> None:
         found.doubts += [(effect, model, rival) for rival in alike if rival.effect not in found.effects]
         nearest = min((rival.apart for rival in rivals if not rival.alike), default=SET.never)
         found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
-
-
-class _Clock:
-    """Seconds since the last note, by name."""
-
-    def __init__(self) -> None:
-        self.last = time.monotonic()
-
-    def note(self, name: str, found: Search) -> None:
-        now = time.monotonic()
-        found.timings[name] = found.timings.get(name, 0.0) + now - self.last
-        self.last = now
 
 
 def _trained_share(splits: Sequence[tuple[Sequence[Record], Sequence[Record]]]) -> float:

@@ -1,6 +1,4 @@
-"""Fits on ever longer beginnings of the records, from many places: over a few slip events a wrong base is a
-little late, over many it is out of step, and least squares sees no way.
-"""
+"""Fits on ever longer beginnings from many places: over many slip events a wrong base is out of step for good."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2, qmc
 
 from models.checks.usable import lead_in_s
-from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of
+from models.identification.fitting.fit import Fit, FreeParameter, Problem, axes, costs_of
 from models.identification.kind import Kind, Split
 from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
@@ -19,9 +17,7 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Effort:
-    """How many places to look at, how many of them to go down from at each length, the whole records last, and in how
-    many rounds at the first lengths.
-    """
+    """Places to look at, how many to go down from at each length (whole records last), rounds at the first lengths."""
 
     places: int
     kept: tuple[int, ...]
@@ -80,20 +76,16 @@ class GrowingHorizon:
         return self.fits[0]
 
     def _scattered(self) -> list[Theta]:
-        """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one
-        that is fresh.
-        """
+        """Places around the nominal base and the starts' effects, the fresh one's amplitude of every size."""
         return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, self.seed)
 
     def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
-        """Each base of `found` with effects from around their declared values: a drift does not show in the first few
-        slip events.
-        """
+        """Each base of `found` with effects from around their declared values: a drift does not show at first."""
         moved = [axis for axis in axes(self.kind, self.effects) if axis.parameter.effect in self.effects]
         bases = [theta.only(self.kind.in_base) for theta in found]
         return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
-    def _drawn(self, starts: Sequence[Theta], moved: Sequence[Axis], count: int, seed: int) -> list[Theta]:
+    def _drawn(self, starts: Sequence[Theta], moved: Sequence[FreeParameter], count: int, seed: int) -> list[Theta]:
         shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
         return [
             start
@@ -156,7 +148,7 @@ def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
-def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> float:
+def _place(kind: Kind, axis: FreeParameter, start: Theta, share: float, fresh: str) -> float:
     """The value of one parameter for a number `share` between 0 and 1."""
     p = axis.parameter
     if not p.effect:
@@ -173,9 +165,7 @@ def _place(kind: Kind, axis: Axis, start: Theta, share: float, fresh: str) -> fl
 
 
 def sensitivity_cost(kind: Kind, splits: Sequence[Split], theta: Theta, rng: np.random.Generator) -> float:
-    """Validation cost that the model leaves of itself, with noise, where the base's numbers are 0.1 % off: what
-    no fit can do better than.
-    """
+    """Validation cost that the model leaves of itself, the base's numbers 0.1 % off: no fit can do better."""
     return max(judged_cost(kind, records, theta) for records in _off(kind, splits[0][1], theta, rng))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from models.effects import REFINEMENTS
-from models.identification.fitting.fit import Axis, Fit, Problem, costs_of
+from models.identification.fitting.fit import Fit, FreeParameter, Problem, costs_of
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import FittedModel, judged_cost
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOROUGH, GrowingHorizon, base_known
@@ -57,9 +57,7 @@ def stepped(kind: Kind, records: Sequence[Record], effects: Sequence[str], start
 
 
 def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta, seed: int = 0) -> Theta:
-    """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as
-    it is declared.
-    """
+    """A fit on ever longer beginnings from `start`, at the nominal base, there with the newest effect as declared."""
     starts = begins(kind, start)
     newest = next((name for name in reversed(effects) if kind.catalogue[name] not in REFINEMENTS), "")
     if newest:
@@ -152,7 +150,7 @@ def as_called(model: FittedModel, name: str) -> FittedModel:
     return model.refitted(on_a_side, model.thetas)
 
 
-def _side(axis: Axis, effect: str, sign: float) -> Axis:
+def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:
     """The axis within its parameter's own range on one side of zero."""
     p = axis.parameter
     if not p.least or p.effect != effect:

@@ -90,9 +90,7 @@ def _imitation(
 def _screened_rivals(
     model: FittedModel, effect: str, own: set[str], rest: Sequence[str], screened: Sequence[Screened]
 ) -> Iterator[tuple[str, FittedModel]]:
-    """Local fits from where screening would start, of the candidates that a short one brings near: of time series
-    one to the first record's longest beginning.
-    """
+    """Short fits from where screening would start, of time series one record's longest beginning, then whole ones."""
     kind = model.kind
     part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.beginnings_s else model.part
     bases = [theta.without(*own) for theta in model.thetas]

@@ -1,6 +1,4 @@
-"""Screening candidates without refitting: what each would explain of the residual, the base's own directions projected
-out.
-"""
+"""Screening without refitting: what each candidate would explain of the residual that the base cannot."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
-from models.identification.fitting.fit import Problem, axes, evaluate_all
+from models.identification.fitting.fit import Problem, evaluate_all
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
@@ -37,25 +35,33 @@ class Screened:
 
 @dataclass(frozen=True)
 class _View:
-    """The residual at a fitted point with the fitted directions taken out."""
+    """The residual of a fit at `theta` with the fitted directions, `basis`, taken out."""
 
-    kind: Kind
-    records: Sequence[Record]
-    criterion: int
+    fit: Problem
     theta: Theta
     residual: Array
     basis: Array
 
     @classmethod
-    def at(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, criterion: int) -> _View:
-        problem = Problem(kind, records, axes(kind, effects), criterion)
-        x = problem.start(theta)
-        jacobian = problem.jacobian(x, SET.screened_secant)
+    def at(cls, fit: Problem, theta: Theta) -> _View:
+        x = fit.start(theta)
+        jacobian = fit.jacobian(x, SET.screened_secant)
         basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
-        return cls(kind, records, criterion, theta, problem.all_at([x])[0], basis)
+        return cls(fit, theta, fit.all_at([x])[0], basis)
 
     def cleared(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
+
+    def best(self, taken: Sequence[str] = ()) -> list[Screened]:
+        """Each candidate that is not `taken` in its best shape, with where the best few start (shares differ by less
+        than their fits); best first.
+        """
+        kind, rows = self.fit.kind, []
+        for effect in (effect for effect in kind.effects if effect.id not in taken):
+            shapes = sorted(self.explained(effect, list(_shapes(effect, self.fit.records))), key=_by_share)
+            starts = (start for row in shapes[: SET.screened_starts] for start in row.starts)
+            rows.append(replace(shapes[0], starts=tuple(starts)))
+        return sorted(rows, key=_by_share)
 
     def explained(self, effect: type[Effect], shapes: Sequence[Mapping[str, float]]) -> list[Screened]:
         """`effect` in each of `shapes`, all evaluated together."""
@@ -64,18 +70,14 @@ class _View:
         starts = [{**effect.start(), **shape, **size} for shape in shapes]
         phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
         thetas = [self.theta.with_(effect.id, {**start, **at}) for start in starts for at in phases]
-        seen = evaluate_all(self.kind, self.records, thetas, self.criterion)
+        seen = evaluate_all(self.fit.kind, self.fit.records, thetas, self.fit.criterion)
         n = len(phases)
         return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
 
     def _told(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
-        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against the residual
-        itself.
-        """
+        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against itself."""
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
-        beliefs = np.zeros(
-            len(self.residual) - len(seen[0])
-        )  # rows that hold fitted parameters to what is believed of them
+        beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows that hold parameters to what is believed of them
         columns = [np.concatenate([row - self.residual[: len(row)], beliefs]) for row in seen]
         D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
         size, power = float(np.linalg.norm(D)), float(r @ r)
@@ -107,24 +109,6 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
         yield dict(zip(grid, values, strict=True))
 
 
-def _candidates(kind: Kind, taken: Sequence[str]) -> list[type[Effect]]:
-    return [effect for effect in kind.effects if effect.id not in taken]
-
-
-def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
-    return sorted(
-        (_likeliest(view.explained(effect, list(_shapes(effect, view.records)))) for effect in effects), key=_by_share
-    )
-
-
-def _likeliest(rows: Sequence[Screened]) -> Screened:
-    """The best of one candidate's shapes, with where the best few would start: their shares differ by less than their
-    fits.
-    """
-    best = sorted(rows, key=_by_share)[: SET.screened_starts]
-    return replace(best[0], starts=tuple(start for row in best for start in row.starts))
-
-
 def _by_share(row: Screened) -> float:
     return -row.share
 
@@ -132,23 +116,17 @@ def _by_share(row: Screened) -> float:
 def screen(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
 ) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the
-    residual show.
-    """
+    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the views show."""
     rows: dict[str, Screened] = {}
     for criterion in (kind.free_run, *((kind.criteria,) if kind.slow_view else ())):
-        fit = Problem.of(kind, records, effects, criterion).descend(theta, SET.screened_secant, 8)
-        for row in _best(
-            _View.at(kind, records, effects, fit.theta, criterion), _candidates(kind, (*effects, *dropped))
-        ):
-            other = rows.get(row.effect)
-            rows[row.effect] = row if other is None else _joined(row, other)
+        problem = Problem.of(kind, records, effects, criterion)
+        view = _View.at(problem, problem.descend(theta, SET.screened_secant, 8).theta)
+        for row in view.best((*effects, *dropped)):
+            other = rows.get(row.effect, row)
+            better = row if row.share >= other.share else other
+            starts = row.starts if other is row else (*row.starts, *other.starts)
+            rows[row.effect] = replace(better, starts=starts)
     return sorted(rows.values(), key=_by_share)
-
-
-def _joined(a: Screened, b: Screened) -> Screened:
-    better = a if a.share >= b.share else b
-    return replace(better, starts=(*a.starts, *b.starts))
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
@@ -168,17 +146,15 @@ def null_distribution(
     of each that would stand out from it, and the mean square of their residuals. Where a slip event of an imitation
     hangs on how finely it is computed, the base is fitted to it anew, as it was to the records.
     """
-    criterion = kind.free_run
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(SET.imitations):
         imitated = [kind.imitate(record, theta, rng) for record in records]
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > SET.near:
-            again = Problem.of(kind, imitated, [], criterion).narrowing(theta, SET.fine).theta
+            again = Problem.of(kind, imitated, []).narrowing(theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
-        view = _View.at(kind, imitated, [], own, criterion)
         cost = max(cost, left)
-        rows = _best(view, kind.effects)
+        rows = _View.at(Problem.of(kind, imitated, []), own).best()
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)

@@ -149,17 +149,17 @@ def test_stages_and_their_slopes_agree_with_differences(magnetic: ControlModel) 
     path[0] = [0.0, 8e-3, 2.2e-4, 0.0]
     A, B = np.zeros((count, n, n)), np.zeros((count, n, 2))
     arguments = (0.0, 0.0, 5e-3, 5, kernels.parameters)
-    kernels.linearise(path, A, B, commands, *arguments)
+    kernels.linearise(path, A, B, commands, arguments)
     assert path[-1, magnetic.index("slip")] == 1.0
     for delta in (np.array([1e-8, 0, 0, 0]), np.array([0, 1e-8, 0, 0]), np.array([0, 0, 1e-8, 0])):
         other[0] = path[0] + delta
-        kernels.roll(other, commands, *arguments)
+        kernels.roll(other, commands, arguments)
         expected = delta
         for k in range(count):
             expected = A[k] @ expected
         assert (other[-1] - path[-1])[:3] == pytest.approx(expected[:3], rel=0.02, abs=1e-11)
     other[0] = path[0]
-    kernels.roll(other, commands + 1e-8 * np.eye(count + 1)[1], *arguments)
+    kernels.roll(other, commands + 1e-8 * np.eye(count + 1)[1], arguments)
     change = B[0, :, 1] * 1e-8
     change = A[1] @ change + B[1, :, 0] * 1e-8
     assert (other[2] - path[2])[:3] == pytest.approx(change[:3], rel=0.02, abs=1e-11)
@@ -172,9 +172,10 @@ def test_the_loops_are_casadis_functions(magnetic: ControlModel) -> None:
     path[0] = [0.0, 8e-3, 2.2e-4, 0.0]
     commands, forces = np.full(count + 1, 4e-3), np.zeros(count + 1)
     line = np.linspace(0.0, 1e-3, count + 1)
-    kernels.pursue(path, commands, line, 0 * line + 0.02, 0.03, 0.25, -1.0, 1.0, 1e-3, 0.0, 5e-3, 2, p)
+    wanted, motion = np.array([line, 0 * line + 0.02]), (1e-3, 0.0, 5e-3, 2, p)
+    kernels.pursue(path, commands, wanted, (0.03, 0.25, -1.0, 1.0), motion)
     again = path.copy()
-    kernels.roll(again, commands, 1e-3, 0.0, 5e-3, 2, p)
+    kernels.roll(again, commands, motion)
     assert np.array_equal(again, path)
     kernels.holds(path, forces, slopes, 0.0, 5e-3, p)
     for k in range(count):

@@ -186,7 +186,7 @@ def test_what_was_not_sent_does_not_count() -> None:
 
 
 def test_identifiers_that_nobody_knows_are_counted() -> None:
-    reception = Reception({COIL.id: Receiver(COIL)})
+    reception = Reception([COIL])
     assert reception.accept(0x123, b"", 0.0) == Refusal("unknown", "identifier 0x123")
     assert reception.unknown[0x123] == 1
     for identifier in range(0x1000, 0x3000):

@@ -62,9 +62,9 @@ class Desk:
         self.medium = Medium(data_bit_rate=5_000_000)
         near, far = SimulatedBus(self.medium, "controller"), SimulatedBus(self.medium, "drive")
         self.catalogue = load_catalogue()
-        self.bus = carriage_bus(near, table, self.catalogue, TICK)
+        self.bus = carriage_bus(near, table, TICK)
         self.drive = drive_on(far, table)
-        self.heard = FrameReceiver(self.bus, self.catalogue, WIRING, TICK)
+        self.heard = FrameReceiver(self.bus, WIRING, TICK)
         self._senders = {name: Sender(self.catalogue[name]) for name in NAMES}
         self._ticks, self.now, self.place = 0, 0.0, 0.0
         if booted:

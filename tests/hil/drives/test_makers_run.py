@@ -11,7 +11,6 @@ import can
 import pytest
 
 from hil.app.main import run
-from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.drives.cia402.protocol import Cia402Table
 from hil.drives.makers import carriage_bus, set_up
@@ -51,8 +50,8 @@ def test_a_controller_that_begins_anew_is_told_of_the_fault(table: ActuatorTable
     desk = Desk(table)
     desk.up()
     desk.until_safe(silent=True)
-    desk.bus = carriage_bus(desk.bus.inner, table, load_catalogue(), TICK)
-    desk.heard = FrameReceiver(desk.bus, load_catalogue(), WIRING, TICK)
+    desk.bus = carriage_bus(desk.bus.inner, table, TICK)
+    desk.heard = FrameReceiver(desk.bus, WIRING, TICK)
     desk.ticks(30, OFF)
     assert (desk.heard.state, desk.heard.fault) == (FAULT, 4)
     desk.reset()
@@ -96,8 +95,8 @@ QUESTIONS = {
 
 def heard(table: ActuatorTable, messages: list[can.Message]) -> FrameReceiver:
     """A controller's ear on a wire with these frames."""
-    bus = carriage_bus(ScriptedBus(*messages), table, load_catalogue(), TICK)
-    receiver = FrameReceiver(bus, load_catalogue(), WIRING, TICK)
+    bus = carriage_bus(ScriptedBus(*messages), table, TICK)
+    receiver = FrameReceiver(bus, WIRING, TICK)
     receiver.listen(0.0)
     return receiver
 

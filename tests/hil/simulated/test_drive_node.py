@@ -38,7 +38,7 @@ class Desk:
         self.bus = SimulatedBus(self.medium, "Hand")
         self.wiring = frame_map_of(kind)
         self.port = SimulatedBus(self.medium, "Drive")
-        self.drive = DriveNode(self.port, frames(), self.wiring, power, Limits(), TICK)
+        self.drive = DriveNode(self.port, self.wiring, power, Limits(), TICK)
         self.senders = {f.name: Sender(f) for f in frames().frames.values()}
         self.now, self.mode, self.value = 0.0, OFF, 0.0
         self.alive, self.uptime_s = True, 0.0

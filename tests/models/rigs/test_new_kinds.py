@@ -32,10 +32,10 @@ from models.rigs.parts import SURFACES, drive_of, surface_of
 from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
 from plant.drives.kinds import DRIVES as SIMULATED
-from plant.drives.kinds import Force
 from plant.rig import Plant, TruePlate, Truth
 from tests.controller.loops import closed_loop
 from tests.models.rigs.thruster import MASS_KG, MU, TABLES, THRUST, THRUSTER, JetTable, Slab, bursts
+from tests.plant.force import Force
 
 _HEAD = "| key | unit | range | default | meaning |\n| --- | --- | --- | --- | --- |\n"
 

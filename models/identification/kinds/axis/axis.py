@@ -1,16 +1,14 @@
-"""A linear stage or an axis that turns: the force its motion needs, `F = M a + (F_v v + F_c sgn v) level + offset -
-effects`, against the measured.
-"""
+"""A linear stage or an axis that turns: `F = M a + (F_v v + F_c sgn v) level + offset - effects` of its motion."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import mul
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -21,7 +19,7 @@ from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
-from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.noise import AxisNoise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.ranges import Range
@@ -32,6 +30,7 @@ from models.rigs.axis import AXIS
 from models.rigs.rig import Rig
 from models.theta import Theta
 
+T = TypeVar("T")
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
 _BELIEF = "rig file; without it only a start for the calibration"
@@ -59,8 +58,7 @@ class AxisKind(Kind):
     catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = 2
     next_share: ClassVar[float] = 0.04
-    _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
-    _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
+    _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -146,21 +144,25 @@ class AxisKind(Kind):
             right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
         return 100 * float(np.sqrt(wrong / right))
 
-    def noise(self, record: Record) -> Noise:
+    def noise(self, record: Record) -> AxisNoise:
         """What is told of the noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
-        key = (id(force), self.force_std)
-        known = self._noise.get(key)
-        if known is None or known[0] is not force:
-            if len(self._noise) > 64:
-                self._noise.clear()
-            known = self._noise[key] = (force, self._told(record))
-        return known[1]
+        return self._kept((id(force), self.force_std), force, lambda: self._told(record))
 
-    def _told(self, record: Record) -> Noise:
+    def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
+        """What was `found` under the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
+        known = self._known.get(key)
+        if known is None:
+            if len(self._known) > 128:
+                self._known.clear()
+            known = self._known[key] = (of, found())
+        made: T = known[1]
+        return made
+
+    def _told(self, record: Record) -> AxisNoise:
         if NOISES[0] in record.columns:
             whole, *rest = (float(record[name][0]) for name in NOISES)
-            return Noise(None if np.isnan(whole) else whole, *rest)
+            return AxisNoise(None if np.isnan(whole) else whole, *rest)
         of, force = self._moved(record), record[self.quantity]
         m = of.motion
         told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
@@ -169,7 +171,7 @@ class AxisKind(Kind):
         inertia = inertia_of(force, m, self.band)
         shaken = inertia * jolt * (of.place if of.logged is None else speed)
         own = self._believed(record) if told is None else told
-        return Noise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
+        return AxisNoise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
 
     def _believed(self, record: Record) -> float:
         """What counts as the noise of a force whose own is not told."""
@@ -177,9 +179,7 @@ class AxisKind(Kind):
         return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the
-        force's.
-        """
+        """What the noise alone, the quietest record's, makes of the error, in %; NaN where nothing tells it."""
         forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
         noises = [self.noise(r) for r in records]
         if any(noise.force is None for noise in noises):
@@ -241,20 +241,11 @@ class AxisKind(Kind):
     def _moved(self, record: Record) -> Moved:
         names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
         key = tuple(id(record.columns.get(name)) for name in names)
-        known = self._seen.get(key)
-        if known is not None:
-            return known[1]
-        if len(self._seen) > 64:
-            self._seen.clear()
-        found = moved(record, self.coordinates, self.position_std, self.band)
-        self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
-        return found
+        return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
 
 
 def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
-    """Start, lower and upper bound of the base parameters; a stage whose records tell their size keeps its own starts,
-    and bounds as wide as the wider of the two.
-    """
+    """Start, lower and upper bound of the base parameters; a stage keeps its own starts and the wider bounds."""
     usual = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
     if size is None:
         return usual
@@ -292,9 +283,7 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
 
 
 def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:
-    """Split a record into `count` blocks of its repeating motion (of its length where it does not repeat), each left
-    out once.
-    """
+    """Split a record into `count` blocks of its cycle of motion (else of its length), each left out once."""
     rate = sampling_rate(record["t_s"])
     lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * count // lag

@@ -1,6 +1,4 @@
-"""The catalogue's effects on an axis: in the newtons and milliseconds of a stage, in ranges that follow from its
-records, and about the axis for one that turns.
-"""
+"""The catalogue's effects on an axis: in a stage's units, in ranges that follow from its records, and about an axis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -49,9 +47,7 @@ VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 @dataclass(frozen=True)
 class Size:
-    """How large a series of records is: the greatest speed, acceleration and force, the places (lowest, highest), a
-    usual load; SI units, along or about the axis.
-    """
+    """Greatest speed, acceleration and force, lowest and highest place, usual load; SI, along or about the axis."""
 
     speed: float
     acceleration: float
@@ -62,9 +58,7 @@ class Size:
 
 
 def candidates(c: Coordinates, size: Size | None, catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
-    """The effects that a search tries on an axis with these coordinates, in ranges that follow from its records' `size`
-    where that is known.
-    """
+    """The effects that a search tries on an axis, in ranges that follow from its records' `size` where known."""
     declared = [e for e in catalogue.acting_on(AXIS.id, VARIANTS) if c.turns or "turning" not in e.needs]
     told = _ranges(size) if size else {}
     if c.turns:

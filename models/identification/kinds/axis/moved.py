@@ -9,7 +9,7 @@ from models.checks.estimators import runs_of
 from models.checks.usable import used
 from models.identification.kinds.axis.coordinates import Coordinates
 from models.identification.kinds.axis.noise import through, white_part
-from models.identification.kinds.axis.zero_phase import Array, Motion, motion
+from models.identification.kinds.axis.zero_phase import Array, AxisMotion, motion
 from models.identification.settings import SET
 from models.records.record import Record
 
@@ -24,7 +24,7 @@ class Moved:
     with the position's.
     """
 
-    motion: Motion
+    motion: AxisMotion
     direction: Array
     still: NDArray[np.bool_]
     place: float
@@ -32,11 +32,9 @@ class Moved:
 
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
-    """The motion of `record`, a whole one or a part that carries the whole's; `position_std` where it is stated,
-    `band` that of the filters in Hz.
-    """
+    """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
     if WHOLE[0] in record.columns:
-        m = Motion(record["t_s"], *(record[column] for column in WHOLE))
+        m = AxisMotion(record["t_s"], *(record[column] for column in WHOLE))
         place, still = float(record[PLACE_NOISE][0]), record[STILL] > 0.5
         return Moved(m, _direction(m, place, band), still, place, record.columns.get(c.velocity))
     position = record[c.position]
@@ -60,12 +58,12 @@ def carried(record: Record, c: Coordinates, of: Moved) -> Record:
     return replace(kept, columns={**kept.columns, **told})
 
 
-def _unsure(m: Motion, place: float, band: float) -> float:
+def _unsure(m: AxisMotion, place: float, band: float) -> float:
     """Speed that the noise of the position may feign, one standard deviation."""
     return through(round(m.rate, 3), band, False)[0] * place
 
 
-def _direction(m: Motion, place: float, band: float) -> Array:
+def _direction(m: AxisMotion, place: float, band: float) -> Array:
     unsure = 2 * _unsure(m, place, band)
     return np.clip(m.v / unsure, -1, 1) if unsure > 0 else np.sign(m.v)
 
@@ -79,7 +77,7 @@ def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray
     return out
 
 
-def _still(m: Motion, place: float, band: float) -> NDArray[np.bool_]:
+def _still(m: AxisMotion, place: float, band: float) -> NDArray[np.bool_]:
     fast = np.abs(m.v)
     out = fast < 2 * _unsure(m, place, band)
     for a, b in runs_of(fast < max(SET.axis_rest * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):

@@ -8,7 +8,7 @@ import numpy as np
 
 from models.identification.kinds.axis.zero_phase import (
     Array,
-    Motion,
+    AxisMotion,
     decimate,
     motion,
     passed,
@@ -20,7 +20,7 @@ from models.identification.settings import SET
 
 
 @dataclass(frozen=True)
-class Noise:
+class AxisNoise:
     """Standard deviations: `force` of the filtered force (None: nothing tells it), `speed` of a logged speed before the
     filter, `weight` of the filtered force error of a right model; `inertia` is what a noisy acceleration shakes.
     """
@@ -32,9 +32,7 @@ class Noise:
 
 
 def told_force(force: Array, position: Array, rate: float, band: float, stated: float | None) -> float | None:
-    """Noise of the filtered force: as stated, else from the repeats of the motion, else from its roughness; None where
-    all three say nothing, as for a force that is the command.
-    """
+    """Noise of the filtered force: as stated, else of repeats, else its roughness; None where it may be a command."""
     if stated is not None:
         return stated * passed(rate, band)
     filtered = decimate(force, rate)
@@ -59,9 +57,7 @@ def _shown(rate: float, order: int) -> float:
 
 
 def white_part(signal: Array) -> float:
-    """Standard deviation of the white noise on a sampled signal, 0 where there is none: sixth differences, which motion
-    does not reach, against fourth ones.
-    """
+    """Standard deviation of a signal's white noise, 0 for none: sixth differences, free of motion, against fourth."""
     if len(signal) < 20:
         return 0.0
     fourth, sixth = (float(np.median(np.abs(np.diff(signal, k)))) / 0.6745 / np.sqrt(comb(2 * k, k)) for k in (4, 6))
@@ -94,7 +90,7 @@ def band_of(t: Array, position: Array, stated: float | None) -> float:
     return next(clear, bands[-1])
 
 
-def inertia_of(force: Array, m: Motion, band: float) -> float:
+def inertia_of(force: Array, m: AxisMotion, band: float) -> float:
     """Mass (inertia) that a line through the force gives: enough to tell what a noisy acceleration makes of it."""
     rows = np.column_stack([m.a, m.v, np.sign(m.v), m.x, np.ones_like(m.a)])
     filtered = np.column_stack([decimate(column, m.rate, band) for column in rows.T])

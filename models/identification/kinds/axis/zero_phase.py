@@ -1,6 +1,4 @@
-"""Speed, acceleration and low-passed force of a sampled axis without delay, as the EMPS authors filter (Janot et al.
-2019).
-"""
+"""Speed, acceleration and low-passed force of a sampled axis without delay, as in EMPS (Janot et al. 2019)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Motion:
+class AxisMotion:
     """Time in s, position in m (rad), speed and acceleration of one record, all of its length."""
 
     t: Array
@@ -85,7 +83,7 @@ def _unevenness(t: Array) -> float:
     return float(np.max(np.abs(steps - usual))) / usual
 
 
-def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> Motion:
+def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> AxisMotion:
     """Differentiate a measured position: Butterworth of order 4 forward and backward at five times the `band` in Hz,
     then central differences; the speed is the `velocity` that was logged where there is one, filtered alike.
     """
@@ -96,7 +94,7 @@ def motion(t: Array, position: Array, velocity: Array | None = None, band: float
         v = np.gradient(x, 1 / rate)
     else:
         v = np.asarray(filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
-    return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
+    return AxisMotion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
 def reduction(rate: float, band: float = SET.band_hz) -> int:
@@ -142,18 +140,14 @@ def passed(rate: float, band: float = SET.band_hz) -> float:
 
 
 def quiet_roughness(signal: Array, window: int = 25, order: int = 2) -> float:
-    """Standard deviation of a signal's noise from its differences of an `order`, in the quietest tenth of its
-    windows.
-    """
+    """Standard deviation of a signal's noise from its differences of an `order`, in its quietest tenth of windows."""
     bends = np.diff(signal, order) / np.sqrt(comb(2 * order, order))
     parts = bends[: len(bends) // window * window].reshape(-1, window) if len(bends) >= window else bends[None, :]
     return float(np.percentile(np.sqrt(np.mean(parts**2, axis=1)), 10))
 
 
 def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | None:
-    """Samples after which the motion repeats to 1e-4 of its range over at least a third of the record; None where it
-    does not.
-    """
+    """Samples after which the motion repeats to 1e-4 of its range over a third of the record; None: it does not."""
     n = len(position)
     limit = 1e-4 * float(np.ptp(position))
 

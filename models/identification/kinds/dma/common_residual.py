@@ -1,6 +1,4 @@
-"""What no relaxation law explains in a dynamic test: is the residual common to the samples, and how low could any law
-go.
-"""
+"""What no relaxation law explains in a dynamic test: is it common to the samples, and how low could any law go."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,6 +1,4 @@
-"""A dynamic shear test: storage and loss modulus of the five-element wall over frequency, against several samples of
-tissue.
-"""
+"""A dynamic shear test: storage and loss modulus of the five-element wall over frequency, for several samples."""
 
 from __future__ import annotations
 
@@ -99,9 +97,7 @@ class DmaKind(Kind):
         return 100 * math.sqrt(wrong / sum(float(np.sum(m**2)) for m in measured))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the samples' scatter about their mean at each frequency leaves, in %; as believed for a single
-        sample.
-        """
+        """What the samples' scatter about their mean at each frequency leaves, in %; as believed for one sample."""
         frequency = np.concatenate([r["frequency_Hz"] for r in records])
         measured = np.concatenate([self.measured(r) for r in records])
         scatter, freedom = 0.0, 0
@@ -115,9 +111,7 @@ class DmaKind(Kind):
         return 100 * math.sqrt(scatter / freedom * len(measured) / total)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same frequencies measured on the model, each sample with its own factor and every reading with its own
-        error.
-        """
+        """The same frequencies measured on the model: a factor for each sample, an error for each reading."""
         made = self.predict(record, theta)
         size = np.hypot(*made.T)
         for rows in samples_of(record):

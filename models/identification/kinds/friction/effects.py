@@ -17,9 +17,7 @@ from models.rigs.friction import FRICTION
 
 @dataclass(frozen=True)
 class Extent:
-    """What a table covers: slowest and fastest speed in m/s, lowest and highest load and greatest friction in N, and
-    whether both directions of sliding are in it.
-    """
+    """Slowest and fastest speed in m/s, lowest and highest load, greatest friction in N, and both ways or not."""
 
     slow: float
     fast: float

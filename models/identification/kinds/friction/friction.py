@@ -1,6 +1,4 @@
-"""A table of steady friction, one row a reading at a speed and a load: `F = mu (N + normal loads) sgn(v) level -
-forces` against the measured force or coefficient.
-"""
+"""A table of steady friction over speed and load: `F = mu (N + normal loads) sgn(v) level - forces`."""
 
 from __future__ import annotations
 
@@ -172,9 +170,7 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
 
 
 def _off_line(x: Array, y: Array) -> Array:
-    """How far each inner value lies off the line through its two neighbours, as a share of it, in units that have the
-    standard deviation of one reading.
-    """
+    """How far inner values lie off their neighbours' line, as a share of it, in standard deviations of a reading."""
     order = np.argsort(x)
     x, y = x[order], y[order]
     right = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])

@@ -1,6 +1,4 @@
-"""Stick-slip of a capsule pulled at one or more constant speeds: period, valley and peak from the wall's tension (paper
-A).
-"""
+"""Stick-slip of a capsule pulled at constant speeds: period, valley and peak from the wall's tension (paper A)."""
 
 from __future__ import annotations
 
@@ -16,7 +14,7 @@ from scipy.optimize import brentq
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals, by_name
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
-from models.identification.kind import Array, Kind, present
+from models.identification.kind import Array, Kind, Split, present
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants, wall_tension
@@ -81,41 +79,19 @@ class PeriodsKind(Kind):
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> PeriodsKind:
         """The pull that a rig file describes; with `records` of several speeds all that several speeds can tell."""
-        speed = SET.pull_m_s if rig.velocity_m_s is None else rig.velocity_m_s
-        catalogue = Catalogue.of(rig)
-        kind = cls.around(rig.capsule, rig.tissue, speed, period_std_s=rig.noise.period_std_s)
-        kind = replace(kind, effects=single_speed_effects(catalogue), catalogue=catalogue)
+        mu, catalogue = rig.tissue.friction_coefficient, Catalogue.of(rig)
+        hoop = "common factor on the hoop stress, differs from rig to rig"
+        base = (
+            Parameter("hoop_factor", 1.0, "1", 0.02, 50.0, hoop, fit=True),
+            Parameter("friction_coefficient", mu, "1", min(1e-3, mu), max(1.0, mu), "rig file", fit=True),
+        )
+        speed = SET.pull_m_s if rig.velocity_m_s is None else abs(rig.velocity_m_s)
+        kind = cls(rig.capsule, rig.tissue, speed, base, stretched_length(rig.capsule), catalogue=catalogue)
+        kind = replace(kind, period_std_s=rig.noise.period_std_s, effects=single_speed_effects(catalogue))
         speeds = kind.speeds_of(records)
         if len(speeds) < 2:
             return replace(kind, velocity_m_s=float(speeds[0])) if len(speeds) else kind
         return replace(kind, effects=catalogue.acting_on(PERIODS.id), equivalents=MappingProxyType({}))
-
-    @classmethod
-    def around(
-        cls,
-        capsule: Capsule = Capsule(),  # noqa: B008
-        tissue: Tissue = Tissue(),  # noqa: B008
-        velocity_m_s: float = SET.pull_m_s,
-        length_m: float | None = None,
-        return_speed_m_s: float | None = None,
-        period_std_s: float | None = None,
-    ) -> PeriodsKind:
-        """A pull of this capsule; `length_m` is the stretched length L_s, by default `L + R`."""
-        mu = tissue.friction_coefficient
-        base = (
-            Parameter(
-                "hoop_factor",
-                1.0,
-                "1",
-                0.02,
-                50.0,
-                "common factor on the hoop stress, differs from rig to rig",
-                fit=True,
-            ),
-            Parameter("friction_coefficient", mu, "1", min(1e-3, mu), max(1.0, mu), "rig file", fit=True),
-        )
-        length = stretched_length(capsule) if length_m is None else length_m
-        return cls(capsule, tissue, abs(velocity_m_s), base, length, return_speed_m_s, period_std_s=period_std_s)
 
     def measured(self, record: Record) -> Array:
         """Period in s, valley and peak in N, one row a period."""
@@ -146,24 +122,18 @@ class PeriodsKind(Kind):
         return np.unique(np.concatenate([self._speeds(r) for r in records])) if records else np.zeros(0)
 
     def tension(self, drag: float, speed: float, theta: Theta) -> float:
-        """Elastic wall tension in N at a drag in m and a pull in m/s, with the effects in `theta`; the wall slips by
-        it.
-        """
+        """Elastic wall tension in N at a drag in m and a pull in m/s, with the effects in `theta`."""
         out = float(wall_tension(drag, _WALL, wall_section(self.capsule, self.tissue), self.length_m))
         s = Signals(drag=drag, drag_rate=speed, v=speed, direction=1.0)
         return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
 
     def viscous(self, drag: float, rate: float, speed: float, theta: Theta) -> float:
-        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s under a pull at `speed`,
-        beyond its tension.
-        """
+        """Force in N, beyond its tension, of a wall whose drag in m grows at `rate` in m/s under a pull at `speed`."""
         s = Signals(drag=drag, drag_rate=rate, v=speed, direction=1.0)
         return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
 
     def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
-        """Rise and fall between slip at the tension `limit` in N and the relaxed wall. Raises ValueError where no drag
-        gives it.
-        """
+        """Rise and fall between slip at the tension `limit` in N and rest. Raises ValueError where no drag gives it."""
         recoil = self.return_speed_m_s
         try:
             tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta), limit, speed, recoil or 1.0)
@@ -217,7 +187,7 @@ class PeriodsKind(Kind):
             record = record.with_column(column, made[:, i])
         return record
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """Periods left out in turn, a quarter of each speed at a time, neighbours in different parts."""
         turns = [_turns(self._speeds(r)) for r in records]
         out = []

@@ -1,6 +1,4 @@
-"""What the report says about stick-slip periods: the cycle in numbers, what these speeds can tell, what to measure
-next.
-"""
+"""What the report says about stick-slip periods: the cycle in numbers, what the speeds tell, what to measure next."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -105,9 +103,7 @@ def _several_speeds(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) 
 
 
 def next_experiment(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What would tell a stiffer wall from a shorter or a viscous one; with several speeds, a period in time from one in
-    space.
-    """
+    """What would tell a stiffer wall from a shorter or viscous one; with several speeds, periods in time from space."""
     speeds = kind.speeds_of(records)
     if len(speeds) > 1:
         low, high = 1e3 * float(speeds[0]), 1e3 * float(speeds[-1])
@@ -152,9 +148,7 @@ def _period(kind: PeriodsKind, limit: float, speed: float) -> float:
 
 
 def _stiffer_by(kind: PeriodsKind, limit: float, period: float, speed: float) -> float:
-    """Common factor on the tension that gives the measured period. Raises ValueError where none between 1/150 and 150
-    does.
-    """
+    """Common factor on the tension that gives the measured period. Raises ValueError beyond 1/150 to 150."""
 
     def given(k: float) -> float:
         return _period(kind, limit / np.exp(k), speed)

@@ -1,6 +1,4 @@
-"""What a record commands, cut into the steps of a model: straight lines between samples, or a switch that holds between
-its edges.
-"""
+"""What a record commands in a model's steps: straight lines between samples, or a switch that holds between edges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -58,9 +56,7 @@ def interval(record: Record) -> float:
 
 
 def evenly(record: Record, columns: Sequence[str]) -> Record:
-    """`record` itself where its samples are even in time, else its `columns` straight between samples at twice as many
-    even times.
-    """
+    """`record` itself where its samples are even in time, else its `columns` at twice as many even times."""
     t = record["t_s"]
     if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) < SET.uneven * interval(record):
         return record
@@ -127,9 +123,7 @@ def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def logged_whole(command: Array) -> bool:
-    """Whether a switch's column knows only two values: it says at which sample, not when between two, the switch
-    went.
-    """
+    """Whether a switch's column knows only two values: it does not say when between two samples the switch went."""
     off, on = _ends(command)
     return bool(np.all(off | on))
 
@@ -159,9 +153,7 @@ def held(command: Array, dt: float, pieces: int, delay: float) -> Array:
 
 
 def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ...]:
-    """The one number that a switch logged as on or off leaves open: where in the sampling interval it acts; to be
-    fitted then.
-    """
+    """What a switch logged as on or off leaves open, to be fitted: where in the sampling interval it acts."""
     if not drive.held:
         return ()
     dt = max((interval(record) for record in records), default=1.0)
@@ -171,9 +163,7 @@ def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ..
 
 
 def clock_offset(clock: Clock | None) -> tuple[Parameter, ...]:
-    """By how much the measured columns are stamped late, where the rig file states it: fitted, and held to the stated
-    value with the stated standard deviation.
-    """
+    """By how much the measured columns are stamped late, where the rig file states it, held to that value."""
     if clock is None:
         return ()
     value, std = clock.offset_s, clock.offset_std_s

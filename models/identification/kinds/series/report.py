@@ -1,6 +1,4 @@
-"""What a report says of a capsule's time series: equations, sentences, and the experiment that would tell effects
-apart.
-"""
+"""What a report says of a capsule's time series: equations, sentences, the experiment that tells effects apart."""
 
 from collections.abc import Mapping, Sequence
 

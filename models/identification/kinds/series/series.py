@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import ClassVar
@@ -18,7 +18,7 @@ from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kind import Array, Kind
+from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
@@ -43,21 +43,21 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 @dataclass(frozen=True)
 class SeriesKind(Kind):
-    """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memory` in s is the observer's
-    time constant; residuals of `averaged` neighbours count as one, their mean in units of its own noise, so that a
-    structure below the noise of a single sample is seen. `resolution` is the step of the sensor's scale where that is
-    coarse, 0 elsewhere.
+    """A rig whose records are time series of a capsule. `noise_std` of the sensor; residuals of `averaged` neighbours
+    count as one, their mean in units of its own noise, so that a structure below the noise of a single sample is seen.
+    `resolution` is the step of the sensor's scale where that is coarse, 0 elsewhere.
     """
 
-    name: str
     surface: Surface
     drive: Drive
     noise_std: float
-    memory: float
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
     averaged: int = 1
     resolution: float = 0.0
+    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    catalogue: Catalogue = CATALOGUE
+    measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
     final: ClassVar[int] = 3  # the free run at fine steps
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # the observer forgives slip events out of step, but little else
@@ -65,12 +65,6 @@ class SeriesKind(Kind):
     next_share: ClassVar[float] = 0.6
     least_gain: ClassVar[float] = 0.4
     lanes: ClassVar[int] = LANES
-    beginnings_s: tuple[float, ...] = SET.beginnings_s
-    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
-    unit: str = "N"
-    quantity: str = field(default="force_N")
-    catalogue: Catalogue = CATALOGUE
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
@@ -81,8 +75,8 @@ class SeriesKind(Kind):
         drive = drive_of(rig, driven_column(rig.kind, records))
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
         noise = series_noise(records, drive.measured, stated)
-        step = resolution(records, drive.measured)
         made = cls.build(surface_of(rig), drive, noise, records, Catalogue.of(rig))
+        step = resolution(records, drive.measured)
         return replace(made, base=made.base + clock_offset(rig.clock), resolution=step)
 
     @classmethod
@@ -95,37 +89,36 @@ class SeriesKind(Kind):
         catalogue: Catalogue = CATALOGUE,
     ) -> SeriesKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
-        memory = SET.held_s if drive.held else SET.drifts_s if drifts(drive) else SET.memory_s
-        own = surface.parameters()
-        base = own + drive.parameters() + switch_delay(drive, records)
+        base = surface.parameters() + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in catalogue.acting_on(drive.name) if surface.dragged or not _acts_on_the_wall(e))
-        unit = "N" if drive.imposed else "m"
-        return cls(
-            drive.name,
-            surface,
-            drive,
-            noise_std,
-            memory,
-            base,
-            effects,
-            averaged_samples(drive.measured, noise_std, records),
-            unit=unit,
-            quantity=drive.measured,
-            catalogue=catalogue,
-            beginnings_s=SET.shaken_beginnings_s if drive.held else SET.beginnings_s,
-        )
+        averaged = averaged_samples(drive.measured, noise_std, records)
+        return cls(surface, drive, noise_std, base, effects, averaged, catalogue=catalogue)
 
-    def _run(
-        self, record: Record, theta: Theta, memory: float | None, measured: Array | None, fine: bool = True
-    ) -> Array:
-        return self._runs(record, [theta], memory, measured, fine)[0]
+    @property
+    def name(self) -> str:
+        return self.drive.name
 
-    def _runs(
-        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
-    ) -> list[Array]:
-        return Runner(self.surface, self.drive, self.quantity, self.catalogue).runs(
-            record, thetas, memory, measured, fine
-        )
+    @property
+    def quantity(self) -> str:
+        return self.drive.measured
+
+    @property
+    def unit(self) -> str:
+        return "N" if self.drive.imposed else "m"
+
+    @property
+    def memory(self) -> float:
+        """The observer's time constant in s."""
+        return SET.held_s if self.drive.held else SET.drifts_s if drifts(self.drive) else SET.memory_s
+
+    @property
+    def beginnings_s(self) -> tuple[float, ...]:
+        """A shaken body strikes many times a second."""
+        return SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s
+
+    @property
+    def _runs(self) -> Callable[..., list[Array]]:
+        return Runner(self.surface, self.drive, self.quantity, self.catalogue).runs
 
     def _from_the_start(self, record: Record, output: Array) -> Array:
         """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
@@ -139,7 +132,7 @@ class SeriesKind(Kind):
         coil or an inner mass at rest where the record starts (at 0 where it does not say).
         """
         seen = record.columns.get(self.quantity) if drifts(self.drive) else None
-        return self._from_the_start(record, self._run(record, theta, None, seen))
+        return self._from_the_start(record, self._runs(record, [theta], None, seen)[0])
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Differences in units of the noise, those in the jump of a slip event counting less; see `Kind.residual`."""
@@ -160,9 +153,7 @@ class SeriesKind(Kind):
         return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), SET.tail))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples of the records that count; straight
-        between them.
-        """
+        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples that count; straight between."""
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
             good, t = counted(record), record["t_s"]
@@ -189,7 +180,7 @@ class SeriesKind(Kind):
         """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
         return [record.beginning(SET.shaken_s) if self.drive.held else record for record in records]
 
-    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[Split]:
         """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
         is the only one, the second halves of all records validate the first ones. The state of a wall that is pulled,
         of a shaken mass and of a body that drifts follows from what came before: such a second half is run from the
@@ -215,9 +206,7 @@ class SeriesKind(Kind):
         return out | {"gap_m": record[self.drive.commanded] - x}
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
-        """See `Kind.extra_force`: of a measured force what was predicted beyond it; of a place that a magnet holds, by
-        how much its force is less there than where the capsule was predicted.
-        """
+        """Of a measured force what was predicted beyond it; of a place how much less a magnet pulls there."""
         predicted, measured = self.predict(record, theta), record[self.quantity]
         if self.drive.imposed:
             return predicted - measured, measured
@@ -229,7 +218,9 @@ class SeriesKind(Kind):
 
     def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
         """Rms error of `records` under an observer with the time constant `memory` in s; None: free-running."""
-        errors = [record[self.quantity] - self._run(record, theta, memory, record[self.quantity]) for record in records]
+        errors = [
+            record[self.quantity] - self._runs(record, [theta], memory, record[self.quantity])[0] for record in records
+        ]
         return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
@@ -241,9 +232,7 @@ def _acts_on_the_wall(effect: type[Effect]) -> bool:
 
 
 def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:
-    """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as
-    lie within the time in which the motion changes.
-    """
+    """Neighbouring samples that make a noisy `column` as good as a fine one, within the time of a change of motion."""
     fine, longest_s = (SET.fine_force_N, SET.tooth_s) if column == "force_N" else (SET.fine_place_m, SET.swing_s)
     if not records or noise_std <= SET.noisy * fine:
         return 1
@@ -252,9 +241,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 
 
 def averages(r: Array, count: int) -> Array:
-    """Means of `count` neighbours of `r` (n,) times the root of `count`, shape (n // count,): white noise keeps its
-    variance.
-    """
+    """Means of `count` neighbours of `r` (n,) times its root, shape (n // count,): white noise keeps its variance."""
     if count == 1 or len(r) < 2 * count:
         return r
     rows = r[: len(r) // count * count].reshape(-1, count)
@@ -262,9 +249,7 @@ def averages(r: Array, count: int) -> Array:
 
 
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
-    """Standard deviation of the noise of `column`: as stated, unless the records are noisier; the least number that
-    counts as noise where neither says.
-    """
+    """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
     values = [record[column][used(record)] for record in measured]
     if not values:

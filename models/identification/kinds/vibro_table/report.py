@@ -16,9 +16,7 @@ from models.theta import Theta
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """The model in words and numbers, SI units; `xi` is the inner mass's displacement against the body. The base, then
-    what each effect adds to it.
-    """
+    """The model in words and numbers, SI units, then each effect; `xi` is the inner mass's displacement."""
     theta = kind.nominal() | theta
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
@@ -34,9 +32,7 @@ def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
 
 
 def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | None:
-    """The period in s, between 0.05 and 0.1, at which the mean velocity at `duty` changes sign; None where it does
-    not.
-    """
+    """The period in s, in 0.05 to 0.1, at which the mean velocity at `duty` changes sign; None where none does."""
     periods = np.arange(0.05, 0.1001, 0.0005)
     speeds = kind.predict(_runs(periods, duty), theta)
     at = np.flatnonzero(speeds[:-1] * speeds[1:] < 0)
@@ -91,9 +87,7 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
 
 
 def _at_bounds(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """Which fitted base values lie at the end of what was believed: the predictions may hold, the values must not be
-    taken as measured.
-    """
+    """Which fitted base values lie at the end of what was believed, so that they are not measured."""
     ends = [
         f"{p.name} = {theta[p.name]:.3g}"
         for p in kind.base

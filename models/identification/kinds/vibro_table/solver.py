@@ -50,10 +50,8 @@ class VibroCycle(NamedTuple):
     stribeck_power: float = 2.0
 
 
-class Motion(NamedTuple):
-    """Path of the body x in m, its speed v, the inner mass's displacement and speed against it; `mode` 0 rests, +1, -1
-    slides.
-    """
+class BodyState(NamedTuple):
+    """Path x in m and speed v of the body, place and speed of the inner mass on it; `mode` 0 rests, +1, -1 slides."""
 
     x: float
     v: float
@@ -62,7 +60,7 @@ class Motion(NamedTuple):
     mode: int
 
 
-class Push(NamedTuple):
+class PulseShare(NamedTuple):
     """The drive's share of its full force over one step: at its begin, its mean, at its end."""
 
     begin: float
@@ -127,13 +125,15 @@ def _accelerations(mode: int, v: float, stretch: float, rate: float, on: float, 
 
 
 @nb.njit(cache=True, inline="always")
-def _on_body(s: Motion, on: float, q: VibroCycle) -> float:
+def _on_body(s: BodyState, on: float, q: VibroCycle) -> float:
     """What moves a resting body, against its Coulomb friction, in N."""
     return suspension_force(s.stretch, s.rate, q) - q.reaction * drive_force(on, s.stretch, q) + q.incline_N
 
 
 @nb.njit(cache=True)
-def _runge_kutta(s: Motion, on: Push, begin: float, end: float, h: float, q: VibroCycle) -> tuple[Motion, float]:
+def _runge_kutta(
+    s: BodyState, on: PulseShare, begin: float, end: float, h: float, q: VibroCycle
+) -> tuple[BodyState, float]:
     """The step's share from `begin` to `end` in one mode, fourth order, and the body's acceleration at its begin."""
     k = (end - begin) * h
     on0, on1, on2 = _push(on, begin), _push(on, 0.5 * (begin + end)), _push(on, end)
@@ -147,11 +147,11 @@ def _runge_kutta(s: Motion, on: Push, begin: float, end: float, h: float, q: Vib
     x = s.x + k * s.v + k * k / 6.0 * (a0 + a1 + a2)
     stretch = s.stretch + k * s.rate + k * k / 6.0 * (b0 + b1 + b2)
     v, w = s.v + k / 6.0 * (a0 + 2.0 * (a1 + a2) + a3), s.rate + k / 6.0 * (b0 + 2.0 * (b1 + b2) + b3)
-    return Motion(x, v, stretch, w, s.mode), a0
+    return BodyState(x, v, stretch, w, s.mode), a0
 
 
 @nb.njit(cache=True, inline="always")
-def _push(on: Push, at: float) -> float:
+def _push(on: PulseShare, at: float) -> float:
     """The drive's share at the share `at` of a step: the parabola with the right ends and the right mean."""
     bend = 3.0 * (on.begin + on.end - 2.0 * on.mean)
     return on.begin + at * (on.end - on.begin - bend * (1.0 - at))
@@ -167,11 +167,9 @@ def _break_away(force: float, q: VibroCycle) -> int:
 
 @nb.njit(cache=True)
 def _stop(
-    s: Motion, new: Motion, a0: float, on: Push, begin: float, until: float, h: float, q: VibroCycle
-) -> tuple[Motion, float]:
-    """Where in the rest of the step a sliding body comes to rest, and when: a parabola of the speed, then one step of
-    Newton.
-    """
+    s: BodyState, new: BodyState, a0: float, on: PulseShare, begin: float, until: float, h: float, q: VibroCycle
+) -> tuple[BodyState, float]:
+    """Where in the rest of the step a sliding body comes to rest, and when: a parabola, then one step of Newton."""
     k = (until - begin) * h
     bend = new.v - s.v - a0 * k
     root = math.sqrt(max(a0 * a0 * k * k - 4.0 * bend * s.v, 0.0))
@@ -187,16 +185,22 @@ def _stop(
     if slope * s.mode < 0.0:
         end = min(max(end - new.v / (slope * h), begin), until)
         new, _ = _runge_kutta(s, on, begin, end, h, q)
-    return Motion(new.x, 0.0, new.stretch, new.rate, 0), end
+    return BodyState(new.x, 0.0, new.stretch, new.rate, 0), end
 
 
 @nb.njit(cache=True)
 def _start(
-    s: Motion, mode: int, before: float, after: float, on: Push, begin: float, until: float, h: float, q: VibroCycle
-) -> tuple[Motion, float]:
-    """Where in the rest of the step a resting body starts to slide in direction `mode`, and when: two steps of regula
-    falsi.
-    """
+    s: BodyState,
+    mode: int,
+    before: float,
+    after: float,
+    on: PulseShare,
+    begin: float,
+    until: float,
+    h: float,
+    q: VibroCycle,
+) -> tuple[BodyState, float]:
+    """Where in the rest of the step a resting body starts to slide as `mode`, and when: two steps of regula falsi."""
     limit = mode * friction(0.0, mode, q)
     low, high, below, above = begin, until, before - limit, after - limit
     new = s
@@ -208,17 +212,17 @@ def _start(
             high, above = end, force
         else:
             low, below = end, force
-    return Motion(new.x, 0.0, new.stretch, new.rate, mode), end
+    return BodyState(new.x, 0.0, new.stretch, new.rate, mode), end
 
 
 @nb.njit(cache=True)
-def _share(s: Motion, on: Push, begin: float, until: float, h: float, q: VibroCycle) -> Motion:
+def _share(s: BodyState, on: PulseShare, begin: float, until: float, h: float, q: VibroCycle) -> BodyState:
     """The step's share from `begin` to `until` with its changes between stick and slip located in it."""
     for _ in range(_EVENTS):
         before = 0.0
         if s.mode == 0:
             before = _on_body(s, _push(on, begin), q)
-            s = Motion(s.x, 0.0, s.stretch, s.rate, _break_away(before, q))
+            s = BodyState(s.x, 0.0, s.stretch, s.rate, _break_away(before, q))
         new, a0 = _runge_kutta(s, on, begin, until, h, q)
         if s.mode != 0:
             if new.v * s.mode >= 0.0:
@@ -232,12 +236,12 @@ def _share(s: Motion, on: Push, begin: float, until: float, h: float, q: VibroCy
             s, begin = _start(s, mode, before, after, on, begin, until, h, q)
         if begin > until - 1e-9:
             return s
-    new, _ = _runge_kutta(Motion(s.x, 0.0, s.stretch, s.rate, 0), on, begin, until, h, q)
+    new, _ = _runge_kutta(BodyState(s.x, 0.0, s.stretch, s.rate, 0), on, begin, until, h, q)
     return new
 
 
 @nb.njit(cache=True)
-def _step(s: Motion, on: Push, h: float, q: VibroCycle) -> Motion:
+def _step(s: BodyState, on: PulseShare, h: float, q: VibroCycle) -> BodyState:
     """One step, in equal parts where dry friction turns round or a stop is near."""
     fine = h
     if q.drag_N > 0.0 and s.mode != 0:
@@ -259,8 +263,8 @@ def _step(s: Motion, on: Push, h: float, q: VibroCycle) -> Motion:
 
 @nb.njit(cache=True)
 def _phase(
-    s: Motion, current: float, pull: float, on: float, length: float, step: float, q: VibroCycle
-) -> tuple[Motion, float, float]:
+    s: BodyState, current: float, pull: float, on: float, length: float, step: float, q: VibroCycle
+) -> tuple[BodyState, float, float]:
     """The drive held at `on` for `length` s: the coil's current follows it, the current's square makes the force, which
     may lag too.
 
@@ -282,7 +286,7 @@ def _phase(
     for _ in range(n):
         begin, mean = on + a1 + a2 + a3, on + a1 * m1 + a2 * m2 + a3 * m3
         a1, a2, a3 = a1 * f1, a2 * f2, a3 * f3
-        s = _step(s, Push(begin, mean, on + a1 + a2 + a3), h, q)
+        s = _step(s, PulseShare(begin, mean, on + a1 + a2 + a3), h, q)
     return s, on + (current - on) * f1**n, on + a1 + a2 + a3
 
 
@@ -296,7 +300,7 @@ def _longest(step: float, q: VibroCycle) -> float:
 
 
 @nb.njit(cache=True)
-def _change(a: Motion, b: Motion) -> float:
+def _change(a: BodyState, b: BodyState) -> float:
     return max(abs(a.v - b.v), abs(a.stretch - b.stretch), abs(a.rate - b.rate))
 
 
@@ -307,7 +311,7 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
     The drive is on for `duty * period_s`, then off; steps of at most `step` s are aligned with the switching edges.
     Once a period leaves the state as it found it the remaining ones are not stepped through.
     """
-    s = Motion(0.0, 0.0, 0.0, 0.0, 0)
+    s = BodyState(0.0, 0.0, 0.0, 0.0, 0)
     current, pull, begin = 0.0, 0.0, 0.0
     step = _longest(step, q)
     for cycle in range(settle + cycles):

@@ -1,6 +1,4 @@
-"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty): prediction and
-criterion.
-"""
+"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty)."""
 
 from __future__ import annotations
 
@@ -53,9 +51,7 @@ class VibroTableKind(TableKind):
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> VibroTableKind:
-        """The kind that a rig file with [capsule], [drive] and a plate describes, `settled` by `records`; ValueError
-        where it is another rig.
-        """
+        """Of a rig file with [capsule], [drive] and a plate, `settled` by `records`; ValueError for another rig."""
         drive, surface = rig.drive, rig.surface
         if drive is None or surface is None or surface.kind != "plate" or surface.friction_coefficient is None:
             raise ValueError(
@@ -83,9 +79,7 @@ class VibroTableKind(TableKind):
         return np.column_stack((record["period_s"], record["duty"], record["cycles"]))
 
     def settled(self, records: Sequence[Record]) -> VibroTableKind:
-        """The same kind with the mirror under which models with some damping of the spring come nearest to the
-        records.
-        """
+        """The same kind with the mirror under which models with some damping come nearest to the records."""
         ratios = (0.02, 0.05, 0.1, 0.2)
         scale = 2 * float(np.sqrt(self.nominal()["spring_stiffness_N_per_m"] * self.nominal()["inner_mass_kg"]))
         lost = {}
@@ -111,9 +105,7 @@ class VibroTableKind(TableKind):
         return np.asarray(less_in_the_tail(misfit, SET.outlying))
 
     def scatter(self, record: Record) -> Array:
-        """Standard deviation in m/s of a single run, one a row: reading of the displacement plus a common share of the
-        speed that the repeats within conditions show.
-        """
+        """Standard deviation in m/s of a run: reading of the displacement, and a share of the speed as repeats show."""
         _, index = self.conditions(record)
         mean = self.means(record, record[self.quantity])[index]
         counts = np.bincount(index)
@@ -123,9 +115,7 @@ class VibroTableKind(TableKind):
         return np.asarray(np.sqrt(reading**2 + share * mean**2), dtype=float)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same runs on the model: scatter for each run, and what differs between set-ups once for each
-        condition.
-        """
+        """The same runs on the model: scatter for each run, what differs between set-ups for each condition."""
         runs, index = self.conditions(record)
         setup = self.model_error_m_s * rng.standard_normal(len(runs))[index]
         scatter = self.scatter(record) * rng.standard_normal(len(record))

@@ -34,7 +34,7 @@ def answered(channel: str, source: str = "joystick", hand: Hand | None = None) -
     over, catalogue, begun = threading.Event(), load_catalogue(), threading.Event()
 
     def work() -> None:
-        operator, says = Operator(OperatorLimits(accept=True), catalogue), Sender(catalogue[STATUS])
+        operator, says = Operator(OperatorLimits(accept=True)), Sender(catalogue[STATUS])
         reference = rest(0.0)
         with LocalBus(channel) as bus, LocalBus(channel) as beside:
             other = OperatorSender(beside, source)

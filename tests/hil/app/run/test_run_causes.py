@@ -96,7 +96,7 @@ def test_two_of_a_kind_are_named_before_anything_is_led() -> None:
             values = {"State": 1, "Uptime_s": up, "Catalogue": frames().fingerprint}
             data = senders[k % 2].frame(values)
             messages.append(can.Message(0.01 * k, heartbeat.id, False, data=data, is_rx=True))
-        receiver = FrameReceiver(ScriptedBus(*messages), frames(), frame_map_of("magnetic"), 2e-3)
+        receiver = FrameReceiver(ScriptedBus(*messages), frame_map_of("magnetic"), 2e-3)
         receiver.listen(0.4)
         assert receiver.doubt(0.4) == f"{words} are on the bus ({name} tells the uptimes of two)"
 

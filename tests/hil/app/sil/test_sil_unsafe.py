@@ -10,7 +10,7 @@ import pytest
 
 from controller.signals import Action
 from hil.app.sil.testbed import PHASE_S
-from hil.bus.protection import Receiver, Reception
+from hil.bus.protection import Reception
 from hil.nodes.controller.node import FAULTY, RUNNING
 from hil.nodes.frame_map import ENABLE, frames
 from hil.simulated.plant_node import SLOT_S
@@ -59,7 +59,7 @@ def test_whatever_the_controller_does_nothing_unsafe_leaves(kind: str) -> None:
     wild.act = act  # type: ignore[method-assign]
     wild.active = "wild"  # type: ignore[attr-defined]
     frame = frames()[bench.wiring.command]
-    reception, told = Reception({frame.id: Receiver(frame)}), []
+    reception, told = Reception([frame]), []
 
     def look(message: can.Message) -> None:
         if message.arbitration_id == frame.id and not message.is_rx:

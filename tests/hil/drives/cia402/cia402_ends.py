@@ -27,7 +27,7 @@ class Ends:
     def __init__(self, name: str, table: Cia402Table = TABLE) -> None:
         self.far = can.Bus(interface="virtual", channel=name)
         self.catalogue = load_catalogue()
-        self.near = Cia402Bus(can.Bus(interface="virtual", channel=name), table, self.catalogue, TICK)
+        self.near = Cia402Bus(can.Bus(interface="virtual", channel=name), table, TICK)
         self._senders: dict[str, Sender] = {}
 
     def say(self, name: str, values: dict[str, float]) -> None:

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.app.scenario.deployment import BusTable, parse_deployment
-from hil.bus.catalogue import load_catalogue
 from hil.bus.wrapping import WrappingBus
 from hil.drives.moteus import protocol as wire
 from hil.drives.moteus.bus import MoteusBus
@@ -336,7 +335,7 @@ def test_a_fault_and_a_reboot_are_told_by_name() -> None:
 @given(st.binary(max_size=64))
 def test_nothing_that_a_drive_says_raises(data: bytes) -> None:
     with can.Bus(interface="virtual", channel="moteus fuzz") as far:
-        bus = MoteusBus(can.Bus(interface="virtual", channel="moteus fuzz"), TABLE, load_catalogue(), TICK)
+        bus = MoteusBus(can.Bus(interface="virtual", channel="moteus fuzz"), TABLE, TICK)
         far.send(can.Message(arbitration_id=1 << 8 | wire.HOST, is_extended_id=False, is_fd=True, data=data))
         while bus.recv(0) is not None:
             pass

@@ -178,7 +178,7 @@ def test_errors_have_the_makers_names() -> None:
 @given(st.integers(0, 31), st.binary(max_size=8))
 def test_nothing_that_a_drive_says_raises(command: int, data: bytes) -> None:
     with can.Bus(interface="virtual", channel="odrive fuzz") as far:
-        bus = OdriveBus(can.Bus(interface="virtual", channel="odrive fuzz"), TABLE, load_catalogue(), TICK)
+        bus = OdriveBus(can.Bus(interface="virtual", channel="odrive fuzz"), TABLE, TICK)
         far.send(can.Message(arbitration_id=2 << 5 | command, is_extended_id=False, data=data))
         far.send(can.Message(arbitration_id=2 << 5 | 9, is_extended_id=False, data=struct.pack("<ff", 1e30, 1.0)))
         while bus.recv(0) is not None:

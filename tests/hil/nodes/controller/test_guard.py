@@ -38,7 +38,7 @@ def wire() -> Wire:
 
 def guard_on(wire: Wire, **more: object) -> Guard:
     """A carriage's guard."""
-    return Guard(wire, frames(), frame_map_of("magnetic"), CARRIAGE, **more)  # type: ignore[arg-type]
+    return Guard(wire, frame_map_of("magnetic"), CARRIAGE, **more)  # type: ignore[arg-type]
 
 
 def test_the_whitelist(wire: Wire) -> None:

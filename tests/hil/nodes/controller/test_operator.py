@@ -3,7 +3,6 @@ in a tick and stops the drive in time. Every run's log replays bit by bit.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -187,7 +186,7 @@ def frames_of(*values: dict[str, float]) -> list[bytes]:
 
 
 def heard(frames: Iterable[bytes], delay_s: float = 0.0) -> Operator:
-    operator = Operator(LIMITS, load_catalogue())
+    operator = Operator(LIMITS)
     for k, data in enumerate(frames):
         operator.accept(data, 0.02 * k, 0.02 * k + delay_s)
     return operator
@@ -222,7 +221,7 @@ def sent(arrives: Callable[[int], float], count: int, limits: OperatorLimits = L
     """Released, then held, `count` setpoints in all, the k-th of which comes at `arrives(k)` in s; and when those came
     at which somebody was in charge.
     """
-    operator, led = Operator(limits, load_catalogue()), []
+    operator, led = Operator(limits), []
     for k, data in enumerate(frames_of({"DeadMan": 0.0}, *((count - 1) * [{}]))):
         now = arrives(k)
         operator.expire(now)
@@ -268,16 +267,16 @@ def test_a_slow_sender_is_followed_where_the_deployment_says_so() -> None:
     """30 setpoints a second."""
     operator, _ = sent(lambda k: k / 30, 300)
     assert operator.source == 0
-    operator, led = sent(lambda k: k / 30, 300, replace(LIMITS, drift_share=0.45))
+    operator, led = sent(lambda k: k / 30, 300, LIMITS.but(drift_share=0.45))
     assert (operator.source, len(led)) == (3, 299)
 
 
 @pytest.mark.parametrize("cycle_s", [0.01, 0.02, 0.025, 1 / 30, 0.05])
 def test_our_sender_counts_the_setpoints_for_which_there_was_no_time(cycle_s: float) -> None:
     """So it is followed however often it is called; the counter goes on with its clock."""
-    now, bus, catalogue = [5.0], ScriptedBus(), load_catalogue()
-    hand = OperatorSender(bus, "ros", 100.0, catalogue, clock=lambda: now[0])
-    operator = Operator(LIMITS, catalogue)
+    now, bus = [5.0], ScriptedBus()
+    hand = OperatorSender(bus, "ros", 100.0, clock=lambda: now[0])
+    operator = Operator(LIMITS)
     for k in range(400):
         now[0] += cycle_s + 0.04 * (k == 200)
         operator.expire(now[0])
@@ -311,7 +310,7 @@ def test_a_reference_that_has_run_ahead_is_held_near_the_capsule() -> None:
 
 
 def test_no_bytes_raise() -> None:
-    operator = Operator(LIMITS, load_catalogue())
+    operator = Operator(LIMITS)
     for length in (0, 1, 8, 64):
         operator.accept(bytes(length), 0.0, 0.0)
         operator.accept(bytes([0xFF] * length), 0.0, float("nan"))
@@ -321,10 +320,10 @@ def test_no_bytes_raise() -> None:
 
 @pytest.mark.parametrize("other", ["is_extended_id", "is_fd", "is_remote_frame", "is_error_frame"])
 def test_frames_of_other_types_are_not_setpoints(other: str) -> None:
-    catalogue, kind = load_catalogue(), {"is_extended_id": False, other: True}
-    operator = Operator(LIMITS, catalogue)
+    kind = {"is_extended_id": False, other: True}
+    operator = Operator(LIMITS)
     bus = ScriptedBus(can.Message(arbitration_id=operator.id, data=frames_of({"DeadMan": 0.0})[0], **kind))
-    receiver = FrameReceiver(bus, catalogue, frame_map_of("magnetic"), 2e-3, operator=operator)
+    receiver = FrameReceiver(bus, frame_map_of("magnetic"), 2e-3, operator=operator)
     receiver.listen(0.0)
     assert receiver.strange.total() == 1
     assert operator.document() == {"presses": 0, "expired": 0, "limited": 0, "accepted": 0, "refused": {}}

@@ -81,7 +81,7 @@ def steered(
     """Where the reference goes in a second in which the same setpoint comes fifty times with a speed that trembles, and
     why the controller says it does not go further.
     """
-    operator, catalogue = Operator(limits, load_catalogue()), load_catalogue()
+    operator, catalogue = Operator(limits), load_catalogue()
     operator.accept(frames_of({"DeadMan": 0.0})[0], 0.0, 0.0)
     trembling = [{**values, "Velocity_m_s": values["Velocity_m_s"] * (1 + 0.01 * (k % 2))} for k in range(51)]
     places, why = [], "none"

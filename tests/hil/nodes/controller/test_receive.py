@@ -19,7 +19,7 @@ def test_ears_take_good_frames_and_their_age() -> None:
     medium = Medium()
     own, other = SimulatedBus(medium, "Controller"), SimulatedBus(medium, "Other")
     seen: list[can.Message] = []
-    receiver = FrameReceiver(own, frames(), frame_map_of("magnetic"), TICK, seen.append)
+    receiver = FrameReceiver(own, frame_map_of("magnetic"), TICK, seen.append)
     place, feed = Sender(frames()["CapsuleLocalisation"]), Sender(frames()["CarriageFeedback"])
 
     def send(name: str, data: bytes) -> None:
@@ -53,7 +53,7 @@ def test_ears_take_good_frames_and_their_age() -> None:
 def test_error_frames_are_counted_and_only_a_heartbeat_says_that_a_drive_is_known() -> None:
     medium = Medium()
     own, other = SimulatedBus(medium, "Controller"), SimulatedBus(medium, "Other")
-    receiver = FrameReceiver(own, frames(), frame_map_of("magnetic"), TICK)
+    receiver = FrameReceiver(own, frame_map_of("magnetic"), TICK)
     receiver.listen(0.0)
     assert (receiver.beating, receiver.errors) == (False, 0)
     beat = frames()["CarriageHeartbeat"]
@@ -138,9 +138,7 @@ def _message(name: str, data: bytes, **kind: bool) -> can.Message:
 def test_whatever_an_interface_raises_is_a_deaf_tick(error: Exception) -> None:
     feed = Sender(frames()["CarriageFeedback"])
     good = feed.frame({"Position_m": 0.05, "Velocity_m_s": 0, "State": ENABLED, "Temperature_degC": 30})
-    receiver = FrameReceiver(
-        ScriptedBus(error, _message("CarriageFeedback", good)), frames(), frame_map_of("magnetic"), TICK
-    )
+    receiver = FrameReceiver(ScriptedBus(error, _message("CarriageFeedback", good)), frame_map_of("magnetic"), TICK)
     assert receiver.listen(0.0) == []
     assert (receiver.deaf, receiver.deaf_words.split(":")[0]) == (1, type(error).__name__)
     assert len(receiver.listen(0.0)) == 1
@@ -159,7 +157,7 @@ def test_what_is_refused_is_told_for_each_frame_and_reason() -> None:
         _message("CarriageFeedback", good, is_fd=True),
         _message("CarriageFeedback", good, is_extended_id=True),
     )
-    receiver = FrameReceiver(bus, frames(), frame_map_of("magnetic"), TICK)
+    receiver = FrameReceiver(bus, frame_map_of("magnetic"), TICK)
     receiver.listen(0.0)
     assert receiver.refused == {"CarriageFeedback": {"length": 3, "crc": 1, "repeated": 1}}
     assert receiver.refused_words == (
@@ -169,7 +167,7 @@ def test_what_is_refused_is_told_for_each_frame_and_reason() -> None:
 
 @pytest.mark.parametrize("name", ["Sync", "CoilCommand", "ControllerHeartbeat", "SafeStop"])
 def test_a_controllers_own_frames_from_elsewhere_are_another_controller(name: str) -> None:
-    receiver = FrameReceiver(ScriptedBus(_message(name, bytes(8))), frames(), frame_map_of("magnetic"), TICK)
+    receiver = FrameReceiver(ScriptedBus(_message(name, bytes(8))), frame_map_of("magnetic"), TICK)
     assert receiver.other_controller == ""
     receiver.listen(0.5)
     assert (receiver.foreign, receiver.foreign_at) == ({name: 1}, 0.5)

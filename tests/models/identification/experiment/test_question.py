@@ -7,7 +7,7 @@ import pytest
 
 from models.effects import CATALOGUE
 from models.identification.experiment.plan import Move, Plan, Room
-from models.identification.experiment.question import Candidate, Question, question, refitted, separation
+from models.identification.experiment.question import Candidate, Question, question
 from models.identification.fitting.fit import Problem
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.settings import SET
@@ -43,11 +43,11 @@ def asked() -> Question:
 def test_a_return_tells_a_taper_from_drying_and_a_second_pass_does_not(asked: Question) -> None:
     again = Plan(ROOM, (Move(9.7e-3, 1e-3, 0.0),)).record("pull")
     back = Plan(ROOM, (Move(10e-3, 4e-3, 1.0), Move(0.0, 4e-3, 0.0))).record("pull")
-    assert separation(KIND, asked, back) > 3 * separation(KIND, asked, again)
-    assert separation(KIND, asked, back) > 10
-    assert asked.apart["pass"] < separation(KIND, asked, back) / 3
+    assert asked.separation(back) > 3 * asked.separation(again)
+    assert asked.separation(back) > 10
+    assert asked.apart["pass"] < asked.separation(back) / 3
 
 
 def test_a_true_fit_promises_no_more(asked: Question) -> None:
     back = Plan(ROOM, (Move(10e-3, 4e-3, 1.0), Move(0.0, 4e-3, 0.0))).record("pull")
-    assert 3 < refitted(KIND, asked, [one_pass()], back) <= separation(KIND, asked, back)
+    assert 3 < asked.refitted([one_pass()], back) <= asked.separation(back)

@@ -13,7 +13,7 @@ from models.effects.effect import Effect
 from models.identification.kinds import ready
 from models.identification.kinds.axis import report
 from models.identification.kinds.axis.axis import NOISES, AxisKind
-from models.identification.kinds.axis.ripple import find_ripple
+from models.identification.kinds.axis.report import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.search.refit import refit
 from models.records.record import Record

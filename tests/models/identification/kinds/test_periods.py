@@ -16,9 +16,10 @@ from models.identification.settings import SET
 from models.parameter import SETS
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 from models.theta import Theta
 
-KIND = PeriodsKind.around()
+KIND = PeriodsKind.from_rig(Rig("periods"))
 STIFFER = ("small_strain_stiffening", "excess")
 
 

@@ -5,17 +5,17 @@ import pytest
 from numpy.typing import NDArray
 
 from models.effects import shapes
-from models.identification.finding import Curve
+from models.identification.finding import ResidualCurve
 from models.identification.residual.curve import foretold
 from models.identification.residual.term import term_of
 
 Z = np.linspace(0.0, 0.02, 32)
 
 
-def curve(values: NDArray[np.float64], error: float = 2e-4, variable: str = "v_m_s") -> Curve:
+def curve(values: NDArray[np.float64], error: float = 2e-4, variable: str = "v_m_s") -> ResidualCurve:
     noise = error * np.random.default_rng(0).standard_normal(len(Z))
     seen = values + noise
-    return Curve(variable, "-v", 0.5, Z, seen, seen - 1.96 * error, seen + 1.96 * error)
+    return ResidualCurve(variable, "-v", 0.5, Z, seen, seen - 1.96 * error, seen + 1.96 * error)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,19 @@
+"""A drive that is a force and nothing else, for closed forms and drives to come."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from plant.drives import steps
+from plant.drives.kinds import TrueDrive
+from plant.hidden.registry import FORCE
+from plant.tables import Floats
+
+
+@dataclass(frozen=True)
+class Force(TrueDrive):
+    """A force in N on the body, nothing else."""
+
+    kind: ClassVar[str] = FORCE
+
+    def steps(self, effects: Floats) -> int:
+        return steps.FORCE

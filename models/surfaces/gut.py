@@ -99,7 +99,7 @@ class Wall(Surface):
         mu, source = self.tissue.friction_coefficient, "paper V Eq. 13; tissue differs by 15 % and more"
         return (
             Parameter("hoop_stress_factor", 1.0, "1", 0.65, 1.45, source, fit=True),
-            Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
+            Parameter.near("friction_coefficient", mu, "1", 0.6, 1.6, "rig file; paper V: 0.082"),
         )
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:

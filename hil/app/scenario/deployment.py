@@ -265,7 +265,7 @@ def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Accep
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
     """`[operator]`: what setpoints of an operator are held to, within `limits`. Raises ValueError of one sentence."""
-    operator = from_table(OperatorLimits, raw.get("operator", {}), "operator")
+    operator = OperatorLimits.read(raw)
     operator.check_sources()
     if not operator.accept:
         return operator

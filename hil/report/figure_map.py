@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.report.panels import Array, Panel
+from hil.report.panels import Panel, pooled
 from hil.report.quantities import scale
 from hil.report.theme import INK, MUTED, STAGE_COLOURS, axes, styled
 
@@ -18,11 +18,13 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
     drawn = [panel for panel in drawn if {"period_s", "duty"} <= set(panel.signals)]
     if not drawn:
         return None
-    period, duty = (np.concatenate([panel.signals[name] for panel in drawn]) for name in ("period_s", "duty"))
-    columns = {"measured": np.concatenate([panel.measured for panel in drawn])}
-    for stage in dict.fromkeys(("nominal", last)):
-        columns[stage] = np.concatenate([panel.predicted[stage] for panel in drawn])
-    conditions, means = _by_condition(np.column_stack((period, duty)), columns)
+    pool = pooled(drawn)
+    columns = {"measured": pool.measured} | {stage: pool.predicted[stage] for stage in ("nominal", last)}
+    unique, index = np.unique(
+        np.column_stack((pool.signals["period_s"], pool.signals["duty"])).round(9), axis=0, return_inverse=True
+    )
+    counts = np.bincount(index.ravel())
+    means = {name: np.bincount(index.ravel(), weights=values) / counts for name, values in columns.items()}
     factor, unit = scale(columns["measured"], drawn[0].unit)
     limit = factor * float(np.nanmax(np.abs(means["measured"])))
     titles = [name if name == "measured" else f"{name} model" for name in means]
@@ -30,8 +32,8 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
     edge = {"color": INK, "width": 0.7}
     for column, values in enumerate(means.values(), start=1):
         figure.add_scatter(
-            x=1e3 * conditions[:, 0],
-            y=conditions[:, 1],
+            x=1e3 * unique[:, 0],
+            y=unique[:, 1],
             mode="markers",
             marker={"color": factor * values, "coloraxis": "coloraxis", "size": 11, "line": edge},
             hovertemplate=f"T %{{x:.3g}} ms, duty %{{y:.2f}}: %{{marker.color:.3g}} {unit}<extra></extra>",
@@ -47,7 +49,7 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
 
 def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
     """Predicted against measured for the nominal model and the stage `last`; a right model lies on the line."""
-    measured = np.concatenate([panel.measured for panel in drawn])
+    measured = pooled(drawn).measured
     factor, unit = scale(measured, drawn[0].unit)
     figure = axes(f"measured {drawn[0].quantity} in {unit}", f"predicted in {unit}", 420)
     ends = factor * np.array([measured.min(), measured.max()])
@@ -57,18 +59,8 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
         for role, symbol in (("train", "circle"), ("holdout", "diamond-open")):
             some = [panel for panel in drawn if (panel.role == "holdout") == (role == "holdout")]
             if some:
-                figure.add_scatter(
-                    x=factor * np.concatenate([panel.measured for panel in some]),
-                    y=factor * np.concatenate([panel.predicted[stage] for panel in some]),
-                    mode="markers",
-                    name=stage + (", held out" if role == "holdout" else ""),
-                    marker={"color": STAGE_COLOURS[stage], "symbol": symbol, "size": 8, "opacity": 0.85},
-                )
+                pool, name = pooled(some), stage + (", held out" if role == "holdout" else "")
+                marker = {"color": STAGE_COLOURS[stage], "symbol": symbol, "size": 8, "opacity": 0.85}
+                x, y = factor * pool.measured, factor * pool.predicted[stage]
+                figure.add_scatter(x=x, y=y, mode="markers", name=name, marker=marker)
     return figure
-
-
-def _by_condition(conditions: Array, columns: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-    unique, index = np.unique(conditions.round(9), axis=0, return_inverse=True)
-    index = index.ravel()
-    counts = np.bincount(index)
-    return unique, {name: np.bincount(index, weights=values) / counts for name, values in columns.items()}

@@ -5,7 +5,7 @@ from typing import Any
 
 from hil.report.quantities import plain
 from hil.report.words import error_unit
-from models.identification.finding import NEXT_TOML, STAGES, Estimate, Finding, FoundEffect
+from models.identification.finding import NEXT_TOML, STAGES, Finding, FoundEffect
 
 
 def report_json(finding: Finding) -> dict[str, Any]:
@@ -17,8 +17,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
             "quantity": finding.quantity,
             "unit": error_unit(finding),
             "measure": finding.measure,
-            "train": _stages(finding, "train"),
-            "holdout": _stages(finding, "holdout"),
+            **{part: {s: finding.error.get(part, {}).get(s) for s in STAGES} for part in ("train", "holdout")},
             "noise_floor": finding.noise_floor,
         },
         "next_experiment": finding.next_experiment,
@@ -31,7 +30,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "seconds": finding.seconds,
         "kind": finding.kind,
         "calibration": {
-            name: {"nominal": finding.nominal.get(name), **_estimate(estimate)}
+            name: {"nominal": finding.nominal.get(name), **asdict(estimate)}
             for name, estimate in finding.calibration.items()
         },
         "nominal": finding.nominal,
@@ -50,27 +49,11 @@ def report_json(finding: Finding) -> dict[str, Any]:
     return cleaned
 
 
-def _stages(finding: Finding, part: str) -> dict[str, float | None]:
-    errors = finding.error.get(part, {})
-    return {stage: errors.get(stage) for stage in STAGES}
+_NAMED = {"score": "confidence_score", "calibrated": "confidence_calibrated", "meaning": "confidence_meaning"}
+"""Fields of an effect that stand under another name."""
 
 
 def _effect(effect: FoundEffect) -> dict[str, Any]:
-    return {
-        "id": effect.id,
-        "equivalent": list(effect.equivalent),
-        "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
-        "evidence": effect.evidence,
-        "confidence": effect.confidence,
-        "confidence_score": effect.score,
-        "confidence_calibrated": effect.calibrated,
-        "confidence_meaning": effect.meaning,
-        "curves": {
-            curve: {name: _estimate(estimate) for name, estimate in parameters.items()}
-            for curve, parameters in effect.curves.items()
-        },
-    }
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    return {"value": estimate.value, "ci95": list(estimate.ci95), "unit": estimate.unit, "told": estimate.told}
+    found = asdict(effect)
+    curves = found.pop("curves")
+    return {_NAMED.get(name, name): value for name, value in found.items()} | {"curves": curves}

@@ -1,5 +1,6 @@
 """What a figure draws of a record: one panel a measured quantity, thinned so that every slip event stays visible."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +61,21 @@ def stages(finding: Finding, trace: Trace) -> list[str]:
     """The stages worth drawing: the augmented model only where it has something that the calibrated one has not."""
     drawn = [stage for stage in STAGES if stage in trace.predicted]
     return drawn if finding.effects else [stage for stage in drawn if stage != "augmented"]
+
+
+def pooled(drawn: Sequence[Panel]) -> Panel:
+    """Panels of one quantity as one, with the stages and signals that all have."""
+
+    def joined(tables: list[dict[str, Array]]) -> dict[str, Array]:
+        return {name: np.concatenate([t[name] for t in tables]) for name in tables[0] if all(name in t for t in tables)}
+
+    return replace(
+        drawn[0],
+        abscissa=np.concatenate([panel.abscissa for panel in drawn]),
+        measured=np.concatenate([panel.measured for panel in drawn]),
+        predicted=joined([panel.predicted for panel in drawn]),
+        signals=joined([panel.signals for panel in drawn]),
+    )
 
 
 def closer(panel: Panel, share: float = 0.06) -> Panel:

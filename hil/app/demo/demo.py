@@ -8,11 +8,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
 
-from hil.app.console import json_text, print_json, summary, text_table
+from hil.app.console import json_text, print_json, say, summary, text_table
 from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
 from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import BEFORE, PRINTED, Learned, Story, Told
+from hil.app.demo.story import BEFORE, PRINTED, End, Learned, Story
 from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
 from hil.app.shared_options import Json, Seed, option
@@ -44,48 +44,36 @@ def demo(
         )
         with story_bars([story.name for story in STORIES]) as report:
             found = told(longest_first, work, seed, report)
-        both = [(story, found[story.name]) for story in STORIES]
-        lines = [(story, one) for story, one in both if isinstance(one, Told)]
-        learned = [(story, one) for story, one in both if isinstance(one, Learned)]
+        ends = [(story, found[story.name]) for story in STORIES]
         seconds = time.monotonic() - began
         document = {
-            "stories": [
-                *(_numbers(story, one, out / story.name) for story, one in lines),
-                *(_learned_numbers(story, one, out / story.name) for story, one in learned),
-            ],
+            "stories": [_numbers(story, one, out / story.name) for story, one in ends],
             "report": str(out / PAGE),
             "seed": seed,
             "seconds": seconds,
         }
-        write_files({work / PAGE: demo_html(lines, seconds, learned), work / PAGE_NUMBERS: json_text(document)})
-        _put(work, out)
+        write_files({work / PAGE: demo_html(ends, seconds), work / PAGE_NUMBERS: json_text(document)})
+        for file in sorted(path for path in work.rglob("*") if path.is_file()):
+            target = out / file.relative_to(work)
+            check_folder(target.parent, "--out")
+            file.replace(target)
     if json_output:
         print_json(document)
     else:
-        _say(lines, learned, out, seconds)
+        _say(ends, out, seconds)
 
 
-def _put(work: Path, out: Path) -> None:
-    """Move all files into place."""
-    for file in sorted(path for path in work.rglob("*") if path.is_file()):
-        target = out / file.relative_to(work)
-        check_folder(target.parent, "--out")
-        file.replace(target)
-
-
-def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
+def _numbers(story: Story, one: End, folder: Path) -> dict[str, Any]:
     """A story as JSON: the numbers of its report, those of the one before the record that it proposed, and of a driven
-    one what the gate said and how well each model tracked.
+    one what the gate said and how well each model tracked; of a run that learned what it came to.
     """
-    document: dict[str, Any] = {
-        "story": story.name,
-        "title": story.title,
-        "report": str(folder / REPORT),
-        "numbers": str(folder / NUMBERS),
-        "hidden": ", ".join(one.hidden) or None,
-        "caution": one.caution or None,
-        **report_json(one.finding),
-    }
+    page, numbers = (LEARNED, LEARNED_NUMBERS) if isinstance(one, Learned) else (REPORT, NUMBERS)
+    document: dict[str, Any] = {"story": story.name, "title": story.title, "report": str(folder / page)}
+    document |= {"numbers": str(folder / numbers), "hidden": ", ".join(one.hidden) or None}
+    if isinstance(one, Learned):
+        document |= {"came_to": one.sentence, "hard_violations": one.found["hard_violations"]}
+        return document | {key: one.numbers[key] for key in ("instants", "parts", "learned")}
+    document |= {"caution": one.caution or None, **report_json(one.finding)}
     if one.before is not None:
         document["before"] = {"report": str(folder / BEFORE / REPORT), **report_json(one.before)}
     if one.gate:
@@ -99,45 +87,25 @@ def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
     return document
 
 
-def _learned_numbers(story: Story, one: Learned, folder: Path) -> dict[str, Any]:
-    """A run that learned as JSON."""
-    return {
-        "story": story.name,
-        "title": story.title,
-        "report": str(folder / LEARNED),
-        "numbers": str(folder / LEARNED_NUMBERS),
-        "hidden": ", ".join(one.hidden) or None,
-        "came_to": one.sentence,
-        "hard_violations": one.found["hard_violations"],
-        **{key: one.numbers[key] for key in ("instants", "parts", "learned")},
-    }
-
-
-def _say(
-    lines: Sequence[tuple[Story, Told]], learned: Sequence[tuple[Story, Learned]], out: Path, seconds: float
-) -> None:
+def _say(ends: Sequence[tuple[Story, End]], out: Path, seconds: float) -> None:
     console = summary()
     heads = ("story", "error of", *STAGES, "noise floor", "verdict")
     table = text_table("Before and after", heads, ("story", "error of", "verdict"))
     table.show_lines = True
-    for story, one in lines:
+    lines = []
+    for story, one in ends:
+        folder = out / story.name
+        if isinstance(one, Learned):
+            lines.append(f"{story.name}: {one.sentence}: {folder / LEARNED}")
+            continue
         table.add_row(story.title, *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
         if one.missions:
-            table.add_row("  the same run driven again", "tracking", *one.tracked(), "", _gate_words(one))
-    console.print(table)
-    for story, one in lines:
-        console.print(f"{story.name}: {out / story.name / REPORT}", soft_wrap=True)
+            gate = "; ".join(f"gate, {stage}: {verdict.sentence}" for stage, verdict in one.gate.items())
+            table.add_row("  the same run driven again", "tracking", *one.tracked(), "", gate)
+        lines.append(f"{story.name}: {folder / REPORT}")
         if one.before is not None:
-            said = f"  before the proposed record: {headline(one.before)} {out / story.name / BEFORE / REPORT}"
-            console.print(said, soft_wrap=True)
+            lines.append(f"  before the proposed record: {headline(one.before)} {folder / BEFORE / REPORT}")
         if one.hidden:
-            words = listed(effect_words(name) for name in one.hidden)
-            console.print(f"  what the simulated rig kept to itself: {words}")
-    for story, learnt in learned:
-        console.print(f"{story.name}: {learnt.sentence}: {out / story.name / LEARNED}", soft_wrap=True)
-    console.print(f"all: {out / PAGE}", soft_wrap=True)
-    console.print(f"{seconds:.0f} s")
-
-
-def _gate_words(one: Told) -> str:
-    return "; ".join(f"gate, {stage}: {verdict.sentence}" for stage, verdict in one.gate.items())
+            lines.append(f"  what the simulated rig kept to itself: {listed(map(effect_words, one.hidden))}")
+    console.print(table)
+    say(*lines, f"all: {out / PAGE}", f"{seconds:.0f} s")

@@ -9,7 +9,7 @@ from typing import Any, Final
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.demo.story import BEFORE, Learned, Mission, Story, Told
+from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, Told
 from hil.app.identify.close_loop import MODEL, REPORT
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.sil.story import error_figure
@@ -37,8 +37,10 @@ HEADROOM: Final = 1.15  # above the highest bar
 Line = tuple[Story, Told]
 
 
-def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Story, Learned]] = ()) -> str:
-    """The page for all stories, driven ones first and in full, then those that `learned` while they ran."""
+def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
+    """The page for all stories, driven ones first and in full, then those that learned while they ran."""
+    lines = [(story, one) for story, one in ends if isinstance(one, Told)]
+    learned = [(story, one) for story, one in ends if isinstance(one, Learned)]
     loops = [line for line in lines if line[1].missions]
     return page(
         "demo.html.j2",

@@ -77,20 +77,18 @@ class Learned:
     hidden: tuple[str, ...]
 
 
+End = Told | Learned
+
+
 class Story(Protocol):
-    """One line of the demo."""
+    """One line of the demo: its `name`, which is its folder's, and what it is about."""
 
     @property
-    def name(self) -> str:
-        """Its folder."""
-        ...
-
+    def name(self) -> str: ...
     @property
-    def title(self) -> str:
-        """What it is about, in words."""
-        ...
+    def title(self) -> str: ...
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told | Learned:
+    def tell(self, folder: Path, seed: int, report: Progress) -> End:
         """Do it all, with every file in `folder`."""
         ...
 

@@ -4,7 +4,7 @@ import contextlib
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from functools import cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -14,73 +14,66 @@ from typing import Final
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from hil.app.console import notes, output_to_notes, stage_lines
-from hil.app.demo.story import Learned, Story, Told
+from hil.app.demo.story import End, Story
 
 WORKERS: Final = 2  # stories at a time
 Reporter = Callable[[str, str, float], None]
 
 
-@dataclass(frozen=True)
-class _Worker:
-    story: Story
-    process: BaseProcess
-    words: Connection
-
-
-def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, Told | Learned]:
+def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, End]:
     """What came of each story by name, told in processes of their own; the first ones begin first. Each has
     `folder`/name to itself.
 
     Raises a story's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an
     interruption.
     """
-    waiting, working, found = list(stories), list[_Worker](), dict[str, Told | Learned]()
+    waiting, working, found = list(stories), dict[Connection, tuple[str, BaseProcess]](), dict[str, End]()
     try:
         while waiting or working:
             while waiting and len(working) < WORKERS:
-                working.append(_begin(waiting.pop(0), folder, seed))
-            ready = wait([worker.words for worker in working])
-            for worker in [w for w in working if w.words in ready]:
-                word = _heard(worker)
-                if isinstance(word, Told | Learned):
-                    found[worker.story.name] = word
-                    worker.process.join()
-                    working.remove(worker)
+                story = waiting.pop(0)
+                process, words = _begin(story, folder / story.name, seed)
+                working[words] = story.name, process
+            ready = wait(list(working))
+            for words in [words for words in working if words in ready]:
+                name, process = working[words]
+                word = _heard(words, name, process)
+                if isinstance(word, tuple):
+                    report(name, *word)
                 else:
-                    report(worker.story.name, *word)
+                    found[name] = word
+                    process.join()
+                    del working[words]
     finally:
-        for worker in working:
-            worker.process.terminate()
-            worker.process.join()
+        for _, process in working.values():
+            process.terminate()
+            process.join()
     return found
 
 
-def _begin(story: Story, folder: Path, seed: int) -> _Worker:
-    """A process that leaves Ctrl-C to this one, which ends it."""
+def _begin(story: Story, folder: Path, seed: int) -> tuple[BaseProcess, Connection]:
+    """A process that leaves Ctrl-C to this one, which ends it, and what it says."""
     context = get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_tell, args=(story, folder / story.name, seed, theirs), daemon=True)
+    process = context.Process(target=_tell, args=(story, folder, seed, theirs), daemon=True)
     listening = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         process.start()
     finally:
         signal.signal(signal.SIGINT, listening)
     theirs.close()
-    return _Worker(story, process, ours)
+    return process, ours
 
 
-def _heard(worker: _Worker) -> Told | Learned | tuple[str, float]:
+def _heard(words: Connection, name: str, process: BaseProcess) -> End | tuple[str, float]:
     try:
-        word = worker.words.recv()
+        word: End | tuple[str, float] | Exception = words.recv()
     except EOFError:
-        worker.process.join()
-        raise RuntimeError(
-            f"process of the story {worker.story.name} ended with status {worker.process.exitcode}"
-        ) from None
-    if isinstance(word, ValueError | OSError):
+        process.join()
+        raise RuntimeError(f"process of the story {name} ended with status {process.exitcode}") from None
+    if isinstance(word, Exception):
         raise word
-    answer: Told | Learned | tuple[str, float] = word
-    return answer
+    return word
 
 
 def _tell(story: Story, folder: Path, seed: int, words: Connection) -> None:
@@ -104,7 +97,8 @@ def story_bars(names: Sequence[str]) -> Iterator[Reporter]:
     """
     console = notes()
     if not console.is_terminal:
-        yield _lines()
+        lines = cache(lambda name: stage_lines(console, name))
+        yield lambda name, stage, share: lines(name)(stage, share)
         return
     columns = (
         TextColumn("{task.fields[name]:10s}"),
@@ -123,14 +117,3 @@ def story_bars(names: Sequence[str]) -> Iterator[Reporter]:
                 progress.stop_task(bars[name])
 
         yield report
-
-
-def _lines() -> Reporter:
-    lines: dict[str, Callable[[str, float], None]] = {}
-
-    def report(name: str, stage: str, share: float) -> None:
-        if name not in lines:
-            lines[name] = stage_lines(notes(), name)
-        lines[name](stage, share)
-
-    return report

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.app.papers.row import Row, Verdict, row
+from hil.app.papers.row import Row, rows
 from models.laws.elastic_nose import elastic_coulomb_limit, initial_resistance
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
@@ -73,109 +73,116 @@ def mean_of(column: str) -> float:
     return float(np.mean(load_measurement("analytical_table2_periods")[column]))
 
 
-def analytical_rows() -> Iterator[Row]:
+def analytical_rows() -> list[Row]:
     """Every line about paper A."""
-    setting = Setting.load()
-    yield from _printed_curve(setting)
-    yield from _derived_curve(setting)
-    yield from _stated_forces(setting)
-    yield from _friction_range(setting)
-    yield from _deviations(setting)
-    yield from _thirty_periods()
+    a = Setting.load()
+    parts = (_printed_curve, _derived_curve, _stated_forces, _friction_range, _deviations)
+    return [line for part in parts for line in part(a)] + _thirty_periods()
 
 
-def _printed_curve(a: Setting) -> Iterator[Row]:
-    tooth, s = a.tooth(a.printed()), a.stated
-    note = "with L_s = L + R = 26.5 mm, rise to 39.79 - 23.23 mN, fall at v_c + v_i: to all printed digits"
-    quantity = "A: rise, Eq. 18-20 as printed"
-    yield row("a_rise_printed", quantity, "s", tooth.rise_s, "reproduced", note, paper=s["rise_s"])
-    quantity = "A: fall, Eq. 18-20 as printed"
-    yield row("a_fall_printed", quantity, "s", tooth.fall_s, "reproduced", note, paper=s["fall_s"])
-    quantity, measured = "A: period, Eq. 18-20 as printed", mean_of("period_s")
-    key = "a_period_printed"
-    yield row(key, quantity, "s", tooth.period_s, "reproduced", note, paper=s["period_s"], measured=measured)
-    small = 1e-9
+def _printed_curve(a: Setting) -> list[Row]:
+    tooth, s, small = a.tooth(a.printed()), a.stated, 1e-9
     ratio = a.printed()(small) / a.derived(stretched_length(a.capsule))(small)
-    note = f"{_DIVISION}: the printed curve's wall is this much stiffer than the paper's own law at rest"
-    quantity = "A: stiffness of the printed wall over that of Eq. 1"
-    yield row("a_printed_wall_stiffness", quantity, "1", ratio, "misprint", note)
-    note = "Eq. 18 at t = 0; its constant 215.5 is rounded"
-    quantity = "A: Eq. 18 at its start"
-    yield row("a_eq18_start", quantity, "mN", printed_force(1.0), "consistent", note, paper=s["initial_force_N"])
-    fall_start = load_set("zhang2016_printed_curve")["matrix_N"]
-    note = (
+    same = "with L_s = L + R = 26.5 mm, rise to 39.79 - 23.23 mN, fall at v_c + v_i: to all printed digits"
+    stiffer = f"{_DIVISION}: the printed curve's wall is this much stiffer than the paper's own law at rest"
+    eq19 = (
         "Eq. 19 is printed without its constant: at t = 0 only the term 192.2/m^2 is left; the curve here starts at"
         " F_critical"
     )
-    yield row("a_eq19_start", "A: Eq. 19 at its start", "mN", fall_start, "misprint", note, paper=s["critical_force_N"])
-    note = "the wall's drag at the tip of a tooth, v_c times the rise"
-    yield row("a_tip_drag", "A: drag of the wall at the tip u_c", "mm", tooth.drag_m, "check value", note)
-    recovery = tooth.drag_m / s["recoil_speed_m_s"]
-    note = (
+    start = load_set("zhang2016_printed_curve")["matrix_N"]
+    drag = "the wall's drag at the tip of a tooth, v_c times the rise"
+    recovery, time = tooth.drag_m / s["recoil_speed_m_s"], s["recovery_time_s"]
+    recovers = (
         "u_c/v_i: the 0.05 s that the wall is said to need to recover, and the constant that makes A's 0.6 and C's 6"
         " mm/s one"
     )
-    stated = s["recovery_time_s"]
-    quantity = "A: recovery of the wall, Section 5.3"
-    yield row("a_recovery_time", quantity, "s", recovery, "consistent", note, paper=stated)
+    eq18 = "Eq. 18 at t = 0; its constant 215.5 is rounded"
+    first, critical = s["initial_force_N"], s["critical_force_N"]
+    period = tooth.period_s, "reproduced", same, s["period_s"], mean_of("period_s")
+    return rows(
+        "A",
+        ("rise_printed", "rise, Eq. 18-20 as printed", "s", tooth.rise_s, "reproduced", same, s["rise_s"]),
+        ("fall_printed", "fall, Eq. 18-20 as printed", "s", tooth.fall_s, "reproduced", same, s["fall_s"]),
+        ("period_printed", "period, Eq. 18-20 as printed", "s", *period),
+        ("printed_wall_stiffness", "stiffness of the printed wall over that of Eq. 1", "1", ratio, "misprint", stiffer),
+        ("eq18_start", "Eq. 18 at its start", "mN", printed_force(1.0), "consistent", eq18, first),
+        ("eq19_start", "Eq. 19 at its start", "mN", start, "misprint", eq19, critical),
+        ("tip_drag", "drag of the wall at the tip u_c", "mm", tooth.drag_m, "check value", drag),
+        ("recovery_time", "recovery of the wall, Section 5.3", "s", recovery, "consistent", recovers, time),
+    )
 
 
 def _derived_curve(a: Setting) -> Iterator[Row]:
     measured = mean_of("period_s")
+    miss = (
+        "misses the measurement",
+        "the correct law misses the measured mean period: a real effect is missing at small, fast stretch",
+    )
     for length in (stretched_length(a.capsule), a.capsule.cylinder_length_m):
         tooth = a.tooth(a.derived(length))
         key = f"{length * 1e3:g}".replace(".", "_")
         label = f"Eq. 1, 3, 12, L_s {length * 1e3:g} mm"
-        yield row(f"a_rise_law_{key}", f"A: rise, {label}", "s", tooth.rise_s, "misprint", _DIVISION)
-        yield row(f"a_fall_law_{key}", f"A: fall, {label}", "s", tooth.fall_s, "misprint", _DIVISION)
-        note = "the correct law misses the measured mean period: a real effect is missing at small, fast stretch"
-        miss: Verdict = "misses the measurement"
-        yield row(f"a_period_law_{key}", f"A: period, {label}", "s", tooth.period_s, miss, note, measured=measured)
-        error = tooth.period_s / measured - 1
-        yield row(f"a_period_error_law_{key}", f"A: period off the measured mean, {label}", "%", error, miss, note)
+        off = tooth.period_s / measured - 1
+        yield from rows(
+            "A",
+            (f"rise_law_{key}", f"rise, {label}", "s", tooth.rise_s, "misprint", _DIVISION),
+            (f"fall_law_{key}", f"fall, {label}", "s", tooth.fall_s, "misprint", _DIVISION),
+            (f"period_law_{key}", f"period, {label}", "s", tooth.period_s, *miss, None, measured),
+            (f"period_error_law_{key}", f"period off the measured mean, {label}", "%", off, *miss),
+        )
 
 
-def _stated_forces(a: Setting) -> Iterator[Row]:
-    s = a.stated
-    note = (
+def _stated_forces(a: Setting) -> list[Row]:
+    s, valley = a.stated, mean_of("valley_N")
+    none = (
+        "not reproducible",
         "Eq. 6-11 with Table 1 (alpha 30 deg, D0 = 2 R cos(alpha)) give many times what is stated: "
-        "treat F_initial and f_c, or alpha and mu, as identified"
+        "treat F_initial and f_c, or alpha and mu, as identified",
     )
     initial = initial_resistance(a.capsule, a.tissue, a.wall)
     limit = elastic_coulomb_limit(a.capsule, a.tissue, a.wall)
-    none: Verdict = "not reproducible"
-    valley, stated = mean_of("valley_N"), s["initial_force_N"]
-    yield row("a_initial_force", "A: F_initial, Eq. 6, 10", "mN", initial, none, note, paper=stated, measured=valley)
-    tooth = mean_of("peak_N") - valley
-    yield row("a_coulomb_limit", "A: f_c, Eq. 8, 9", "mN", limit, none, note, paper=a.amplitude, measured=tooth)
-    drag = mucus_drag(s["capsule_speed_m_s"], Tissue().mucus_thickness_m)
-    note = "V Eq. 9, 10 with w in mm/s and h in mm; only this reading of the garbled equation comes near"
-    quantity = "A: mucus drag at 0.5 mm/s"
-    yield row("a_viscous_force", quantity, "mN", drag, "consistent", note, paper=s["viscous_force_N"])
+    drag, stated = mucus_drag(s["capsule_speed_m_s"], Tissue().mucus_thickness_m), s["viscous_force_N"]
+    near = "V Eq. 9, 10 with w in mm/s and h in mm; only this reading of the garbled equation comes near"
+    return rows(
+        "A",
+        ("initial_force", "F_initial, Eq. 6, 10", "mN", initial, *none, s["initial_force_N"], valley),
+        ("coulomb_limit", "f_c, Eq. 8, 9", "mN", limit, *none, a.amplitude, mean_of("peak_N") - valley),
+        ("viscous_force", "mucus drag at 0.5 mm/s", "mN", drag, "consistent", near, stated),
+    )
 
 
 def _friction_range(a: Setting) -> Iterator[Row]:
-    s = a.stated
+    s, note = a.stated, "F_initial + f_c, f_c in proportion to the coefficient (Eq. 8, 11), from 23.23 and 16.56 mN"
     for end in ("low", "high"):
         mu, stated = s[f"friction_coefficient_{end}"], s[f"critical_force_{end}_N"]
         force = s["initial_force_N"] + a.amplitude * mu / s["friction_coefficient"]
-        note = "F_initial + f_c, f_c in proportion to the coefficient (Eq. 8, 11), from 23.23 and 16.56 mN"
-        quantity = f"A: F_critical at a friction coefficient of {mu:g}, Section 5.2"
-        key = f"a_critical_force_friction_{end}"
-        yield row(key, quantity, "mN", force, "reproduced", note, paper=stated)
+        quantity = f"F_critical at a friction coefficient of {mu:g}, Section 5.2"
+        yield from rows("A", (f"critical_force_friction_{end}", quantity, "mN", force, "reproduced", note, stated))
 
 
-def _thirty_periods() -> Iterator[Row]:
+def _deviations(a: Setting) -> Iterator[Row]:
+    s = a.stated
+    note = "Table 2's mean of eight against the printed curve; it agrees because the curve's wall is misprinted stiffer"
+    period = a.tooth(a.printed()).period_s
+    for name, model in (("period", period), ("valley", s["initial_force_N"]), ("peak", s["critical_force_N"])):
+        off, stated = abs(mean_of(_COLUMNS[name]) / model - 1), s[f"{name}_deviation"]
+        quantity = f"deviation of the {name}, Table 2"
+        yield from rows("A", (f"deviation_{name}", quantity, "%", off, "reproduced", note, stated))
+
+
+def _thirty_periods() -> list[Row]:
     """How far the eight periods that a fit may use are from the thirty that the paper gives as one number each."""
+    lines = []
     for name, means in thirty_periods().items():
-        eight = mean_of(_COLUMNS[name])
-        least, most = sorted(abs(eight / mean - 1) for mean in means)
+        least, most = sorted(abs(mean_of(_COLUMNS[name]) / mean - 1) for mean in means)
         note = (
             "the paper prints the deviation from its curve without a sign: a model that meets the eight exactly is"
             f" {least:.1%} or {most:.1%} off the thirty (which may contain them); the smaller is shown"
         )
-        quantity = f"A: {name} of eight periods against that of thirty"
-        yield row(f"a_hold_out_{name}", quantity, "%", least, "finding", note)
+        lines.append(
+            (f"hold_out_{name}", f"{name} of eight periods against that of thirty", "%", least, "finding", note)
+        )
+    return rows("A", *lines)
 
 
 def thirty_periods() -> dict[str, tuple[float, float]]:
@@ -191,20 +198,3 @@ def thirty_periods() -> dict[str, tuple[float, float]]:
 def best_miss(value: float, means: tuple[float, float]) -> float:
     """The relative error of `value` against the nearer of two means."""
     return min((value / mean - 1 for mean in means), key=abs)
-
-
-def _deviations(a: Setting) -> Iterator[Row]:
-    s, period = a.stated, a.tooth(a.printed()).period_s
-    stated = {
-        "period": (period, "period_s"),
-        "valley": (s["initial_force_N"], "valley_N"),
-        "peak": (s["critical_force_N"], "peak_N"),
-    }
-    for name, (model, column) in stated.items():
-        deviation = abs(mean_of(column) / model - 1)
-        note = (
-            "Table 2's mean of eight against the printed curve; it agrees because the curve's wall is misprinted"
-            " stiffer"
-        )
-        quantity = f"A: deviation of the {name}, Table 2"
-        yield row(f"a_deviation_{name}", quantity, "%", deviation, "reproduced", note, paper=s[f"{name}_deviation"])

@@ -1,7 +1,7 @@
 """One line of the comparison: what a paper states, what its equations give, what was measured, and the verdict."""
 
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal
 
 Verdict = Literal[
     "reproduced", "consistent", "check value", "not comparable",
@@ -36,14 +36,18 @@ def row(
     computed: float,
     verdict: Verdict,
     note: str = "",
-    *,
     paper: float | None = None,
     measured: float | None = None,
 ) -> Row:
     """A `Row` from numbers in SI, shown in `unit`."""
     scale = _PER_SI[unit]
-    shown = (None if value is None else float(value) * scale for value in (paper, measured))
-    return Row(key, quantity, unit, next(shown), float(computed) * scale, next(shown), verdict, note)
+    stated, seen = (None if value is None else float(value) * scale for value in (paper, measured))
+    return Row(key, quantity, unit, stated, float(computed) * scale, seen, verdict, note)
+
+
+def rows(paper: str, *lines: tuple[Any, ...]) -> list[Row]:
+    """A `row` of each line, whose first two entries follow the letter of the paper that they are about."""
+    return [row(f"{paper.lower()}_{key}", f"{paper}: {quantity}", *told) for key, quantity, *told in lines]
 
 
 def speed_key(speed_m_s: float) -> str:

@@ -243,7 +243,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "learning.html", "learning.json", "scenario.toml", "sil.json",
     ]  # fmt: skip
-    page = demo_html([], 1.0, [(Quick("learning"), one)])
+    page = demo_html([(Quick("learning"), one)], 1.0)
     assert one.sentence in page
     assert "learning/learning.html" in page
 

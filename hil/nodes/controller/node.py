@@ -111,14 +111,7 @@ class ControllerNode:
     out.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        bus: can.BusABC,
-        *,
-        observer: Observer | None = None,
-        dry_run: bool = False,
-    ) -> None:
+    def __init__(self, task: Task, bus: can.BusABC, *, observer: Observer | None = None, dry_run: bool = False) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")

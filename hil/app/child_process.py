@@ -6,9 +6,7 @@ from threading import Thread
 
 
 def end_with_parent() -> None:
-    """End this process when its parent has ended: one that was killed can tell nobody, and the child would wait for
-    work for ever.
-    """
+    """End this process with its parent: of one that was killed a child would wait for work for ever."""
 
     def watch() -> None:
         parent = parent_process()

@@ -1,6 +1,4 @@
-"""What a command says: a summary on standard output, notes and progress on standard error, and with `--json` one object
-alone.
-"""
+"""What a command says: summary on standard output, notes and progress on standard error, or one JSON object."""
 
 import contextlib
 import json
@@ -31,9 +29,7 @@ class InterruptionError(Exception):
 
 
 def printable(text: str) -> str:
-    """A text without characters that command a terminal or turn the order of writing round: those are told by their
-    numbers.
-    """
+    """A text with the numbers of characters that command a terminal or turn the order of writing round."""
     return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
@@ -41,17 +37,14 @@ class PlainConsole(Console):
     """A console on which names from files are words and nothing else."""
 
     def render_str(self, text: str, **how: Any) -> Text:
-        """As rich does, of `printable` text."""
         return super().render_str(printable(text), **how)
 
 
 def notes() -> Console:
-    """The console on standard error."""
     return _console(PlainConsole(stderr=True, highlight=False, markup=False, emoji=False))
 
 
 def summary() -> Console:
-    """The console on standard output."""
     return _console(PlainConsole(highlight=False, markup=False, emoji=False))
 
 
@@ -79,23 +72,29 @@ def print_json(document: Any) -> None:
     sys.stdout.write(json_text(document))
 
 
+def answer(json_output: bool, document: Any, *told: Any) -> None:
+    """Print the `document` as JSON where that is asked for, else what is `told`: lines as they are, tables to fit."""
+    if json_output:
+        print_json(document)
+        return
+    for one in told:
+        summary().print(one, soft_wrap=isinstance(one, str))
+
+
 def json_text(document: Any) -> str:
-    """A document as JSON text."""
     return printable(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)) + "\n"
 
 
 @contextlib.contextmanager
 def output_to_notes() -> Iterator[None]:
-    """Within it, what is printed goes to standard error, so that standard output stays one JSON object."""
     with contextlib.redirect_stdout(sys.stderr):
         yield
 
 
 @contextlib.contextmanager
 def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """Show progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S` within
-    one. Where the work is `even`, every share of it taking as long, it tells how long it has still to go. Yields
-    `report(stage, fraction)`; what follows a colon in a stage is a step within it.
+    """Progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S`; of `even`
+    work also how long it has to go. Yields `report(stage, fraction)`; a stage's part behind a colon is a step.
     """
     console = notes()
     if not console.is_terminal:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import note, print_json, printable, say
+from hil.app.console import answer, note, printable
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
@@ -39,7 +39,6 @@ class Converted:
 
     @property
     def rows(self) -> int:
-        """Samples of the longest channel."""
         return max(len(channel.values) for channel in self.channels)
 
 
@@ -60,9 +59,7 @@ def convert(
     kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
     json_output: Json = False,
 ) -> None:
-    """Write all files or none: of a rig, or of a kind of rig alone, the columns as close-loop reads them, on one clock;
-    else all channels under their names.
-    """
+    """Write all files or none: of a rig or kind the columns as close-loop reads them, else all channels."""
     targets = _targets(paths, out)
     check_targets(list(targets.values()), "OUT", [path for path in [*paths, *([rig] if rig else [])] if path.is_file()])
     belief = _belief(rig, kind)
@@ -71,17 +68,10 @@ def convert(
     for one in done:
         for words in one.notes:
             note(f"{one.path}: {words}")
-    if json_output:
-        print_json({"files": [_document(one) for one in done]})
-        return
-    for one in done:
-        names = [channel.heading.name for channel in one.channels]
-        listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-        say(f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}")
+    answer(json_output, {"files": [_document(one) for one in done]}, *map(_line, done))
 
 
 def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
-    """Which file each file is written to."""
     folder = out.endswith(("/", os.sep)) or Path(out).is_dir()
     if len(paths) > 1 and not folder:
         raise ValueError(
@@ -119,7 +109,6 @@ def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
 
 
 def _content(one: Converted) -> bytes:
-    """The content of the file to be written."""
     if not one.out.name.lower().endswith(_TABLES):
         return write_channels(one.out, one.channels)
     clocks = [] if is_log(one.path) else by_clock([c for c in one.channels if c.time_s is not None])
@@ -137,9 +126,14 @@ def _content(one: Converted) -> bytes:
 
 
 def _title(heading: Heading) -> str:
-    """A channel's name with its unit."""
     name = " ".join(printable(heading.name).split())
     return f"{name} [{printable(heading.unit)}]" if heading.unit and not split_unit(name)[1] and name != TIME else name
+
+
+def _line(one: Converted) -> str:
+    names = [channel.heading.name for channel in one.channels]
+    listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}"
 
 
 def _document(one: Converted) -> dict[str, object]:

@@ -1,6 +1,4 @@
-"""How commands end: the one declaration of ends, statuses and what is said; the documentation's table is made
-of it, and `tests/hil/app/test_ends.py` brings each of them about.
-"""
+"""How commands end: statuses and what is said; `tests/hil/app/test_ends.py` brings each end about."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -118,7 +116,6 @@ ENDS: Final[Mapping[str, Mapping[str, End]]] = MappingProxyType(
 
 
 def table() -> str:
-    """All ends as a Markdown table."""
     rows = ["| command | end | status | what happened | it says |", "| --- | --- | --- | --- | --- |"]
     rows += [
         f"| {command} | `{name}` | {end.status} | {end.meaning} | {end.sentence} |"

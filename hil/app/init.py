@@ -1,6 +1,4 @@
-"""`capsule init`: a rig file in which every key of its kind stands with unit, range and meaning, a template record and
-the command to run, for one's own data to take their place.
-"""
+"""`capsule init`: a rig file with every key explained, a template record and the command to run."""
 
 import json
 import tomllib
@@ -12,7 +10,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from hil.app.console import output_to_notes, print_json, say
+from hil.app.console import answer, output_to_notes
 from hil.app.docs.keys import span, unit_of
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
@@ -47,9 +45,7 @@ def init(
     ] = False,
     json_output: Json = False,
 ) -> None:
-    """Write `rig.toml`, `record.csv` and `README.md`; what stands there is kept. Raises ValueError, one sentence, for
-    an unknown kind, and where one of the files is there already.
-    """
+    """Write three files, all or none. Raises ValueError for an unknown kind and for a file that is there."""
     if kind not in KINDS:
         raise ValueError(f"KIND must be one of {', '.join(KINDS)}; got {kind!r}; {nearest(kind, KINDS)}")
     if rotary and KINDS[kind].turning_template is None:
@@ -66,23 +62,21 @@ def init(
         note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
         files = {RIG: commented(KINDS[kind], tables, list(columns)), RECORD: table_text(columns), NOTE: note}
         write_files({folder / name: text for name, text in files.items()})
-    if json_output:
-        print_json({"kind": kind, "files": [str(folder / name) for name in files], "command": command})
-    else:
-        say(
-            f"{folder / RIG}: what you believe about the rig",
-            f"{folder / RECORD}: a simulated record: put yours in its place",
-            f"then: {command}",
-        )
+    answer(
+        json_output,
+        {"kind": kind, "files": [str(folder / name) for name in files], "command": command},
+        f"{folder / RIG}: what you believe about the rig",
+        f"{folder / RECORD}: a simulated record: put yours in its place",
+        f"then: {command}",
+    )
 
 
 _SECONDS: Final = 12.0  # of a template record
 
 
 def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
-    """Tables of a rig file of `kind` (with `rotary` of one that turns) and the columns of a simulated record of such a
-    rig, the same at every call: from the plant, with numbers that differ from the nominal ones and noise, 100 rows a
-    second; or as the kind declares it, measured columns that it leaves out as its nominal model gives them.
+    """Tables of a rig file of `kind` and the columns of a simulated record, the same at every call: from the plant, or
+    as the kind declares it, with noise and numbers off the nominal ones.
     """
     made = kind.turning_template if rotary else kind.template
     if made is None:
@@ -100,9 +94,7 @@ def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
 
 
 def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
-    """The text of a rig file of `kind` with `values` by table and key, for records with `columns`; a key without a
-    value stands as a comment, and so does a table that a rig may do without.
-    """
+    """The text of a rig file; a key without a value, or a table that is not needed, stands as a comment."""
     lines = [f"# A rig of kind {kind.id}: what you believe about it, in SI units. Put your values in place of these."]
     lines += ["", "[rig]", f'kind = "{kind.id}"']
     lines += [_line(key, kind.head, values["rig"]) for key in kind.head.model_fields if key != "kind"]

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import note, print_json, say
+from hil.app.console import answer, note
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import Signals
 from hil.app.run.run import open_bus
@@ -21,6 +21,7 @@ from hil.app.scenario.jog_script import Step, steps
 from hil.app.shared_options import Json, argument, option
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
+from models.files.toml import in_file
 
 HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
@@ -48,9 +49,7 @@ def jog(
     life_ms: Annotated[float, option("--life", "MS", "How long a setpoint counts; 1 to 200.")] = 100.0,
     json_output: Json = False,
 ) -> int:
-    """Send setpoints: 0 where a controller has answered and taken all that was asked for while held, else 1; 1 too, and
-    nothing is sent, where another one sends as `source` already.
-    """
+    """Send setpoints: 0 where a controller took all that was asked for while held, 1 where not or not alone."""
     table, limits = read_operator(path)
     if limits.sources and source not in limits.sources:
         raise ValueError(
@@ -59,10 +58,8 @@ def jog(
     if script is None and not sys.stdin.isatty():
         raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
     planned = [] if script is None else _planned(script)
-    try:
+    with in_file(path):
         bus = ClockedBus(open_bus(table, path.parent), Clock())
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     with bus, Signals().caught() as signals:
         sender = OperatorSender(bus, source, life_ms)
         time.sleep(QUIET_S)
@@ -134,31 +131,28 @@ def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: Signals) -
 
 
 def _words(sender: OperatorSender) -> str:
-    answer = sender.answer
-    if answer is None:
+    newest = sender.answer
+    if newest is None:
         return "no controller answers"
-    at = f"{answer.state} by {answer.source} at {1e3 * answer.position_m:.2f} mm"
-    if answer.source == sender.source:
-        return f"{at}, the end of the range" if answer.refused == "range" else at
-    return f"{at}  refused: {answer.refused}" if answer.refused != "none" else at
+    at = f"{newest.state} by {newest.source} at {1e3 * newest.position_m:.2f} mm"
+    if newest.source == sender.source:
+        return f"{at}, the end of the range" if newest.refused == "range" else at
+    return f"{at}  refused: {newest.refused}" if newest.refused != "none" else at
 
 
 def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
-    answer, unsent = sender.answer, sender.transmitter.unsent
+    newest, unsent = sender.answer, sender.transmitter.unsent
     counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
-    if json_output:
-        last = None if answer is None else {name: getattr(answer, name) for name in answer.__slots__}
-        more = {"refused": dict(sender.refused), "others": sender.others}
-        print_json({"deployment": str(path), **counts, **more, "last": last})
-    else:
-        told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
-        if sender.refused:
-            whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
-            told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
-        if sender.others:
-            told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
-        say("; ".join(told))
-    return 0 if answer is not None and not sender.refused and not sender.others else 1
+    last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}
+    more = {"refused": dict(sender.refused), "others": sender.others, "last": last}
+    told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
+    if sender.refused:
+        whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
+        told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
+    if sender.others:
+        told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
+    answer(json_output, {"deployment": str(path), **counts, **more}, "; ".join(told))
+    return 0 if newest is not None and not sender.refused and not sender.others else 1
 
 
 KEYS: Final = {
@@ -190,9 +184,7 @@ def raw_terminal(descriptor: int) -> Iterator[None]:
 
 
 def keys(descriptor: int) -> list[str]:
-    """The keys that have been pressed since the last call, by the names of `KEYS`; others are left out. Never waits;
-    a terminal that is gone is "quit".
-    """
+    """The keys pressed since the last call, by the names of `KEYS`; never waits; a lost terminal is "quit"."""
     text = b""
     while len(text) < 4096 and select.select([descriptor], [], [], 0)[0]:
         try:

@@ -180,7 +180,6 @@ def _show_version(wanted: bool) -> None:
 
 
 def _program() -> TyperGroup:
-    """The command line of all commands."""
     app = typer.Typer(
         name="capsule",
         help="Measured records of a capsule robot in, the effect that its model lacks out.",
@@ -203,16 +202,13 @@ def _program() -> TyperGroup:
 
 
 def one_thread() -> None:
-    """Small matrices on one thread, here and in processes started from here: others would wait for a processor that the
-    compiled loops of a search or other workers have, or that a control loop has at a higher priority.
-    """
+    """Small matrices on one thread, here and in children: others would wait for processors that are busy."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     threadpool_limits(1)
 
 
 def run(args: Sequence[str]) -> int:
-    """Run one command line and return its exit status."""
     one_thread()
     for before, word in pairwise(("capsule", *args)):
         if word.removesuffix("=") in FILES and word.endswith("="):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from hil.app.console import print_json, say
+from hil.app.console import answer
 from hil.app.identify.close_loop import read_series
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, Records, option
@@ -35,17 +35,12 @@ def plot(
     else:
         read = [record for path in records for record in as_they_stand(path)]
     write_files({out: page(read)})
-    if json_output:
-        told = [{"name": record.name, "rows": len(record), "columns": list(record.columns)} for record in read]
-        print_json({"page": str(out), "records": told})
-    else:
-        say(f"page: {out}")
+    told = [{"name": record.name, "rows": len(record), "columns": list(record.columns)} for record in read]
+    answer(json_output, {"page": str(out), "records": told}, f"page: {out}")
 
 
 def as_they_stand(path: Path) -> list[Record]:
-    """All columns of numbers of a file, unchecked but for its form; those with clocks of their own as records of
-    theirs. Raises ValueError of one sentence.
-    """
+    """All columns of numbers of a file, a record a clock. Raises ValueError of one sentence."""
     channels = file_channels(path)
     if all(channel.time_s is None for channel in channels):
         with refusing(path, "one that can be drawn"):

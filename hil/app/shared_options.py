@@ -24,9 +24,7 @@ def option(name: str, metavar: str, words: str) -> Any:
 
 
 def several(name: str, metavar: str, words: str, taken_in: str = "") -> Any:
-    """An option that may be given several times; none is an empty list. What it names is `taken_in` by a function, told
-    as `module:name`, before the command begins.
-    """
+    """An option that may be given several times; `taken_in` by the function `module:name` before the command."""
 
     def take_in(paths: list[Path]) -> list[Path]:
         loaded(taken_in)(paths)

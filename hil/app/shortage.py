@@ -1,6 +1,4 @@
-"""What the system gives a process too little of, in a sentence; a file of its own so that it can be said before
-anything else is loaded.
-"""
+"""What the system gives a process too little of; a file of its own so that nothing else is loaded before."""
 
 import errno
 import resource

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from hil.app.console import output_to_notes, print_json, say
+from hil.app.console import answer, output_to_notes
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_targets
 from plant.experiments.recording import record_scenario
@@ -19,17 +19,11 @@ def simulate(
     """Write the record of the scenario and say so."""
     with output_to_notes():
         write_simulated(scenario, out)
-    if json_output:
-        print_json({"scenario": str(scenario), "record": str(out)})
-    else:
-        say(f"record: {out}")
+    answer(json_output, {"scenario": str(scenario), "record": str(out)}, f"record: {out}")
 
 
 def write_simulated(scenario: Path, out: Path) -> None:
-    """Run the scenario file `scenario` and write its record to `out` (`.csv` or `.csv.gz`), complete or not at all.
-
-    Raises `ValueError` for a scenario or an output path that cannot be used; the message says what would be right.
-    """
+    """Write the record of a scenario to `out`, complete or not at all. Raises ValueError of one sentence."""
     if not (out.name.endswith(".csv") or out.name.endswith(".csv.gz")):
         raise ValueError(f"--out must end in .csv or .csv.gz; got {out.name!r}")
     if not out.parent.is_dir():

@@ -1,6 +1,4 @@
-"""Where the program begins: an interruption, full streams and too little memory end with a sentence while it is still
-being loaded, too.
-"""
+"""Where the program begins: interruption, full streams and too little memory end with a sentence."""
 
 import os
 import sys
@@ -13,9 +11,7 @@ BAD_INPUT = 2  # exit status
 
 
 def leave_current_folder() -> None:
-    """Let neither this process nor one that it begins run what lies in the current folder: modules, and compiled code
-    that a `.numba_config.yaml` there names.
-    """
+    """Let no process run what lies in the current folder: modules, code named by `.numba_config.yaml`."""
     os.environ["PYTHONSAFEPATH"] = "1"
     for setting in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):
         os.environ.setdefault(setting, "")

@@ -1,6 +1,4 @@
-"""Standard input, output and error that no command dies of: full, closed or read by nobody. A file of its own so that
-it holds before anything else is loaded.
-"""
+"""Standard input, output and error that no command dies of: full, closed or read by nobody; loaded first."""
 
 import contextlib
 import io
@@ -21,7 +19,6 @@ class _Patient(io.FileIO):
         self.trouble = ""
 
     def write(self, data: object, /) -> int:
-        """Write all or a part, or nothing where it is of no use any more."""
         view = memoryview(data)  # type: ignore[arg-type]
         if self.trouble:
             return view.nbytes

@@ -77,10 +77,7 @@ def check_folder(path: Path, option: str) -> Path:
 
 @contextmanager
 def sole_writer(path: Path, option: str) -> Iterator[None]:
-    """The folder `path` for this process alone, made where it is missing and taken away again, with those above it
-    that were missing too, where nothing was put into it. Raises ValueError as `check_folder`, and where another process
-    has it.
-    """
+    """The folder for this process alone; taken away again where it stays empty. Raises ValueError."""
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     check_folder(path, option)
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

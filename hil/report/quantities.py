@@ -65,7 +65,6 @@ def fixed(value: float | None, places: int) -> str:
 
 
 def percent(share: float | None, digits: int = 2) -> str:
-    """A share of 1 as per cent."""
     return DASH if share is None else amount(100 * share, "%", digits)
 
 
@@ -140,7 +139,6 @@ def told(value: float, interval: tuple[float, float]) -> Told:
 
 
 def _exponent(value: float, digits: int) -> int:
-    """The power of ten of the first digit once rounded."""
     return int(f"{value:.{digits - 1}e}".split("e")[1])
 
 

@@ -1,10 +1,7 @@
-"""Frozen dataclasses from TOML tables: unknown keys, missing ones and wrong types refused in one sentence each."""
+"""Values of TOML tables: wrong types, words and magnitudes refused in one sentence each."""
 
 import sys
-import types
-import typing
 from collections.abc import Collection, Mapping
-from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, Final, TypeVar
 
 from models.files.units import unit, unit_of
@@ -12,51 +9,14 @@ from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
 
 Table = Mapping[str, Any]
-R = TypeVar("R")
+V = TypeVar("V", int, float)
 LARGEST_INTEGER: Final = 1 << 63  # what TOML's integers hold
 _SMALLEST: Final = 1e-12  # least of a positive number, in SI
 # most of a number by its dimension, in SI
 _LARGEST: Final = {"m": 1e6, "s": 1e12, "N": 1e6, "m/s": 1e6, "N/m": 1e9, "A": 1e4, "V": 1e6}
 _LARGEST_OTHER: Final = 1e15
 """Magnitudes of numbers in a file by what their unit measures, in SI; those of integers such as seeds have none."""
-_WANTED: Final[Mapping[type, str]] = {
-    bool: "true or false",
-    float: "a finite number",
-    int: f"an integer within {LARGEST_INTEGER:.0e} either way",
-    str: "text",
-}
-
-
-def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = ()) -> R:
-    """An instance of the frozen dataclass `cls` from a TOML table, its fields being the known keys.
-
-    Raises `ValueError` for an unknown key, naming the nearest, for a missing one, and for a value of another type;
-    `where` is the table's name.
-    """
-    if not isinstance(table, Mapping):
-        raise ValueError(f"{where} must be a table; got {shown(table)}")
-    known = {f.name: f for f in fields(cls) if f.name != "folder"}  # type: ignore[arg-type]
-    hints = typing.get_type_hints(cls)
-    values: dict[str, Any] = {}
-    for key, value in table.items():
-        if key in skip:
-            continue
-        if key not in known:
-            raise ValueError(
-                f"keys of [{where}] must be among {', '.join(known)}; got {key!r}; {nearest(key, list(known))}"
-            )
-        values[key] = converted(value, hints[key], f"{where}.{key}")
-    missing = [
-        name
-        for name, f in known.items()
-        if name not in values and f.default is MISSING and f.default_factory is MISSING
-    ]
-    if missing:
-        raise ValueError(f"[{where}] must have {', '.join(missing)}; got {', '.join(table) or 'nothing'}")
-    built = cls(**values)
-    for key, value in values.items():
-        check_magnitude(value, f"{where}.{key}")
-    return built
+INTEGER: Final = f"an integer within {LARGEST_INTEGER:.0e} either way"
 
 
 def check_word(word: str, where: str, choices: Collection[str]) -> str:
@@ -68,9 +28,7 @@ def check_word(word: str, where: str, choices: Collection[str]) -> str:
 
 
 def check_magnitude(value: Any, where: str) -> None:
-    """Raises ValueError of one sentence for a number, or one of a list, that nothing in the unit of its key `where` can
-    have: whatever a file states is refused there before it reaches a law.
-    """
+    """Raises ValueError for a number, or one of a list, that nothing in the unit of its key `where` can have."""
     for number in value if isinstance(value, tuple) else (value,):
         if not isinstance(number, float) or number == 0:
             continue
@@ -82,9 +40,8 @@ def check_magnitude(value: Any, where: str) -> None:
 
 
 def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
-    """A table `[tissue]` in which the contact angle stands for the relaxed lumen's diameter, if that is given instead.
-
-    Raises ValueError where both are given, or where a capsule of `radius_m` does not stretch that lumen.
+    """A table `[tissue]` with the contact angle in place of `lumen_diameter_m`. Raises ValueError where both are given,
+    or where a capsule of `radius_m` does not stretch that lumen.
     """
     if "lumen_diameter_m" not in table:
         return table
@@ -100,34 +57,22 @@ def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
     return {key: value for key, value in table.items() if key != "lumen_diameter_m"} | {"contact_angle_deg": angle}
 
 
-def converted(value: Any, hint: Any, where: str) -> Any:
-    """`value` as the type `hint` (a number, text, truth value, list of numbers, or coil table), else `ValueError`."""
-    if typing.get_origin(hint) is types.UnionType:
-        parts = [part for part in typing.get_args(hint) if part is not type(None)]
-        hint = next((part for part in parts if type(value) is part), parts[0])
-    if typing.get_origin(hint) is typing.Literal:
-        choices = typing.get_args(hint)
-        if value not in choices:
-            raise ValueError(f"{where} must be one of {', '.join(choices)}; got {value!r}")
-        return value
-    if typing.get_origin(hint) is tuple:
-        if not isinstance(value, list):
-            words = "text" if typing.get_args(hint)[0] is str else "numbers"
-            raise ValueError(f"{where} must be a list of {words}; got {shown(value)}")
-        return tuple(converted(item, typing.get_args(hint)[0], where) for item in value)
-    if isinstance(hint, type) and is_dataclass(hint):
-        return from_table(hint, value, where)
-    if hint is bool:
-        fits = isinstance(value, bool)
-    elif hint is float:
-        fits = is_number(value)
-    elif hint is int:
+def converted(value: Any, kind: type[V], where: str) -> V:
+    """`value` as a float or an int. Raises ValueError of one sentence for what is none."""
+    if kind is int:
         fits = isinstance(value, int) and not isinstance(value, bool) and abs(value) < LARGEST_INTEGER
     else:
-        fits = isinstance(value, hint)
+        fits = is_number(value)
     if not fits:
-        raise ValueError(f"{where} must be {_WANTED.get(hint, 'a ' + hint.__name__)}; got {shown(value)}")
-    return hint(value)
+        raise ValueError(f"{where} must be {INTEGER if kind is int else 'a finite number'}; got {shown(value)}")
+    return kind(value)
+
+
+def list_of_numbers(value: Any, where: str) -> tuple[float, ...]:
+    """A list of numbers. Raises ValueError of one sentence for what is none."""
+    if not isinstance(value, list):
+        raise ValueError(f"{where} must be a list of numbers; got {shown(value)}")
+    return tuple(converted(item, float, where) for item in value)
 
 
 def is_number(value: Any) -> bool:

@@ -3,17 +3,28 @@
 import math
 import typing
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Strict, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Strict,
+    ValidationError,
+    create_model,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from models.files.tables import LARGEST_INTEGER, check_magnitude, shown
+from models.files.tables import INTEGER, LARGEST_INTEGER, check_magnitude, shown
 from models.files.units import unit_of
 from models.parameter import nearest
 
@@ -49,6 +60,7 @@ class Table(BaseModel):
 
 
 T = TypeVar("T", bound=Table)
+R = TypeVar("R")
 
 
 def key(
@@ -106,6 +118,48 @@ class NamedTable(Table):
     def but(self, **changed: Any) -> Self:
         """The same but for what is `changed`. Raises ValueError."""
         return type(self)(**{**dict(self), **changed})
+
+
+def from_table(cls: type[R], content: Mapping[str, Any], where: str, skip: Collection[str] = ()) -> R:
+    """The frozen dataclass that the table `[where]` describes, its fields being the known keys but for those to `skip`.
+    Raises ValueError of one sentence.
+    """
+    if skip and isinstance(content, Mapping):
+        content = {name: value for name, value in content.items() if name not in skip}
+    made = _table_of(cls, where).read({where: content})  # type: ignore[arg-type]
+    return cls(**{name: getattr(made, name) for name in content})
+
+
+@cache
+def _table_of(cls: type[Any], where: str) -> type[NamedTable]:
+    """The table whose keys are the fields of a dataclass."""
+    hints = typing.get_type_hints(cls)
+    keys: dict[str, Any] = {
+        one.name: (_from_toml(hints[one.name], f"{where}.{one.name}"), ... if _required(one) else None)
+        for one in fields(cls)
+        if one.name != "folder"
+    }
+    made = create_model(cls.__name__, __base__=NamedTable, **keys)
+    made.where = where
+    return made
+
+
+def _required(field: Any) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _from_toml(hint: Any, where: str) -> Any:
+    """A hint as it is read from TOML, where tuples are lists and records tables."""
+    if typing.get_origin(hint) is tuple:
+        return Annotated[hint, Strict(False)]
+    for part in (hint, *typing.get_args(hint)):
+        if is_dataclass(part) and isinstance(part, type):
+            return Annotated[Any, BeforeValidator(partial(_record, part, where))]
+    return Annotated[int, Field(gt=-LARGEST_INTEGER, lt=LARGEST_INTEGER)] if hint is int else hint
+
+
+def _record(cls: type[R], where: str, content: Any) -> R:
+    return from_table(cls, content, where)
 
 
 def field_of(table: type[Table], name: str) -> FieldInfo:
@@ -218,7 +272,7 @@ def _expected(error: ErrorDetails, table: type[Table], name: str) -> str:
     wanted = {
         "bool_type": "true or false",
         "string_type": "text",
-        "int_type": f"an integer within {LARGEST_INTEGER:.0e} either way",
+        "int_type": INTEGER,
         "tuple_type": f"a list of {'text' if 'str' in str(table.model_fields[name].annotation) else 'numbers'}",
     }
     return wanted.get(error["type"], "a finite number")
@@ -240,8 +294,14 @@ def _refused(table: type[NamedTable], content: Mapping[str, Any], error: Validat
         lacking = ", ".join(str(e["loc"][0]) for e in errors if e["type"] == "missing")
         return ValueError(f"[{where}] must have {lacking}; got {', '.join(content) or 'nothing'}")
     if first["type"] == "value_error":
-        return ValueError(f"{where}.{name} {first['ctx']['error']}" if name else str(first["ctx"]["error"]))
+        said = str(first["ctx"]["error"])
+        return ValueError(said if not name or f"{where}.{name}" in said else f"{where}.{name} {said}")
     got = shown(first["input"])
+    if first["type"] in ("less_than", "greater_than"):
+        return ValueError(f"{where}.{name} must be {INTEGER}; got {got}")
+    if first["type"] == "literal_error":
+        choices = first["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
+        return ValueError(f"{where}.{name} must be one of {choices}; got {got}")
     if not {"ge", "le"} & set(first.get("ctx", {})):
         return ValueError(f"{where}.{name} must be {_expected(first, table, name)}; got {got}")
     lower, upper = ends(table, name)

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from models.files.tables import choice, converted, from_table, is_number, shown, with_contact_angle
-from models.files.toml import read_toml
+from models.files.tables import choice, converted, is_number, list_of_numbers, shown, with_contact_angle
+from models.files.toml import in_file, read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.magnets import Magnet as MagnetTable
 from models.rigs.magnets import read_magnets
 from models.rigs.schema import Table as RigTable
-from models.rigs.schema import check_range
+from models.rigs.schema import check_range, from_table
 from models.rigs.tables import BodyTable, CapsuleTable, TissueTable
 from models.rigs.tables import Drive as DriveTable
 from models.rigs.tables import Noise as NoiseTable
@@ -83,10 +83,8 @@ class Scenario:
 def load_scenario(path: Path) -> Scenario:
     """Read and check a scenario file; a `ValueError` says which key, what it must be and what it is."""
     raw, _ = read_toml(path, "scenario")
-    try:
+    with in_file(path):
         return parse_scenario(raw, path.parent)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
 
 
 def parse_scenario(raw: Table, folder: Path) -> Scenario:
@@ -175,8 +173,9 @@ def _anatomy(table: Table) -> Anatomy:
             raise ValueError(f"keys of [anatomy] must be among {known}; got {key!r}; {nearest(key, ANATOMY_KEYS)}")
     profile = Anatomy() if "seed" not in table else random_anatomy(converted(table["seed"], int, "anatomy.seed"))
     if "places_m" in table or "level" in table:
-        points = (converted(table.get(key), tuple[float, ...], f"anatomy.{key}") for key in ("places_m", "level"))
-        profile = along(*points) if len(profile.level) == 1 else profile.times(along(*points))
+        places_m, level = (list_of_numbers(table.get(key), f"anatomy.{key}") for key in ("places_m", "level"))
+        stated = along(places_m, level)
+        profile = stated if len(profile.level) == 1 else profile.times(stated)
     return profile
 
 

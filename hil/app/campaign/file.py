@@ -81,7 +81,7 @@ _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]
 
 TABLES: Final = ("campaign", "draw", "grid", "variants")
 MOST_RUNS: Final = 1_000_000  # of a campaign
-METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
+METRICS: Final = tuple(field.name for field in fields(Score) if field.type in (float, int))
 ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
 
 

@@ -13,7 +13,7 @@ import can
 from hil.app.cockpit.hands import Hands
 from hil.app.cockpit.panels import Facts, models_of, wiring_of
 from hil.app.cockpit.source import BusSource, LogSource
-from hil.app.console import note, output_to_notes, print_json, summary
+from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.log_task import task_of
 from hil.app.run.loop import Signals
@@ -26,6 +26,7 @@ from hil.drives.makers import carriage_bus
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
+from models.files.toml import in_file
 
 OLDEST_S: Final = 5.0
 """A page that the processor was taken from does not say of its late frames that their counters were wrong."""
@@ -61,23 +62,13 @@ def cockpit(
         page = Cockpit(source, hands=hands)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
-        _begin(f"{address}#token={page.token}" if hands else address, address, json_output)
+        with_token = f"{address}#token={page.token}" if hands else address
+        watching = [f"to watch alone, without commands: {address}"] * (with_token != address)
+        told = {"address": with_token, "watch_only": address}
+        answer(json_output, told, f"cockpit: {with_token}", *watching, "Ctrl-C ends it")
+        sys.stdout.flush()
         os.nice(5)
         serve(page, listener, host, lambda: bool(signals.wanted))
-
-
-def _begin(address: str, watch_only: str, json_output: bool) -> None:
-    """Say where the page is."""
-    if json_output:
-        print_json({"address": address, "watch_only": watch_only})
-        sys.stdout.flush()
-        return
-    console = summary()
-    console.print(f"cockpit: {address}", soft_wrap=True)
-    if address != watch_only:
-        console.print(f"to watch alone, without commands: {watch_only}", soft_wrap=True)
-    console.print("Ctrl-C ends it")
-    sys.stdout.flush()
 
 
 @contextmanager
@@ -102,10 +93,8 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
         models = models_of(deployment.task())
     facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
     clock = Clock()
-    try:
+    with in_file(path):
         bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     if deployment.drive is not None:
         bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
     source = BusSource(bus, clock, facts)

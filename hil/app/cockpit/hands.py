@@ -32,15 +32,11 @@ _RESTS: Final = ("boot", "self_test", "standby", "fault")
 
 
 class Hands:
-    """Commands on the bus of `source`, whose deployment file is `path`. `limits` None: the file accepts no setpoints.
-
-    `cycle` is called every 20 ms. While a page is armed it sends OperatorSetpoint, held only while the page that steers
-    has said so within `HOLD_S`: a page that is hidden, closed or cut off is one that has let go. A safe stop is the
-    bus's own SafeStop for all, reason operator; the controller takes it for another one's and ends. A controlled stop
-    is the signal that Ctrl-C is to a run that was started here; to another run it is a short press at speed 0, after
-    whose release the controller stops the drive, and which enables none. Where the drive rests nothing is sent. A
-    button that was held through a stop, or while another page steered, counts once it has been let go. Runs are started
-    by a thread that has the niceness which this process had when these hands were made, however nice it is later.
+    """Commands on the bus of `source`, deployed by `path`; `limits` None: no setpoints are accepted. `cycle` is called
+    every 20 ms: while a page is armed it sends OperatorSetpoint, held only while the page that steers has said so
+    within `HOLD_S`. A safe stop is the bus's own SafeStop for all. A controlled stop is Ctrl-C to a run started here;
+    to another run it is a short press at speed 0. A button that was held through a stop, or while another page steered,
+    counts once it has been let go. Runs are started by a thread that keeps the niceness of now.
     """
 
     def __init__(
@@ -67,9 +63,7 @@ class Hands:
     # ---- what pages ask for
 
     def asked(self, page: object, asked: dict[str, Any]) -> str:
-        """Do what a page asks for; why not, "" where it is done. Raises ValueError, KeyError or TypeError for
-        nonsense.
-        """
+        """Do what a page asks; why not, or "". Raises ValueError, KeyError or TypeError for nonsense."""
         kind = asked["ask"]
         if kind == "arm":
             return self._arm(page) if asked["on"] else self.left(page)
@@ -100,7 +94,6 @@ class Hands:
         return ""
 
     def left(self, page: object) -> str:
-        """A page has disarmed, or is gone."""
         if page in self._armed:
             self._armed.discard(page)
             self._sends_until = max(self._sends_until, self._clock() + PARTING_S)
@@ -110,7 +103,6 @@ class Hands:
         return ""
 
     def armed(self, page: object) -> bool:
-        """Whether a page may steer."""
         return page in self._armed
 
     def _hold(self, page: object, mode: str, value: float) -> str:
@@ -208,7 +200,6 @@ class Hands:
         self.source.tell(f"capsule run ended: {ended}", "note" if status == 0 else "bad")
 
     def document(self, page: object) -> dict[str, Any]:
-        """What a page's operator card shows."""
         answer = self.source.watch.newest(STATUS)
         limits = self.limits
         return {

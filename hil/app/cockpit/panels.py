@@ -21,9 +21,8 @@ _MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 
 @dataclass(frozen=True)
 class Line:
-    """One line: with each good `frame`, `of(its values, the last values of all frames)` gives the least and the largest
-    value in the panel's unit, which are alike unless the line is a band; None where there is none. It `holds` for so
-    many cycles of its frame. `names` says what numbers stand for where it is a strip of states.
+    """With each good `frame`, `of(its values, the last of all frames)` is the least and the largest value in the
+    panel's unit, None where there is none; `names` are those of a strip of states.
     """
 
     name: str
@@ -36,9 +35,7 @@ class Line:
 
 @dataclass(frozen=True)
 class LivePanel:
-    """Lines over one axis: `unit`, the `places` behind the point that its readings have, the least `span` that it
-    shows, and dashed `marks`.
-    """
+    """Lines over one axis: decimal `places` of its readings, the least `span` shown, dashed `marks`."""
 
     title: str
     unit: str
@@ -49,7 +46,6 @@ class LivePanel:
     strips: bool = False
 
     def document(self) -> dict[str, Any]:
-        """The panel as the page is told of it."""
         lines: list[dict[str, Any]] = []
         for one in self.lines:
             names: Any = one.names and {raw: [words(told), grade_of(told)] for raw, told in one.names.items()}
@@ -59,7 +55,6 @@ class LivePanel:
 
 
 def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[LivePanel, ...]:
-    """The panels of a rig whose drive is `wiring`."""
     drive = wiring.drive
     word, unit, factor, _ = drive.shown
     seen = _signal(wiring.signal, factor)
@@ -155,9 +150,7 @@ def _error(values: Values, last: Mapping[str, Values]) -> Span | None:
 
 @dataclass(frozen=True)
 class Facts:
-    """`title` and `about` of the source, its drive, and its models in the order in which they may come into use; none
-    where nothing says what they are.
-    """
+    """The source, its drive, and the models in the order in which they may come into use, where known."""
 
     title: str
     about: str
@@ -166,7 +159,6 @@ class Facts:
     models: tuple[dict[str, Any], ...] = ()
 
     def document(self) -> dict[str, Any]:
-        """As the page is told at its start."""
         return {
             "title": self.title,
             "about": self.about,
@@ -175,7 +167,6 @@ class Facts:
         }
 
     def panels(self) -> tuple[LivePanel, ...]:
-        """What is drawn."""
         return panels_of(self.wiring, self.catalogue)
 
 

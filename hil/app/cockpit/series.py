@@ -1,6 +1,4 @@
-"""The lines of a page as least and largest values of equal spans of time: a ring of the last minute while a bus is
-watched, or all samples of a log.
-"""
+"""The lines of a page as least and largest values of equal spans: of the last minute of a bus, or of a log."""
 
 import struct
 from array import array
@@ -111,7 +109,6 @@ class Samples:
             self._values[number].extend((low, high))
 
     def window(self, begin_s: float, end_s: float, pixels: int) -> bytes:
-        """The time from `begin_s` to `end_s` in `pixels` spans."""
         pixels = min(max(pixels, 1), _MOST_PIXELS)
         edges = np.linspace(begin_s, end_s, pixels + 1)
         values = np.full((len(self._times), pixels, 2), np.nan, dtype=np.float32)
@@ -124,9 +121,7 @@ class Samples:
 
 
 def _spans(times: NDArray[np.float64], pairs: Array, edges: NDArray[np.float64], hold: float) -> Array:
-    """Least and largest of the samples between edges, (spans, 2); an empty span has the sample before it for
-    `hold` s.
-    """
+    """Least and largest between edges, (spans, 2); an empty span has the sample before it for `hold` s."""
     at = np.searchsorted(times, edges)
     filled = at[1:] > at[:-1]
     found = np.full((len(edges) - 1, 2), np.nan, dtype=np.float32)

@@ -37,25 +37,27 @@ WATCHERS: Final = 16
 QUIET_S: Final = 10.0
 """How long a connection may take to ask for something."""
 _LONGEST: Final = 4096  # bytes that a page may say at once
-_POLICY: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+_HEADERS: Final = {  # nothing from elsewhere, nothing kept
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none';"
+    " form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
 
 
 class Cockpit:
     """Pages of one source. `picture` is called every `BIN_S` while a bus is watched."""
 
     def __init__(self, source: Source, token: str | None = None, hands: Hands | None = None) -> None:
-        """`token` is what a page must have to command; drawn at random where None. `hands` do it, where there are
-        any.
-        """
+        """`token` is what a page must have to command, drawn at random where None; `hands` do it."""
         self.source, self.hands = source, hands
         self.token = secrets.token_urlsafe(18) if token is None else token
         self.pages: dict[Page, None] = {}
         self.pictures = 0
 
     def application(self, loopback: bool, host: str = "") -> tornado.web.Application:
-        """The web application; with `loopback` only this machine's own names are answered, else addresses and the
-        name `host`, too.
-        """
+        """Only this machine's own names are answered with `loopback`, else addresses and `host`, too."""
         told = {"cockpit": self, "loopback": loopback, "host": host}
         named = {"/": "page.html", "/style.css": str(TEMPLATES / "style.css"), **{f"/{name}": name for name in _FILES}}
         files = [(path, File, {**told, "name": name}) for path, name in named.items()]
@@ -67,7 +69,6 @@ class Cockpit:
         )
 
     def picture(self) -> None:
-        """Take in what the bus has said, and send it on."""
         assert isinstance(self.source, BusSource)
         self.source.poll()
         self.pictures += 1
@@ -76,9 +77,7 @@ class Cockpit:
             page.send_new(state)
 
     def place(self, page: Page) -> bool:
-        """Take a page in, where there is a place. Pages with and without the token have places of their own; one with
-        it takes that of the oldest that has it, sooner of one that is not armed.
-        """
+        """Take a page in where there is a place; one with the token takes that of the oldest, best not armed."""
         alike = [other for other in self.pages if other.known == page.known]
         if len(alike) >= (OPERATORS if page.known else WATCHERS):
             if not page.known:
@@ -91,13 +90,11 @@ class Cockpit:
         return True
 
     def leave(self, page: Page) -> None:
-        """A page is gone."""
         self.pages.pop(page, None)
         if self.hands is not None:
             self.hands.left(page)
 
     def state(self) -> dict[str, Any]:
-        """The state of the cards while a bus is watched."""
         assert isinstance(self.source, BusSource)
         return {"kind": "state", **self.source.document()}
 
@@ -112,12 +109,8 @@ class Cockpit:
 class _Handler(tornado.web.RequestHandler):
     """What files and the socket have in common: who is answered."""
 
-    cockpit: Cockpit
-    loopback: bool
-
-    def initialize(self, cockpit: Cockpit, loopback: bool, host: str = "") -> None:
-        """Called by tornado for each request."""
-        self.cockpit, self.loopback, self.host = cockpit, loopback, host
+    def initialize(self, cockpit: Cockpit, loopback: bool, host: str, name: str = "") -> None:
+        self.cockpit, self.loopback, self.host, self.file = cockpit, loopback, host, _HERE / name
 
     def prepare(self) -> Awaitable[None] | None:
         """Refuse a page of another site that got this machine's address by a name of its own."""
@@ -128,35 +121,21 @@ class _Handler(tornado.web.RequestHandler):
 
 
 class File(_Handler):
-    """One of the page's own files."""
-
-    def initialize(self, cockpit: Cockpit, loopback: bool, host: str = "", name: str = "") -> None:
-        """Called by tornado for each request."""
-        super().initialize(cockpit, loopback, host)
-        self.file = _HERE / name
-
     def set_default_headers(self) -> None:
-        """Nothing from elsewhere, nothing kept."""
-        self.set_header("Content-Security-Policy", _POLICY)
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Cache-Control", "no-store")
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
 
     def get(self) -> None:
-        """The file."""
         self.set_header("Content-Type", f"{_TYPES[self.file.suffix]}; charset=utf-8")
         self.finish(self.file.read_bytes())
 
 
 class Page(_Handler, tornado.websocket.WebSocketHandler):
-    """One open page. Its socket never queues more than a picture: what the page does not take in time waits in the
-    ring and comes with the next.
-    """
+    """One open page; what it does not take in time waits in the ring and comes with the next picture."""
 
     known = commands = False
 
     def open(self, *_: str, **__: str) -> None:
-        """A page has come."""
         self.next_bin, self.next_event, self._busy = 0, 0, False
         token = self.request.query_arguments.get("token", [b""])[-1]
         self.known = hmac.compare_digest(token, self.cockpit.token.encode())
@@ -186,7 +165,6 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
             return
 
     def on_close(self) -> None:
-        """The page is gone."""
         self.cockpit.leave(self)
 
     def send_new(self, state: dict[str, Any] | None) -> None:

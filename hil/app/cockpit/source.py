@@ -55,7 +55,6 @@ class BusSource:
         self.ring.close(reached)
 
     def tell(self, words: str, grade: str = "note") -> None:
-        """Add an event of the cockpit's own."""
         self.watch.say(self.clock.now(), words, grade)
 
     def _take(self, message: can.Message) -> None:
@@ -65,7 +64,6 @@ class BusSource:
             self.ring.add(message.timestamp, good[0], self.watch.last)
 
     def document(self) -> dict[str, Any]:
-        """The state for the page's cards."""
         now = self.clock.now()
         quiet = now - self._heard
         heard = "nothing heard yet" if self._heard < 0 else f"nothing heard on the bus for {quiet:.0f} s"

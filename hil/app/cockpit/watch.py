@@ -40,14 +40,11 @@ class Occurrence:
     grade: str = "note"
 
     def document(self) -> list[Any]:
-        """As the page gets it."""
         return [round(self.time_s, 3), self.words, self.grade]
 
 
 class FrameWatch:
-    """Takes frames in order of time and never raises; its memory is bounded. `last` holds each frame's last good
-    values.
-    """
+    """Takes frames in order of time, never raises, in bounded memory; `last` are last good values by frame."""
 
     def __init__(self, catalogue: Catalogue, kept: int = KEPT) -> None:
         self.catalogue = catalogue
@@ -92,7 +89,6 @@ class FrameWatch:
                 self.say(now, f"{self._sender(name)} is silent", "bad")
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
-        """Add an event."""
         self.events.append(Occurrence(time_s, words, grade))
         self.events_count += 1
 
@@ -106,7 +102,6 @@ class FrameWatch:
         return None if late else self.last[name]
 
     def document(self) -> dict[str, Any]:
-        """What the page's cards show."""
         return {
             "nodes": self._nodes(),
             "readings": readings(self),
@@ -205,7 +200,6 @@ class FrameWatch:
     def _tell(
         self, t: float, name: str, before: Mapping[str, float] | None, values: Mapping[str, float], since: float
     ) -> None:
-        """The events that a good frame is."""
         sender = self._sender(name)
         if name.endswith(_BEAT) and name in self._silent:
             self._silent.discard(name)
@@ -271,7 +265,6 @@ def readings(watch: FrameWatch) -> dict[str, str]:
 
 
 def grade_of(state: str) -> str:
-    """How a state is to be shown."""
     return next((grade for grade, states in _GRADES.items() if state in states), "note")
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from rich.table import Table
 
-from hil.app.console import print_json, summary, text_table
+from hil.app.console import answer, text_table
 from hil.app.effects.propose import propose
 from hil.app.shared_options import Json, OwnEffects, argument, option
 from models.effects import CATALOGUE, Catalogue
@@ -51,17 +51,11 @@ def effects(
         found = [origin.effect for origin in catalogue.own if file is not None and origin.file == file.name]
         checked = [{"id": effect.id, "checks": list(CHECKS), "passed": True} for effect in found]
         document = {"file": str(file), "effects": checked}
-    if json_output:
-        print_json(document)
-    elif action == "list":
-        summary().print(_table(found))
-    else:
-        for effect in found:
-            summary().print(f"{effect.id}: passed {len(CHECKS)} checks: {', '.join(CHECKS)}")
+    passed = (f"{effect.id}: passed {len(CHECKS)} checks: {', '.join(CHECKS)}" for effect in found)
+    answer(json_output, document, *([_table(found)] if action == "list" else passed))
 
 
 def described(effect: type[Effect]) -> dict[str, Any]:
-    """An effect of the catalogue as plain values."""
     return {
         "id": effect.id,
         "summary": effect.summary,

@@ -8,7 +8,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
-from hil.app.console import print_json, say
+from hil.app.console import answer
 from hil.app.write import check_file, check_targets, write_files
 from models.effects import CATALOGUE
 from models.effects.conformance import CHECKS
@@ -66,21 +66,19 @@ $parameters
 
 
 def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
-    """Write the term that the report of `folder` (or the report.json itself) proposes to the effect file `out`, which
-    has passed the conformance checks. Raises ValueError, one sentence, where none is proposed.
-    """
+    """Write the term that a report proposes as an effect file that passed the checks. Raises ValueError."""
     report = folder / REPORT if folder.is_dir() else folder
     check_file(out, "--out", (".py",))
     check_targets([out], "--out", [report])
     text = effect_text(read_report(report), out.stem, str(report))
     _check(text, out)
     write_files({out: text})
-    told = {"file": str(out), "id": out.stem, "checks": list(CHECKS)}
-    if json_output:
-        print_json(told)
-        return
-    say(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks")
-    say(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}")
+    answer(
+        json_output,
+        {"file": str(out), "id": out.stem, "checks": list(CHECKS)},
+        f"{out}: effect {out.stem}, passed {len(CHECKS)} checks",
+        f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}",
+    )
 
 
 def _check(text: str, out: Path) -> None:
@@ -114,9 +112,7 @@ class _Number:
 
 
 def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:
-    """The Python file of the effect called `name` that the object of a report.json proposes. Raises ValueError of one
-    sentence, which begins with `where`, for a report without a term or a name that no effect can have.
-    """
+    """The Python file of the effect `name` that a report.json proposes. Raises ValueError of one sentence."""
     if not name.isidentifier() or name != name.lower() or name in CATALOGUE:
         raise ValueError(
             f"--out must be a file named like a new effect, in lower-case letters, digits and underscores; got {name!r}"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from hil.app.console import json_text, output_to_notes, print_json, say
+from hil.app.console import answer, json_text, output_to_notes
 from hil.app.export.found import Found, read_found
 from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
@@ -53,11 +53,8 @@ def export(
         check_folder(out, "--out")
     write_files(files)
     found = {"form": form, "files": [str(path) for path in targets], **found}
-    if json_output:
-        print_json(found)
-        return
-    say(*(f"{form}: {path}" for path in targets))
-    say(*(f"not mapped: {name}: {why}" for name, why in found["not_mapped"].items()))
+    missing = (f"not mapped: {name}: {why}" for name, why in found["not_mapped"].items())
+    answer(json_output, found, *(f"{form}: {path}" for path in targets), *missing)
 
 
 def _targets(form: str, out: Path) -> list[Path]:

@@ -36,7 +36,6 @@ class Found:
     stage: str
 
     def assembled(self) -> Assembly:
-        """The model as one step function."""
         return assemble(self.surface, self.drive, self.effects)
 
     @property
@@ -51,10 +50,7 @@ class Found:
 
 
 def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: Catalogue = CATALOGUE) -> Found:
-    """A model that close-loop wrote with its rig; `driven` is `coil_voltage_V` where that is the command.
-
-    Raises ValueError of one sentence.
-    """
+    """A model that close-loop wrote with its rig; `driven` is the command where not the usual. Raises ValueError."""
     check_word(stage, "--stage", STAGES)
     belief = catalogue.given_to(read_deployed_rig(rig))
     if not KINDS[belief.kind].of_capsule:

@@ -27,10 +27,8 @@ _PULL_N_PER_M: Final = 1e4  # of the actuator that holds a place: stiff against 
 
 
 def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:
-    """MJCF text, the fitted numbers (SI), and what of the model is not in them, by name.
-
-    `frictionloss + damping |v|` is the least-squares line through the mean of the saw over the table's speeds, each
-    direction and place counting the same; `armature` is the effect `added_mass`. Raises ValueError for an inner mass.
+    """MJCF text, fitted numbers (SI), and what is not in them: `frictionloss + damping |v|` is the least-squares line
+    through the mean of the saw, `armature` the effect `added_mass`. Raises ValueError for an inner mass.
     """
     if found.rig.kind not in _DRIVES:
         raise ValueError(f"rig.kind must be one of {', '.join(_DRIVES)} for mujoco; got {found.rig.kind!r}")

@@ -48,9 +48,8 @@ def close_loop(
     seed: Seed = 0,
     effects: OwnEffects,
 ) -> None:
-    """Find what the model lacks and write `report.html`, `report.json`, `model.toml` and, where something is left to be
-    told apart, `next_experiment.toml` and `.csv` to the folder `out`, all or none. SIGTERM ends it as Ctrl-C does. A
-    second one into the same folder is refused.
+    """Find what the model lacks and write report, numbers, model and next experiment, all or none; SIGTERM ends it as
+    Ctrl-C does.
     """
     with sole_writer(out, "--out"):
         finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects))
@@ -63,7 +62,6 @@ def close_loop(
 def _closed(
     records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int, effects: Catalogue
 ) -> Finding:
-    """Read, find and write."""
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
     belief = effects.given_to(read_deployed_rig(rig))
     train, held = read_series(records, holdout, belief)
@@ -85,9 +83,7 @@ def _termination_interrupts() -> Iterator[None]:
 def read_series(
     records: Sequence[Path], holdout: Sequence[Path], rig: Rig, *, lenient: bool = False
 ) -> tuple[list[Record], list[Record]]:
-    """Training and held-out records with names of their own; a file that is given twice is refused. `lenient`: times
-    and values as they stand, for checks that say something about them.
-    """
+    """Training and held-out records with names of their own; `lenient`: times and values as they stand."""
     seen: set[str] = set()
     for path in (*records, *holdout):
         place = os.path.realpath(path)  # unlike `Path.resolve`, it takes a link that leads to itself
@@ -115,9 +111,7 @@ def read_told(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool 
 
 
 def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:
-    """Close the loop with progress on standard error and write its files to `out`; a next experiment from before does
-    not stay.
-    """
+    """Close the loop and write its files to `out`; a next experiment from before does not stay."""
     with progress_bar(title) as progress, output_to_notes():
         finding, model = close(rig, train, held, progress, seed=seed)
         files = result_files(finding, model)
@@ -128,7 +122,6 @@ def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path,
 
 
 def result_files(finding: Finding, model: Model) -> dict[str, str]:
-    """The files' contents by name; those of the next experiment where one is proposed."""
     files = {REPORT: report_html(finding), NUMBERS: json_text(report_json(finding)), MODEL: model.to_toml()}
     if finding.proposal is None:
         return files

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.console import note, output_to_notes, print_json, say, summary
+from hil.app.console import answer, note, output_to_notes
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
@@ -47,19 +47,13 @@ def predict(
     write_table(out, columns)
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
-    if json_output:
-        told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
-        print_json({**told, "rows": rows, "rms": differences})
-        return
-    say(f"{stage} model, {rows} rows: {out}")
-    for name, value in differences.items():
-        summary().print(f"rms of {name}, measured minus predicted: {value:.4g}")
+    told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
+    lines = (f"rms of {name}, measured minus predicted: {value:.4g}" for name, value in differences.items())
+    answer(json_output, {**told, "rows": rows, "rms": differences}, f"{stage} model, {rows} rows: {out}", *lines)
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
-    """Root mean square of measured minus predicted for each measured column that the record has, where the rows are the
-    same.
-    """
+    """Root mean square of measured minus predicted, by measured column that both have."""
     return {
         name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
         for name in record.layout.measured

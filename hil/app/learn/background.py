@@ -1,6 +1,4 @@
-"""The process that identifies beside a run. It may be killed, stopped or cut off at any time: a lesson then fails, and
-the run goes on.
-"""
+"""The process that identifies beside a run; it may die at any time: a lesson then fails, and the run goes on."""
 
 import contextlib
 import os
@@ -24,12 +22,9 @@ _SPAWN: Final = get_context("spawn")
 
 
 class Background:
-    """A process of lowest priority that identifies, one question at a time; where there are two cores it leaves the one
-    with the lowest number to the controller.
-
-    A thread alone waits for it, which `begin` starts before the controller takes its core and priority: what that
-    thread starts again later has neither. A future never raises: where the process dies, however it does, the answer is
-    that it did. The next question begins another one, and where that cannot be the answer says so.
+    """A process of lowest priority that identifies, one question at a time, and leaves the first core to the
+    controller. A thread alone waits for it, which `begin` starts before the controller takes its core and priority. A
+    future never raises: where the process dies, or cannot be started, the answer says so.
     """
 
     def __init__(self) -> None:
@@ -39,7 +34,6 @@ class Background:
         self._closed = False
 
     def begin(self) -> None:
-        """Start the process now, not with the first question."""
         self._keeper.submit(self._start).exception()
 
     def __call__(self, question: LearningQuestion) -> Future[LearningAnswer]:
@@ -125,7 +119,6 @@ def _end_words(code: int) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    """Answer until the pipe ends."""
     _stand_back()
     pipe.send(None)
     with contextlib.suppress(EOFError, OSError):

@@ -27,9 +27,7 @@ def motion_of(proposal: Proposal | None) -> Motion:
 
 
 def experiment_of(motion: Motion, pace: Pace, at_s: float) -> Experiment | None:
-    """The beginning of `motion` as far as `pace` allows, smaller where it would lead too far, or strokes to either side
-    where there is none; back to where it began. None where `pace` allows no experiment.
-    """
+    """As much of `motion` as `pace` allows, or strokes where there is none; None where it allows nothing."""
     reach, speed = MM * pace.experiment_mm, MM * pace.experiment_mm_s
     if not reach:
         return None

@@ -1,6 +1,4 @@
-"""One identification in the background: records of a run in, a model that passed the gate or the reason why none did
-out.
-"""
+"""One identification in the background: records of a run in, a model that passed the gate, or why none did, out."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -52,9 +50,8 @@ PARTLY: Final = 0.5
 
 @dataclass(frozen=True)
 class LearningQuestion:
-    """What is asked: the `columns` of a run of `rig`, rows from `broken_from` on to learn from, those from `held_from`
-    on held out, the `values` of the model in use; `base_holds` where its base parameters are taken as known, as the
-    model was right until it broke.
+    """The `columns` of a run of `rig`: rows from `broken_from` on to learn from, those from `held_from` on held out;
+    the `values` in use, whose base is known where `base_holds`.
     """
 
     rig: Rig
@@ -66,16 +63,13 @@ class LearningQuestion:
 
     @property
     def in_use(self) -> Theta:
-        """The parameters of the model in use, SI."""
         return Theta({k: v for k, v in self.values.base.items() if k != HELD_OUT}, self.values.effects)
 
 
 @dataclass(frozen=True)
 class LearningAnswer:
-    """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
-    `verdict`, in a sentence why it is offered or not, what to drive next to tell more (`wanted`, its `motion` where one
-    is proposed), and how many `seconds` the search took. `searched` is False where there was none, for whoever was
-    asked is dead.
+    """What was found: `values` (empty where none passed the gate), `effects`, `verdict`, why in a sentence, what to
+    drive next (`wanted`, `motion`). `searched` is False where whoever was asked is dead.
     """
 
     values: Theta
@@ -89,7 +83,6 @@ class LearningAnswer:
 
     @property
     def passed(self) -> bool:
-        """Whether there is a model to offer."""
         return bool(self.values)
 
 
@@ -116,7 +109,6 @@ def at_once(work: Callable[[], T]) -> Future[T]:
 
 
 def answer_at_once(question: LearningQuestion) -> Future[LearningAnswer]:
-    """The answer, in this process."""
     return at_once(lambda: answer(question))
 
 
@@ -148,10 +140,8 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
 
 
 def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
-    """What the model in use would have been had it been fitted to what was measured while it held; the columns of
-    `question` less what that leaves of the measured one, place by place (`LeftOver`); and the rig with what is still
-    left as its noise. The model in use, the columns and the rig as they are for a rig whose prediction drifts, and
-    after a short time before the break.
+    """The model as fitted to what was measured while it held, the columns less what that leaves (`LeftOver`), and the
+    rig with the rest as noise; all as they are where the prediction drifts or the time was short.
     """
     rig, columns, end = question.rig, question.columns, question.broken_from
     times = columns[TIME]
@@ -171,9 +161,8 @@ def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Ar
 
 
 def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
-    """The model in use at `values` as what a search starts from: the base of `kind`, known to the share `base` of each
-    value (as the rig file has it where that is infinite), and its effects, to the share `effects` (of a phase or
-    a zero: of the range).
+    """What a search starts from: the base known to the share `base` of each value (inf: as the rig file has it),
+    effects to the share `effects` (of a phase or a zero: of the range).
     """
     fitted = [(p, values.get(p.name, p.value)) for p in kind.base if p.fit]
     known: dict[Name, tuple[float, float]]
@@ -186,8 +175,8 @@ def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
 
 
 def _held(rig: Rig, before: Record, in_use: Theta) -> Theta:
-    """The parameters `in_use` with a base that is fitted to the record `before`. What no base leaves counts as noise,
-    beside which the base in use is known by `BELIEVED`: an uneven wall must not bend it.
+    """The parameters `in_use` with a base fitted to the record `before`, known by `BELIEVED`: an uneven wall must not
+    bend it.
     """
     plain = kind_for(rig, [before])
     kind = kind_for(rig, [before], _known(plain, in_use, np.inf, BELIEVED))
@@ -198,9 +187,8 @@ def _held(rig: Rig, before: Record, in_use: Theta) -> Theta:
 
 
 def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
-    """`rig` with so much noise that the model `theta` leaves no more than that of `record`: nothing that it did without
-    while it held is looked for after it broke. What is left may last longer than the means over which noise is judged,
-    which grow with it, so the noise is found in a few rounds.
+    """`rig` with so much noise that the model leaves no more than that of `record`, found in a few rounds, as the means
+    over which noise is judged grow with it.
     """
     for _ in range(_ROUNDS):
         kind = kind_for(rig, [record])
@@ -214,9 +202,7 @@ def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
 
 
 def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: int | None) -> Record:
-    """Rows from `begin` to before `end` count; those of `LEAD_S` before are run through, so that the state at `begin`
-    is told.
-    """
+    """Rows from `begin` to before `end` count; those of `LEAD_S` before tell the state at `begin`."""
     times = columns[TIME]
     first = int(np.searchsorted(times, times[begin] - LEAD_S))
     part = {key: np.asarray(values[first:end]) for key, values in columns.items()}

@@ -38,10 +38,8 @@ def check_learnt(rig: Rig) -> None:
 
 @dataclass
 class Lesson:
-    """One model that was learned, or not; times in s of the reference's time, None where it did not come to that.
-    `wanted` is the experiment that the search asks for where what was gathered did not suffice, `experiment_at_s` when
-    the controller was last given one to drive; `answers` are how often it was asked, `searched_s` how long the last
-    search took on this machine.
+    """A model that was learned, or not; times in s of the reference, None where it did not come to that. `wanted` is
+    the experiment that the search asks for, `answers` how often it was asked, `searched_s` how long it took.
     """
 
     broken_at_s: float
@@ -59,12 +57,10 @@ class Lesson:
     searched_s: float = 0.0
 
     def document(self) -> dict[str, Any]:
-        """As a run's JSON object has it."""
         return {**asdict(self), "effects": list(self.effects)}
 
     @property
     def words(self) -> str:
-        """The same in a sentence."""
         what = ", ".join(self.effects) or "no effect"
         driven = "" if self.experiment_at_s is None else f"experiment from {self.experiment_at_s:.1f} s on, "
         said = f"learned since {self.broken_at_s:.1f} s: {driven}"
@@ -103,11 +99,9 @@ class _Errors:
 
 @dataclass
 class Learner:
-    """`step` once a tick, after the node's. Lessons are learned one at a time; what is offered passed the gate on data
-    that no fit has seen, and comes in by `ModelSwitch` at a rest, within the limits that are. `offers` are all models
-    that were offered so far with their times, `experiments` what was given to `drive` where the pace allows it, both
-    for a replay; `keep` hears of each that is added. Controllers of a new model are made `beside` the ticks, which
-    never wait for them.
+    """`step` once a tick. One lesson at a time; what is offered passed the gate on unseen data and comes in by
+    `ModelSwitch` at a rest. `offers` and `experiments` are for a replay, `keep` hears of each; controllers of a new
+    model are made `beside` the ticks.
     """
 
     switch: ModelSwitch
@@ -139,9 +133,7 @@ class Learner:
         self._new: Theta = self.values
 
     def step(self, now: float, health: Health, error_m: float) -> None:
-        """A tick on, to `now` in s of the switch's clock, which those of `health` are of too; `error_m` is the
-        tracking error as the estimator sees it. What is told of it is in s of the reference's time.
-        """
+        """A tick on: `now` and `health` by the clock of the switch, `error_m` the estimated tracking error."""
         self._errors.add(now, error_m)
         if self._phase == "watching" and health.state == "broken":
             self.lessons.append(Lesson(self._told(health.since_s)))
@@ -208,9 +200,7 @@ class Learner:
         }
 
     def _excite(self, now: float, found: LearningAnswer) -> float:
-        """Have an experiment driven that may tell more; how long it takes in s, 0 where the pace allows none, or nobody
-        searched.
-        """
+        """Have an experiment driven; its seconds, 0 where the pace allows none or nobody searched."""
         experiment = experiment_of(found.motion, self.pace, self._told(now)) if found.searched else None
         if experiment is None:
             return 0.0

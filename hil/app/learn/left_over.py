@@ -1,6 +1,4 @@
-"""What a model left unexplained while it held, by place and way: a gut is uneven, and what the model did without until
-it broke is not what broke it.
-"""
+"""What a model left unexplained while it held, by place and direction: an uneven gut is not what broke it."""
 
 from __future__ import annotations
 
@@ -23,9 +21,7 @@ LEAST: Final = 20
 
 @dataclass(frozen=True)
 class LeftOver:
-    """Median of measured less predicted over stretches of wall about `places` (n,) in m, where the capsule is led
-    `forth` and where `back`; 0 where too little was seen.
-    """
+    """Median of measured less predicted about `places` (n,) in m, led `forth` and `back`; 0: too few."""
 
     places: Array
     forth: Array

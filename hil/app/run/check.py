@@ -123,9 +123,7 @@ def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
 
 
 def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histogram:
-    """How long a tick takes, measured on a drive that is made up and does what it is told; the first half only warms
-    up.
-    """
+    """How long a tick takes on a made-up drive that obeys; the first half only warms up."""
     took = Histogram()
     with Tape() as tape:
         node = ControllerNode(replace(task, probe=False), tape, dry_run=True)

@@ -24,14 +24,12 @@ class Clock:
         self.origin_ns = time.monotonic_ns()
 
     def now(self) -> float:
-        """Seconds since the clock was made."""
         return (time.monotonic_ns() - self.origin_ns) / 1e9
 
 
 class ClockedBus(WrappingBus):
-    """Another bus whose received frames carry times of `clock`: the driver's stamp where it is at most `oldest_s`
-    old by the calendar, else the moment of reading. So a step of the calendar's clock never reaches the node. What is
-    received counts as received: SocketCAN marks frames of another process on the same machine as this machine's own.
+    """Another bus whose frames carry times of `clock`: the driver's stamp where at most `oldest_s` old by the calendar,
+    else the moment of reading. Everything counts as received, also from this machine's other processes.
     """
 
     def __init__(self, inner: can.BusABC, clock: Clock, oldest_s: float = OLDEST_S) -> None:
@@ -63,7 +61,6 @@ class Histogram:
     longest_s: float = 0.0
 
     def add(self, seconds: float) -> None:
-        """Count one."""
         self.counts[min(max(int(seconds / _BIN_S), 0), _BINS)] += 1
         self.longest_s = max(self.longest_s, seconds)
 
@@ -76,14 +73,13 @@ class Histogram:
         return self.longest_s if k >= _BINS else min((k + 1) * _BIN_S, self.longest_s)
 
     def document(self) -> dict[str, float]:
-        """Median, p99 and greatest in ms."""
         return {"median": 1e3 * self.quantile(0.5), "p99": 1e3 * self.quantile(0.99), "max": 1e3 * self.longest_s}
 
 
 @dataclass
 class Grid:
-    """Ticks every `tick_s` from the first `wait` on. A tick that begins a whole period late or more skips the points in
-    between: they are `missed`, never made up for. `late` says how late each one began.
+    """Ticks every `tick_s`. One that begins a period late skips the points between, which are `missed`; `late` says how
+    late.
     """
 
     clock: Clock

@@ -60,9 +60,7 @@ def checked(record: Mapping[str, Any]) -> None:
 
 
 def task_of(record: Mapping[str, Any], where: str, known: Catalogue = CATALOGUE) -> Task:
-    """The controller's task that a log's record describes, whose rig may have the `known` effects. Raises ValueError
-    where it does not.
-    """
+    """The controller's task of a log's record, whose rig may have the `known` effects. Raises ValueError."""
     checked(record)
     if not {"controller", "values"} <= set(record) or not {"deployment", "scenario"} & set(record):
         raise ValueError(

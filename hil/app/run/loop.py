@@ -40,9 +40,7 @@ _MCL_CURRENT_AND_FUTURE: Final = 3  # of mlockall(2)
 
 @dataclass
 class Signals:
-    """What the operator has said: `wanted` names the first Ctrl-C, SIGTERM or SIGHUP (the terminal is gone); a second
-    one ends the program as ever. A signal that was ignored before (`nohup`) stays ignored.
-    """
+    """`wanted` names the first Ctrl-C, SIGTERM or SIGHUP; a second one ends the program; what was ignored stays so."""
 
     wanted: str = ""
 
@@ -68,9 +66,8 @@ class Signals:
 
 @dataclass
 class Outcome:
-    """How a run ended: `end` (one of `RUN_ENDS`), and in words; pacing, time that ticks took, plans `cut`; whether the
-    drive was `led`, so asked to move; whether the estimate was `lost` at the end. `away_s` is for how long each of
-    the newest ticks was not done when it was due.
+    """How a run ended: `end` (of `RUN_ENDS`) and in words; plans `cut`; whether the drive was asked to move (`led`) and
+    the estimate `lost`; `away_s`: how late the newest ticks were done.
     """
 
     grid: Grid
@@ -93,13 +90,9 @@ def lead(
     give_up_s: float = GIVE_UP_S,
     learner: Learner | None = None,
 ) -> Outcome:
-    """Listen until the drive is heard (at most 2 s), start, lead for `duration_s` from when the drive is enabled and
-    the probe is over on, stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never
-    will be.
-
-    Overruns: a tick that begins a period late skips the points in between (`Grid`); the estimator catches up with at
-    most three, after a longer pause the node stops by itself; the drive meanwhile lives on its command's time to live.
-    A `learner` looks on while the drive is led.
+    """Listen (at most 2 s), start, lead for `duration_s` from when the drive is enabled and the probe is over, stop,
+    tick on until it rests; given up where it is not enabled within `give_up_s`. Ticks missed are skipped; a `learner`
+    looks on.
     """
     outcome = Outcome(Grid(clock, node.tick_s))
     now = _listen(node, outcome, recorder, signals)
@@ -121,9 +114,7 @@ def lead(
 
 
 def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: Signals) -> Outcome:
-    """Listen until the drive is heard, acknowledge the fault that it has latched, and see what becomes of it; nothing
-    is enabled.
-    """
+    """Listen until the drive is heard and acknowledge its latched fault; nothing is enabled."""
     outcome = Outcome(Grid(clock, node.tick_s))
     now = _listen(node, outcome, recorder, signals, faulty=True)
     fault = node.receiver.fault
@@ -146,9 +137,7 @@ def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: Signa
 def _listen(
     node: ControllerNode, outcome: Outcome, recorder: Recorder, signals: Signals, *, faulty: bool = False
 ) -> float:
-    """Tick until there is a drive to lead (or, where `faulty`, one with a fault that it has named), or none within 2 s;
-    the time then.
-    """
+    """Tick until there is a drive to lead (or, `faulty`, with a named fault), 2 s at most; the time then."""
 
     def heard(now: float) -> bool:
         named = faulty and node.receiver.fault > 0 and node.receiver.state == FAULT
@@ -235,14 +224,11 @@ def _unrest(node: ControllerNode, now: float) -> str:
 
 
 def _fit(node: ControllerNode, now: float) -> bool:
-    """Whether there is a drive to lead."""
     return not _doubt(node, now) and node.receiver.beating and node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
 
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> float:
-    """The controlled stop: off is commanded until the drive has long enough said that it does not move; the time
-    then.
-    """
+    """Command off until the drive has long enough said that it does not move; the time then."""
     recorder.stop(now)
     node.stop()
     since, rested = now, now
@@ -280,11 +266,7 @@ def _lock_memory() -> None:
 
 
 def prepare_process(priority: int, core: int) -> list[str]:
-    """Real-time hygiene of this process: what lives now is never collected, one `core`, and SCHED_FIFO of `priority`
-    with memory locked, where asked for.
-
-    Gives a sentence for each thing that the system does not allow.
-    """
+    """Freeze the heap, take one `core` and SCHED_FIFO of `priority`; a sentence for each that is not allowed."""
     gc.collect()
     gc.freeze()
     refused: list[str] = []

@@ -1,6 +1,4 @@
-"""What this machine lacks for a controller on its bus: settings of the CAN interface, real-time priority, time stamps,
-and the tick that it can hold.
-"""
+"""What this machine lacks for a controller: settings of the CAN interface, priority, time stamps; its tick."""
 
 import json
 import os
@@ -27,9 +25,7 @@ _STAMPS: Final = {
 
 
 def link_of(table: BusTable) -> dict[str, Any]:
-    """What `ip -json -details link show` says of a SocketCAN interface; empty for another one, and where it cannot be
-    asked.
-    """
+    """What `ip -json -details link show` says of a SocketCAN interface; empty where it says nothing."""
     if table.interface != "socketcan":
         return {}
     command = ["ip", "-json", "-details", "link", "show", str(table.channel)]
@@ -53,7 +49,6 @@ def link_faults(link: Mapping[str, Any], table: BusTable) -> list[str]:
 
 
 def link_advice(link: Mapping[str, Any], table: BusTable) -> list[str]:
-    """What to set, as commands."""
     told, advice = _data(link), []
     queue, restart = link.get("txqlen"), told.get("restart_ms", 0)
     if isinstance(queue, int) and queue < QUEUE:
@@ -99,9 +94,7 @@ def lateness(seconds: float = LOOKED_S) -> Histogram:
 
 
 def tick_to_hold(late: Histogram, busy_p99_s: float, share: float) -> float:
-    """The shortest of `TICKS_S` in which a tick's work takes at most `share` of it and this machine is less than one
-    late; inf where none is.
-    """
+    """The shortest of `TICKS_S` of which work is at most `share` and lateness less than one; inf: none."""
     return next(
         (
             t

@@ -1,6 +1,4 @@
-"""`capsule replay`: the controller once more on what a log says it heard, its frames compared bit by bit with those it
-sent.
-"""
+"""`capsule replay`: the controller once more on what a log heard, its frames compared bit by bit with the log."""
 
 import math
 import struct
@@ -13,7 +11,7 @@ from typing import Annotated, Any, Final
 import can
 
 import models.effects
-from hil.app.console import note, output_to_notes, print_json, say
+from hil.app.console import answer, note, output_to_notes
 from hil.app.run.log_task import task_of
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import Catalogue, load_catalogue
@@ -36,7 +34,6 @@ class Tape(can.BusABC):
         self.sent: list[tuple[int, bytes]] = []
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Keep a frame."""
         self.sent.append((msg.arbitration_id, bytes(msg.data)))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -45,9 +42,7 @@ class Tape(can.BusABC):
 
 @dataclass
 class TickOfLog:
-    """One tick as the log has it: when, what came in, what went out, whether a solution was there, after how many steps
-    the clock cut it.
-    """
+    """A tick of the log: time, frames in and out, whether solved, after how many steps the clock cut it."""
 
     time_s: float
     sent: list[tuple[int, bytes]] = field(default_factory=list)
@@ -75,7 +70,6 @@ class Difference:
     computed: tuple[tuple[int, bytes], ...]
 
     def words(self, catalogue: Catalogue) -> str:
-        """Where they part."""
         names = catalogue.by_id()
 
         def shown(frames: tuple[tuple[int, bytes], ...], k: int) -> str:
@@ -97,9 +91,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay found. Plans of `cut` ticks were cut short by the clock of the time, and were again where it
-    did.
-    """
+    """What a replay found; plans of `cut` ticks were cut short by the clock then, and now again."""
 
     ticks: int
     frames: int
@@ -163,26 +155,23 @@ def _say(
     path: Path, found: Replay, catalogue: Catalogue, cut_off: str, code: tuple[str, str], json_output: bool
 ) -> None:
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
-    if json_output:
-        print_json(
-            {
-                "log": str(path),
-                "identical": found.identical and not cut_off,
-                "cut_off": cut_off or None,
-                "ticks": found.ticks,
-                "frames": found.frames,
-                "cut_ticks": found.cut,
-                "different_ticks": len(found.differences),
-                "differences": lines,
-                "code": list(code),
-            }
-        )
-        return
+    document = {
+        "log": str(path),
+        "identical": found.identical and not cut_off,
+        "cut_off": cut_off or None,
+        "ticks": found.ticks,
+        "frames": found.frames,
+        "cut_ticks": found.cut,
+        "different_ticks": len(found.differences),
+        "differences": lines,
+        "code": list(code),
+    }
     same = f"as logged, as far as they go; {cut_off}" if cut_off else "identical"
     differs = f"{len(found.differences)} ticks differ" + (f"; {cut_off}" if cut_off else "")
-    say(f"{found.ticks} ticks, {found.frames} frames: {same if found.identical else differs}", *lines)
     if not found.identical and code[0] != code[1]:
-        say(f"code: log {code[0]}, now {code[1]}")
+        lines = [*lines, f"code: log {code[0]}, now {code[1]}"]
+    said = same if found.identical else differs
+    answer(json_output, document, f"{found.ticks} ticks, {found.frames} frames: {said}", *lines)
 
 
 def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:
@@ -193,9 +182,7 @@ def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:
-    """The controller of `task` on the `frames` of a log. A log that was cut off may end within a tick: of that the
-    begin is compared.
-    """
+    """The controller of `task` on the `frames` of a log; of a last tick cut off the begin is compared."""
     tape = Tape()
     sent: list[tuple[int, bytes]] = tape.sent
 
@@ -209,7 +196,6 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run
 
 
 def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) -> Replay:
-    """The node's frames beside those of the log, tick by tick."""
     sent = tape.sent
     ticks = count = cut = 0
     differences: list[Difference] = []
@@ -236,8 +222,8 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) 
 
 
 def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
-    """The ticks and the operator's words of a log, in order. A tick heard what stands before the SYNC that it sent,
-    back to the one before, and what a note says it heard. Raises ValueError where frames are missing.
+    """Ticks and operator's words of a log in order; a tick heard what stands before its SYNC, back to the one before,
+    and what a note says. Raises ValueError where frames are missing.
     """
     tick: TickOfLog | None = None
     exact: float | None = None

@@ -14,7 +14,7 @@ import can
 import typer
 
 from controller.supervision.fallback import shares
-from hil.app.console import note, output_to_notes, print_json, say
+from hil.app.console import answer, note, output_to_notes
 from hil.app.ends import RUN_ENDS
 from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
@@ -49,6 +49,7 @@ from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.frame_map import controllers_frames, plain
 from hil.nodes.listening import heard_for
 from models.effects import Catalogue
+from models.files.toml import in_file
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -81,9 +82,7 @@ def run(
         bool, typer.Option("--move", help="With check: lead the drive by 5 mm to and fro, and see the capsule answer.")
     ] = False,
 ) -> int:
-    """Lead the drive that the file names, or only check or reset it; 0 where all went as asked, 1 where it did not
-    (`hil.app.ends.RUN_ENDS`). Raises ValueError, one sentence, for what cannot be used.
-    """
+    """Lead, check or reset the drive: 0 where it went as asked, else 1 (`RUN_ENDS`). Raises ValueError."""
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
     deployment, catalogue = load_deployment(path, reference, Catalogue.read(effects)), load_catalogue()
@@ -129,16 +128,12 @@ class _Asked:
 
     @contextmanager
     def begun(self) -> Iterator[tuple[Task, ClockedBus]]:
-        """The task, and then the bus on which it is done; what is printed meanwhile are notes. Raises ValueError of one
-        sentence, and _OtherControllerError.
-        """
+        """The task and its bus; what is printed meanwhile are notes. Raises ValueError, _OtherControllerError."""
         listens, resets = self.dry_run or self.action == "check", self.action == "reset"
         with output_to_notes():
             task = self.deployment.task()
-            try:
+            with in_file(self.path):
                 bus = ClockedBus(_drives_bus(self.deployment, self.path.parent, listens, resets), Clock())
-            except ValueError as error:
-                raise ValueError(f"{self.path}: {error}") from None
             with bus:
                 yield task, bus
 
@@ -150,10 +145,8 @@ def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
     if move:
         points.append(_moved(asked, all(p.good for p in points)))
     good = all(p.good for p in points)
-    if json_output:
-        print_json({"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]})
-    else:
-        say(*(f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points))
+    lines = (f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points)
+    answer(json_output, {"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]}, *lines)
     return 0 if good else 1
 
 
@@ -172,10 +165,7 @@ def _led(asked: _Asked, json_output: bool) -> int:
     if node.operator is not None:
         found["operator"] = node.operator.document()
     found["monitor"] = health_of(node.estimator.health, node.estimator.origin_s)
-    if json_output:
-        print_json(found)
-    else:
-        _say(found, lessons)
+    answer(json_output, found, *_lines(found, lessons))
     return RUN_ENDS[str(found["end"])].status
 
 
@@ -194,17 +184,13 @@ def _moved(asked: _Asked, good: bool) -> Point:
 def _not_begun(path: Path, words: str, json_output: bool) -> int:
     """Say that there is another controller; nothing was sent."""
     ended = f"nothing to lead: {words}"
-    if json_output:
-        print_json({"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None})
-    else:
-        say(f"ended: {ended}")
+    found = {"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None}
+    answer(json_output, found, f"ended: {ended}")
     return RUN_ENDS["other_controller"].status
 
 
 def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
-    """The bus that `[bus]` of a file in `folder` names, authenticated where it names a key. Raises ValueError of one
-    sentence where there is none.
-    """
+    """The bus of a file in `folder`, authenticated where it names a key. Raises ValueError of one sentence."""
     if not table.key_file:
         return _plain_bus(table)
     key_file = folder / table.key_file
@@ -219,7 +205,6 @@ def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
 
 
 def _plain_bus(table: BusTable) -> can.BusABC:
-    """The same without authentication."""
     if not _DRIVERS.handlers:
         _DRIVERS.addHandler(logging.NullHandler())
     if table.interface not in can.VALID_INTERFACES:
@@ -263,9 +248,7 @@ def _fd_words(table: BusTable) -> str:
 
 
 def _drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
-    """The deployment's bus; another maker's drive on it, which where `faulty` may have a fault, is set up first, but
-    where nothing may be sent. Raises ValueError of one sentence.
-    """
+    """The deployment's bus; another maker's drive on it is set up, but where nothing may be sent. Raises ValueError."""
     bus, table = open_bus(deployment.bus, folder), deployment.drive
     if not listen_only and (others := _controllers_on(bus, table)):
         bus.shutdown()
@@ -287,9 +270,7 @@ class _OtherControllerError(Exception):
 
 
 def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
-    """What only a controller sends, the drive of `table` being another maker's, heard within `QUIET_S`, by name: this
-    one listens before it speaks.
-    """
+    """What only a controller sends, heard within `QUIET_S`, by name: this one listens before it speaks."""
     known, heard = controllers_frames(), set[str]()
     for message in heard_for(bus, QUIET_S):
         if plain(message) and message.arbitration_id in known:
@@ -337,9 +318,8 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
 
 @contextmanager
 def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog) -> Iterator[Learner]:
-    """What learns from a run: a process that identifies, and a thread that makes the controllers of a new model and
-    writes to the record which were offered when. Both are there before the first tick; a thread that holds the
-    interpreter gives it back within `_TURN_S`.
+    """What learns from a run: a process that identifies, and a thread that makes controllers and writes the record,
+    both there before the first tick.
     """
     maker, turn_s = ThreadPoolExecutor(1), sys.getswitchinterval()
 
@@ -399,23 +379,19 @@ def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log:
 
 
 def _overruns(bus: can.BusABC) -> int:
-    """Frames for which there was no room in another node's queue, as far as the interface counts them: the local bus
-    does.
-    """
+    """Frames for which there was no room in another node's queue, as the local bus counts them."""
     while isinstance(bus, ClockedBus | CarriageBus | AuthenticatedBus):
         bus = bus.inner
     return bus.overruns if isinstance(bus, LocalBus) else 0
 
 
-def _say(found: dict[str, Any], lessons: Sequence[Lesson]) -> None:
-    say(f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}")
-    say(*found["log_troubles"])
+def _lines(found: dict[str, Any], lessons: Sequence[Lesson]) -> Iterator[str]:
+    yield f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}"
+    yield from found["log_troubles"]
     for name, words in (("late_ms", "began late by"), ("tick_ms", "took")):
         times = found[name]
-        say(f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}")
+        yield f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}"
     if found["cut_ticks"]:
-        say(f"{found['cut_ticks']} plans were cut short by the clock")
-    say(health_words(found))
-    if sentence := offer_words(found):
-        say(sentence)
-    say(*(lesson.words for lesson in lessons), f"log: {found['log']}")
+        yield f"{found['cut_ticks']} plans were cut short by the clock"
+    yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in lessons)))
+    yield f"log: {found['log']}"

@@ -1,5 +1,6 @@
 """`capsule plant`: the simulated drive side alone, in real time on a deployment's bus, where no rig is at hand."""
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,13 +10,13 @@ from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
 from hil.app.run.loop import Signals, prepare_process
 from hil.app.run.run import open_bus
-from hil.app.scenario.deployment import BusTable, read_plant
+from hil.app.scenario.deployment import DeployedPlant, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.shared_options import Json, argument, option, several
 from hil.bus.authenticated import AuthenticatedBus
-from hil.drives.table import ActuatorTable
 from hil.simulated.faults.table import Fault, read_lie
 from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
+from models.files.toml import in_file
 from plant import layout as at
 from plant.session import Session
 
@@ -30,60 +31,34 @@ def plant(
     ],
     json_output: Json = False,
 ) -> None:
-    """Put the plant on its bus and print "ready" once it is there; with `--json` that goes to standard error, and at
-    the end what became of the plant, the truth included, to standard output.
-    """
+    """Put the plant on its bus and print "ready" (to standard error with `--json`); at the end, what became of it."""
     if seconds is not None and not 0 < seconds <= 1e6:
         raise ValueError(f"--seconds must be more than 0 and at most 1e6; got {seconds:g}")
     deployed, told_lies = read_plant(path), [read_lie(text) for text in lies]
     told = sys.stderr if json_output else sys.stdout
-    with output_to_notes():
-        try:
-            found = run_plant(
-                deployed.scenario,
-                deployed.bus,
-                seconds or float("inf"),
-                deployed.priority,
-                drive=deployed.drive,
-                folder=path.parent,
-                lies=told_lies,
-                ready=lambda: print("ready", file=told, flush=True),
-            )
-        except ValueError as error:
-            raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+    with output_to_notes(), in_file(path):
+        found = run_plant(deployed, seconds or math.inf, told_lies, lambda: print("ready", file=told, flush=True))
     if json_output:
         print_json(found)
 
 
 def run_plant(
-    scenario_path: Path,
-    bus_table: BusTable,
-    seconds: float,
-    priority: int = 0,
-    *,
-    drive: ActuatorTable | None = None,
-    folder: Path = Path(),
-    lies: Sequence[Fault] = (),
-    ready: Callable[[], None] = lambda: None,
+    deployed: DeployedPlant, seconds: float, lies: Sequence[Fault] = (), ready: Callable[[], None] = lambda: None
 ) -> dict[str, Any]:
-    """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
-
-    With `drive` it is that maker's carriage. The plant's time is the wall clock's, `priority` as in a
-    deployment: slots that come late are made up for at once, so it never runs slow.
-    """
-    scenario = load_track_scenario(scenario_path)
+    """Put a plant on its bus for `seconds` or until a signal; what became of it. Late slots are made up."""
+    scenario, drive = load_track_scenario(deployed.scenario), deployed.drive
     for fault in lies:
         fault.check_rig(scenario.kind)
     due = sorted(lies, key=lambda fault: fault.at_s)
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, SLOT_S)
-    raw = open_bus(bus_table, folder)
+    raw = open_bus(deployed.bus, deployed.folder)
     clock = Clock()
     bus = ClockedBus(raw, clock)
     session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0, keeps=False)
     _, power = power_of(session, scenario.limits)
     foreign = None if drive is None else simulated_drive(bus, drive, power, scenario.limits, 2 * SLOT_S)
     node = PlantNode(session, scenario.limits, 2 * SLOT_S, bus, bus, drive=foreign)
-    prepare_process(priority, -1)
+    prepare_process(deployed.priority, -1)
     ready()
     grid, slots = Grid(clock, SLOT_S), 0
     states: dict[int, int] = {}

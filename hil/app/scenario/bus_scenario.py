@@ -1,6 +1,4 @@
-"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`, those
-of an operator, and the drive's own where that is another maker's.
-"""
+"""SCENARIO.toml on the bus: a closed loop with bus, faults, operator, and another maker's drive."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -86,9 +84,8 @@ class JogTable(NamedTable):
 
 @dataclass(frozen=True)
 class SilScenario:
-    """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
-    the file names none. `drive` is another maker's, which then is set up already; `operator` is what setpoints are held
-    to, and `jog` who sends them; `pace` is that of a run that learns.
+    """A closed `loop` over the bus and what goes wrong in it; its tick is the command frame's cycle where the file
+    names none; `drive` is another maker's, set up already.
     """
 
     loop: TrackScenario
@@ -102,9 +99,7 @@ class SilScenario:
 
 
 def watched_bus(channel: str) -> LocalBus:
-    """The local bus on which `capsule sil` shows a run and `capsule cockpit` sees it. Raises ValueError where there can
-    be none.
-    """
+    """The local bus on which `capsule sil` shows a run to `capsule cockpit`. Raises ValueError."""
     try:
         return LocalBus(channel, fd=True)
     except can.CanInitializationError as error:
@@ -112,9 +107,7 @@ def watched_bus(channel: str) -> LocalBus:
 
 
 def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:
-    """Read and check a scenario file, with the reference of another one where that is given; with its text. A
-    ValueError of one sentence says which key, what it must be and what it is.
-    """
+    """Read and check a scenario file and its text, with the reference of another one where given. Raises ValueError."""
     raw, text = read_toml(path, "scenario")
     if reference is not None:
         raw = with_reference(raw, reference, "scenario")

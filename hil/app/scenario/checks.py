@@ -54,24 +54,19 @@ class Checks(NamedTable):
 
 @dataclass(frozen=True)
 class CheckTable:
-    """`common` holds for every controller without a table of its `own`, which has the common limits in it where it
-    names no others.
-    """
+    """`common` limits hold for a controller without a table of its `own`, which has them in it."""
 
     common: Checks = Checks()
     own: Mapping[str, Checks] = field(default_factory=dict)
 
     def of(self, controller: str) -> Checks:
-        """What the named controller is held to."""
         return self.own.get(controller, self.common)
 
 
 def read_checks(
     table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
 ) -> CheckTable:
-    """`[checks]` of a scenario. Raises ValueError for an unknown key or controller, and for a check that the run has
-    nothing to judge by.
-    """
+    """`[checks]` of a scenario. Raises ValueError for what is unknown and what the run cannot be judged by."""
     able = [name for name in CONTROLLERS if kind in leads(name)]
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}

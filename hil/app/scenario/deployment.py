@@ -1,6 +1,4 @@
-"""RIG.toml of a deployment: the rig file's tables, and those that say which bus, which controller, where to go and
-within what limits.
-"""
+"""RIG.toml of a deployment: the rig file's tables, and those of bus, controller, reference and limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,13 +23,12 @@ from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.effects import CATALOGUE, Catalogue
-from models.files.tables import from_table
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
-from models.rigs.schema import Among, NamedTable, key
+from models.rigs.schema import Among, NamedTable, from_table, key
 from models.theta import Theta
 
 PLANNING: Final = 0.4
@@ -160,13 +157,13 @@ class DeployedPlant:
     bus: BusTable
     priority: int = 0
     drive: ActuatorTable | None = None
+    folder: Path = Path()
 
 
 @dataclass(frozen=True)
 class Deployment:
-    """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
-    gate's, where asked; `drive` the carriage's settings where it is another maker's; `operator` what setpoints
-    from the bus are held to, `pace` that of a run that learns.
+    """A controller to run on a bus: `values` of a learned model, the gate's `verdict`, the `drive` where another
+    maker's, what setpoints are held to (`operator`), the `pace` of learning.
     """
 
     name: str
@@ -199,16 +196,12 @@ class Deployment:
         )
 
     def believed(self, values: Theta) -> ControlModel:
-        """The control model of its rig with the `values` of a model's parameters. Raises ValueError for a rig that
-        cannot be controlled.
-        """
+        """The control model with the `values` of a model; ValueError for a rig that cannot be controlled."""
         return control_model(self.rig, values, self.control.tick_s)
 
 
 def load_deployment(path: Path, reference: Path | None = None, known: Catalogue = CATALOGUE) -> Deployment:
-    """Read and check a deployment file, with the reference of another one where that is given; its rig may have the
-    `known` effects. Anything wrong is a ValueError of one sentence.
-    """
+    """Read and check a deployment file, its rig with `known` effects. Raises ValueError of one sentence."""
     raw, text = read_toml(path, "rig file")
     if reference is not None:
         raw = with_reference(raw, reference, "control")
@@ -224,9 +217,7 @@ def load_deployment(path: Path, reference: Path | None = None, known: Catalogue 
 
 
 def read_deployed_rig(path: Path) -> Rig:
-    """The rig of a rig file or of a deployment file, whose own tables are left out. Raises ValueError of one
-    sentence.
-    """
+    """The rig of a rig or deployment file. Raises ValueError of one sentence."""
     return _rig(read_toml(path, "rig file")[0], str(path))
 
 
@@ -242,7 +233,7 @@ def read_plant(path: Path) -> DeployedPlant:
         table = PlantTable.read(raw)
         bus = BusTable.read(raw)
         drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
-        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
+        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive, path.parent)
 
 
 def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Acceptance | None = None) -> Deployment:
@@ -265,7 +256,7 @@ def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Accep
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
     """`[operator]`: what setpoints of an operator are held to, within `limits`. Raises ValueError of one sentence."""
-    operator = from_table(OperatorLimits, raw.get("operator", {}), "operator")
+    operator = OperatorLimits.read(raw)
     operator.check_sources()
     if not operator.accept:
         return operator
@@ -283,9 +274,7 @@ def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
 
 
 def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
-    """The bus of the deployment file `path` and what setpoints are held to there; ValueError of one sentence where none
-    are accepted.
-    """
+    """The bus of a deployment file and what setpoints are held to; ValueError where none are accepted."""
     raw, _ = read_toml(path, "deployment file")
     with in_file(path):
         _check_tables(raw)

@@ -1,6 +1,4 @@
-"""The table `[offer]` of a scenario or a rig file: a model that close-loop wrote and that is to take over while a
-controller leads.
-"""
+"""Models that close-loop wrote: one that leads from the begin on, one that takes over while a controller leads."""
 
 from __future__ import annotations
 
@@ -46,21 +44,14 @@ class Offered:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Offered:
-        """From the record beside a log."""
         return cls(Theta.read(document["values"]), float(document["at_s"]))
 
     def document(self) -> dict[str, Any]:
-        """For the record beside a log."""
         return {"values": self.values.spelled(), "at_s": self.at_s}
 
 
 def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) -> Offered | None:
-    """The offered model, which must pass the gate against the one in use, whose parameters are `values` (none:
-    nominal).
-
-    The held-out error of the model in use must be known on the offered one's records: it must be a stage of the same
-    file. Raises ValueError of one sentence.
-    """
+    """The offered model, once past the gate against the one in use (a stage of the same file). Raises ValueError."""
     if table is None:
         return None
     model = read_model(folder / table.file, rig.kind, catalogue=Catalogue.of(rig))
@@ -78,16 +69,13 @@ def offer_of(offered: Offered | None, believed: Callable[[Theta], ControlModel])
 
 
 def told(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:
-    """What a run's JSON object says of an offer: when it was taken, in s of the reference's time; nothing where there
-    was none.
-    """
+    """What a run's JSON object says of an offer, when it was taken in s of the reference's time."""
     if offered is None:
         return {}
     return {"offer": {"at_s": offered.at_s, "taken_at_s": None if math.isnan(taken_at_s) else taken_at_s}}
 
 
 def offer_words(found: Mapping[str, Any]) -> str:
-    """The same in words, "" where there was no offer."""
     offer = found.get("offer")
     if offer is None:
         return ""

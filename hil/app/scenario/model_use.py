@@ -18,9 +18,7 @@ from models.theta import Theta
 
 
 def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue) -> tuple[Theta, str]:
-    """Parameters that a rig of `kind` is believed to have, and the name of their stage: those of a file that close-loop
-    wrote, with effects that are `known`, else nominal ones. Raises ValueError.
-    """
+    """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
     if stage is not None:
         check_word(stage, "--stage", STAGES)
     if model is None:
@@ -58,7 +56,6 @@ def health_of(health: Health, origin_s: float = 0.0) -> dict[str, Any]:
 
 
 def health_words(found: Mapping[str, Any]) -> str:
-    """The same in words."""
     monitor = found["monitor"]
     state, since = monitor["state"], monitor["since_s"]
     if state == "not watched":

@@ -18,9 +18,7 @@ _PLATE: Final = Plate(0.0)
 
 
 def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
-    """What the controller is told of a rig of `kind` on `surface`: `[belief.*]` over nominal values, those of a pair of
-    magnets being its data sheet's, `[rig.magnet]`. Raises ValueError.
-    """
+    """What the controller is told of a rig: `[belief.*]` over nominal values. Raises ValueError."""
     for name, content in table.items():
         if name not in table_names():
             raise ValueError(

@@ -115,11 +115,7 @@ REFERENCES: Final[Mapping[str, type[Shape]]] = {
 
 
 def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits | None = None) -> Trajectory:
-    """The reference that a scenario's table asks for, over `duration_s`; within the travel and speed of `limits` where
-    there are some.
-
-    Raises ValueError of one sentence.
-    """
+    """The reference of a table over `duration_s`, within `limits` where given. Raises ValueError."""
     kind = choice(table, "reference.kind", tuple(REFERENCES))
     shape = REFERENCES[kind](**{name: value for name, value in table.items() if name != "kind"})
     start = getattr(shape, "start_s", 0.0)
@@ -132,9 +128,8 @@ def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits |
 
 
 def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dict[str, Any]:
-    """The tables `raw` of a scenario or deployment with the table [reference] of `file` (as close-loop writes it) in
-    place of theirs; the run, `duration_s` of `table`, lasts until its last waypoint, and checks meant for another
-    reference are left out. Unchanged without a file. Raises ValueError of one sentence.
+    """The tables `raw` with the [reference] of `file`, as close-loop writes it; the run (`duration_s` of `table`) lasts
+    until its last waypoint, checks are left out. Raises ValueError of one sentence.
     """
     if file is None:
         return dict(raw)

@@ -1,6 +1,4 @@
-"""SCENARIO.toml of a closed loop: the truth of the plant, its instruments, where to go, and what the controller
-believes.
-"""
+"""SCENARIO.toml of a closed loop: true plant, instruments, reference, and what the controller believes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,11 +14,11 @@ from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.nominal_rig import read_belief
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
-from models.files.tables import converted, from_table
+from models.files.tables import converted
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from models.rigs.rig import Rig
-from models.rigs.schema import Among, NamedTable, key
+from models.rigs.schema import Among, NamedTable, from_table, key
 from plant.experiments.scenario import parse_truth
 from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument
@@ -61,9 +59,7 @@ class Control(NamedTable):
 
 @dataclass(frozen=True)
 class TrackScenario:
-    """A closed loop to run. `truth` and `instruments` are the plant's; `belief` is all that the controller is told of
-    the rig.
-    """
+    """A closed loop: `truth` and `instruments` of the plant; `belief` is all that the controller is told."""
 
     name: str
     duration_s: float
@@ -84,9 +80,7 @@ class TrackScenario:
 
 
 def load_track_scenario(path: Path, reference: Path | None = None) -> TrackScenario:
-    """Read and check a scenario file, with the reference of another one where that is given; a ValueError of one
-    sentence says which key, what it must be and what it is.
-    """
+    """Read and check a scenario file, with the reference of another one where given. Raises ValueError."""
     raw, _ = read_toml(path, "scenario")
     raw = with_reference(raw, reference, "scenario")
     with in_file(path):

@@ -39,9 +39,8 @@ _OWN_S: Final[Mapping[str, float]] = {
 
 
 def limit_s(rig: str, fault: Fault) -> float:
-    """The longest time in s from the fault's begin to the safe state, inf where the loop may ride through: doubled and
-    old frames, of frames that changed places each second one is taken; a report that nothing acts on; and a fault
-    weaker than its kind's own value. Not for faults of an operator (`operator_limit_s`).
+    """The longest time in s from the begin of a fault (none of an operator) to the safe state, inf where the loop may
+    ride through.
     """
     kind, target, wiring = fault.kind, fault.target, frame_map_of(rig)
     unseen = (kind == "biased" and not wiring.drive.placed) or (kind == "stuck" and wiring.drive.shaken)
@@ -65,10 +64,8 @@ def limit_s(rig: str, fault: Fault) -> float:
 
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
-    """The same for another maker's carriage, which comes to rest as its table states: from the last command, or from
-    when the controller had to see it. Their frames have neither counter nor CRC of their own: what the catalogue's
-    rides through may be ridden through here, too, and so may commands whose bits are flipped behind the bus's own
-    check, which are obeyed until the drive does not follow.
+    """The same for another maker's carriage, which comes to rest as its table states; what has no counter or CRC of our
+    own there, such as flipped bits, may be ridden through.
     """
     unseen = fault.kind == "corrupt" and fault.target in ("commands", "all")
     if unseen or math.isinf(limit_s(CARRIAGE_MAP.drive.name, fault)):
@@ -78,10 +75,7 @@ def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
 
 
 def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
-    """The longest time in s from the begin of an operator's fault until the reference is held: what the last setpoint
-    has to live, or the next one to come, or until setpoints are held back for longer than they live; inf where the
-    controller may go on.
-    """
+    """The longest time in s from an operator's fault until the reference is held; inf where it may go on."""
     if fault.kind in _RIDDEN or abs(fault.amount) < KINDS[fault.kind].value:
         return math.inf
     life_s = 1e-3 * jog.life_ms
@@ -102,11 +96,9 @@ ROUNDING_S: Final = 1e-9  # of simulated time
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of `faults` that began together, within a tick: one, or a set. `safe_after_s`: from the first's begin
-    until the drive was in its safe state (nan where it never had to be: the loop rode through); `since_good_s`: the
-    same from the last good command frame before that. `unsafe`: the true state broke a limit, or a drive that moved
-    when the fault came was in its safe state later than `sil_limits` allows, or moved again afterwards. Of lies,
-    `distance_m` is the largest of the true capsule from the wanted place until then, and `why` says what was unsafe.
+    """What came of `faults` that began within a tick: s from the first's begin, and from the last good command, to the
+    safe state (nan: ridden through); `unsafe`: a limit broke, or the drive stopped too late, or moved again. Of lies,
+    the largest distance from the wanted place, and `why` it was unsafe.
     """
 
     faults: tuple[Fault, ...]
@@ -118,7 +110,6 @@ class Outcome:
 
     @property
     def fault(self) -> Fault:
-        """The one that began first."""
         return self.faults[0]
 
     def document(self) -> dict[str, Any]:
@@ -130,9 +121,7 @@ class Outcome:
 
 
 def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
-    """The outcome of each fault, or of each set of faults that began within a tick; it counts until the next one
-    begins.
-    """
+    """The outcome of each set of faults that began within a tick, until the next one begins."""
     sets: list[list[Fault]] = []
     for fault in scenario.faults:
         if sets and fault.at_s < sets[-1][0].at_s + scenario.loop.control.tick_s - ROUNDING_S:
@@ -144,9 +133,7 @@ def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
 
 
 def limit_of(scenario: SilScenario, fault: Fault) -> float:
-    """The longest time in s from the fault's begin to the safe state in `scenario`, inf where it may ride through; on
-    an authenticated bus it does so through strangers, who are not heard.
-    """
+    """The longest time in s from a fault to the safe state, inf where it may ride through."""
     if fault.needs == OPERATOR and scenario.jog is not None and scenario.operator is not None:
         return operator_limit_s(scenario.jog, scenario.operator, fault)
     if fault.kind in _STRANGERS and scenario.bus.key_file:
@@ -159,8 +146,8 @@ def limit_of(scenario: SilScenario, fault: Fault) -> float:
 def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> Outcome:
     fault = faults[0]
     if any(one.kind in LIES for one in faults):
-        found = lied(scenario, trace, faults, end)
-        return Outcome(faults, found.after_s, math.nan, bool(found.why), found.distance_m, found.why)
+        after_s, distance_m, why = lied(scenario, trace, faults, end)
+        return Outcome(faults, after_s, math.nan, bool(why), distance_m, why)
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))
@@ -193,9 +180,7 @@ def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
 
 
 def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -> bool:
-    """Whether, from an operator's fault on, the reference went farther or faster than `[operator]` allows, somebody was
-    in charge who had not pressed or was another one, or it was not held in time.
-    """
+    """Whether from an operator's fault on the reference broke `[operator]`, its charge, or its hold."""
     operator, jog, tick_s = scenario.operator, scenario.jog, scenario.loop.control.tick_s
     assert operator is not None
     assert jog is not None

@@ -22,9 +22,7 @@ _BACK_M_S: Final = -0.4  # speed that the other one asks for
 
 
 class Hand:
-    """Sends the setpoints of `jog`, one a cycle, on `bus`. `presses` counts how often the dead-man switch went from
-    released to held; once it is `let_go` it stays released.
-    """
+    """Sends the setpoints of `jog`, one a cycle; `presses` counts presses; once `let_go` it stays released."""
 
     def __init__(self, bus: can.BusABC, jog: JogTable) -> None:
         self.let_go, self.presses = False, 0
@@ -52,9 +50,7 @@ class Hand:
 
 
 class SecondOperator:
-    """Another operator, from when it first speaks on: released for two cycles, then as fast backwards as a frame can
-    say; as a source of its own, or as the same one, its counter beginning at 0.
-    """
+    """Another operator: released for two cycles, then as fast backwards as a frame can say."""
 
     def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: Catalogue) -> None:
         names = catalogue[SETPOINT].field("Source").names.values()
@@ -85,9 +81,7 @@ class SecondOperator:
 
 
 class Stranger:
-    """A node that speaks as a controller where a scenario's faults ask for it: one of its own will, or a player of what
-    the true one has said. Its ticks are not those of the true one: it speaks in the last slot of each.
-    """
+    """A node that speaks as a controller, in the last slot of a tick: of its own, or playing what was said."""
 
     def __init__(self, medium: Medium, wiring: FrameMap, tick_s: float, kinds: set[str]) -> None:
         asked = kinds & {"second_master", "player"}

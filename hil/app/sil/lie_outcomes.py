@@ -1,10 +1,7 @@
-"""What came of a localiser's or a drive's lie: how far the true capsule was from the wanted place until the drive was
-in its safe state, and whether that was safe.
-"""
+"""What came of a localiser's or a drive's lie: how far the true capsule went, and whether that was safe."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -30,20 +27,10 @@ nothing contradicts a slow one.
 """
 
 
-@dataclass(frozen=True)
-class Lied:
-    """`after_s` from the lie's begin until the drive was in its safe state (nan: it was led to the end, 0: not led at
-    all); `distance_m` the largest of the true capsule from the wanted place until then; `why` it was unsafe, "" where
-    it was not.
+def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> tuple[float, float, str]:
+    """What came of lies that began together, up to `end`: s until the drive was safe (nan: led to the end, 0: not led),
+    the largest distance in m of the true capsule from the wanted place until then, why it was unsafe ("": it was not).
     """
-
-    after_s: float
-    distance_m: float
-    why: str
-
-
-def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> Lied:
-    """What came of `faults`, at least one of them a lie, that began together; up to `end` in s."""
     begin = faults[0].at_s
     t, safe, _ = trace.slots.T
     within = (t > begin) & (t <= end)
@@ -68,14 +55,12 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
         why = "too far"
     else:
         why = _broken(scenario, rows) or ("moved again" if again else "")
-    return Lied(after_s, float(np.max(distance, initial=0.0)), why)
+    return after_s, float(np.max(distance, initial=0.0)), why
 
 
 def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], rows: Array) -> Array:
-    """How far the true capsule may be from the wanted place at the times of `rows`: a magnet's by what it lets it stay
-    behind, and what the carriage goes until it has braked; another one by the envelope. Where nothing measured
-    contradicts the lie, as far as the lie has gone so far: an offset of a coil's or inner mass's localisation, and a
-    localiser and a drive that lie alike.
+    """How far the true capsule may be from the wanted place at the times of `rows`: a magnet's by its gap and the way
+    to brake, else by the envelope; where nothing measured contradicts the lie, as far as the lie has gone.
     """
     limits, drive, driven = scenario.loop.limits, scenario.loop.truth.drive, DRIVES[scenario.loop.kind]
     if isinstance(drive, Carriage):
@@ -104,9 +89,7 @@ def _size(trace: SilTrace, rows: Array) -> Array:
 
 
 def _broken(scenario: SilScenario, rows: Array) -> str:
-    """The limit of speed, force, current or travel that the truth broke, "" for none. A magnet that has let go of the
-    capsule breaks none.
-    """
+    """The limit that the truth broke, "" for none; a magnet that has let go breaks none."""
     truth, limits = scenario.loop.truth, scenario.loop.limits
     if len(rows) < 2:
         return ""

@@ -56,14 +56,9 @@ def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
 
 @dataclass
 class SilTrace(Trace):
-    """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
-    whether it was in its safe state, and when the last good command had come; `led_at` the last tick in s in which the
-    drive was led (-inf: none); `steered` (ticks, 4) are `Bench.steered`
-    at the ticks' begins, `experiments_at` when experiments interrupted the reference, in s of its time; `operator` says
-    what became of setpoints, `ended` how the run ended, `led_share` who led for which share of its ticks,
-    `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all frames with their times
-    where asked for; `lessons` and `offers` are what was learned, `learned` the same as a log's
-    record has it.
+    """What a run over the bus leaves beside `Trace`: `slots` (n, 3): end of each drive slot in s, whether safe, when
+    the last good command had come; `steered` (ticks, 4) is `Bench.steered`; `led_at` the last tick led, in s (-inf:
+    none); `experiments_at` in s of the reference; `digest` the hash of all frames; `learned` as a log's record has it.
     """
 
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -92,9 +87,7 @@ class SilTrace(Trace):
 
 
 def judged_loop(scenario: SilScenario, trace: SilTrace) -> TrackScenario:
-    """The loop of `scenario` with the reference by which its run is judged: where an operator could steer or an
-    experiment came between, the one that was in force.
-    """
+    """The loop with the reference that was in force, where an operator or an experiment changed it."""
     if scenario.operator is None and not trace.experiments_at and not scenario.loop.control.probe:
         return scenario.loop
     return replace(scenario.loop, reference=trace.in_force)
@@ -129,11 +122,8 @@ def run_sil(
     learning: Learning | None = None,
     shown: Callable[[can.Message], None] | None = None,
 ) -> SilTrace:
-    """Run `scenario` over the simulated bus under the named controller. `recorder` writes the controller node's log;
-    `learning` makes what learns from the run and offers models to it; `shown` is called with every frame.
-
-    Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than
-    `[bus]` allows: between two ticks, or, in the main thread, within one.
+    """Run `scenario` over the simulated bus; `recorder` writes the log, `learning` makes the learner, `shown` gets
+    every frame. Raises ValueError for a controller that cannot lead, and where `[bus]` allows no more wall clock.
     """
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
     bench.show(shown)
@@ -233,10 +223,7 @@ _AGAIN_S: Final = 1.0  # between further alarms
 
 @contextmanager
 def at_most(longest_s: float, sentence: str) -> Iterator[Callable[[], None]]:
-    """Fail what runs within it with ValueError(`sentence`) after `longest_s` s of wall clock: by a timer, within a call
-    that does not return too, where this is the main thread; else where the function that it gives is called, as between
-    two ticks.
-    """
+    """Raise ValueError(`sentence`) after `longest_s` s: by a timer, outside the main thread when looked."""
     end = time.monotonic() + longest_s
 
     def look() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import can
 
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar, say
+from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
@@ -66,9 +67,7 @@ def sil(
     effects: OwnEffects,
     controllers: OwnControllers,
 ) -> int:
-    """Run a scenario over the bus and say how well it was tracked and what came of its faults; 1 where it ended early
-    or was not led as asked. Raises ValueError, one sentence, for anything that cannot be used.
-    """
+    """Run a scenario over the bus; 1 where it ended early or was not led as asked. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario, text = load_sil_scenario(path, reference)
@@ -103,10 +102,7 @@ def sil(
                 log.add_to_record(trace.learned)
                 pages = story_files(out, scenario, found, trace) if learn else {}
                 write_files({out / "sil.json": json_text(found), **pages})
-    if json_output:
-        print_json(found)
-    else:
-        _say(scenario, found, trace)
+    answer(json_output, found, *_lines(scenario, found, trace))
     return int(found["ended"] != DONE)
 
 
@@ -144,9 +140,7 @@ def judged(
     report: Any = None,
     **more: Any,
 ) -> tuple[dict[str, Any], SilTrace]:
-    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`. Where an operator may steer,
-    and where an experiment was driven, tracking is judged by the reference that was in force.
-    """
+    """One run and its JSON object, judged by the reference in force; `more` goes to `run_sil`."""
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
     loop = judged_loop(scenario, trace)
@@ -161,39 +155,33 @@ def judged(
     return found, trace
 
 
-def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
+def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Iterator[str]:
     loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
-    say(f"{loop.name}: {loop.kind} rig on the bus, {loop.duration_s:g} s, seed {found['seed']}, {found['model']} model")
-    say(
+    run = f"{loop.duration_s:g} s, seed {found['seed']}, {found['model']} model"
+    yield f"{loop.name}: {loop.kind} rig on the bus, {run}"
+    yield (
         f"{found['controller']}: rmse {1e3 * found['tracking_rmse_m']:.3f} mm, max {1e3 * found['tracking_max_m']:.3f}"
         f" mm, {found['hard_violations']} violations, solve {solve['median']:.3f} ms (p99 {solve['p99']:.3f}),"
         f" {found['real_time_factor']:.1f} x real time"
     )
-    say(f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected")
+    yield f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected"
     if kinds := bus.get("unauthenticated"):
-        say(f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}")
-    if steered := found.get("operator"):
-        say(f"operator: {steered['presses']} presses, {steered['expired']} late, {steered['accepted']} setpoints taken")
+        yield f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}"
+    if told := found.get("operator"):
+        yield f"operator: {told['presses']} presses, {told['expired']} late, {told['accepted']} setpoints taken"
     for fault in found["faults"]:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"
         if "distance_mm" in fault:
             came += f", at most {fault['distance_mm']:.1f} mm from the wanted place"
-        say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
-    say(health_words(found))
-    if sentence := offer_words(found):
-        say(sentence)
-    say(*(lesson.words for lesson in trace.lessons))
+        yield f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}"
+    yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons)))
     if trace.ended != DONE:
-        say(f"ended: {trace.ended}")
+        yield f"ended: {trace.ended}"
 
 
 class Watched:
-    """Passes every frame of the simulated bus on to the local bus `channel`, on which nobody is listened to.
-
-    The frames' simulated times are kept to by the wall clock, from the first one on: a run that could be faster waits.
-    A local bus that takes no more frames costs the run nothing but what is shown of it.
-    """
+    """Passes every frame on to the local bus `channel` by the wall clock; one that is full costs nothing."""
 
     def __init__(self, channel: str) -> None:
         """Raises ValueError where there can be no such bus."""
@@ -201,7 +189,6 @@ class Watched:
         self._zero_s = math.nan
 
     def __call__(self, message: can.Message) -> None:
-        """One frame, as it leaves the wire."""
         now = time.monotonic()
         if math.isnan(self._zero_s):
             self._zero_s = now - message.timestamp

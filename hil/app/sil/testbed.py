@@ -1,6 +1,4 @@
-"""Controller and plant as nodes on one simulated bus, in lockstep: time moves only when everybody has done the present
-slot.
-"""
+"""Controller and plant as nodes on one simulated bus: time moves when everybody has done the present slot."""
 
 import math
 import random
@@ -56,11 +54,7 @@ def task_on_bus(scenario: SilScenario, model: ControlModel, controller: str, **m
 
 
 class Bench:
-    """All nodes of a scenario and the wire between them. `step` does a tick; faults that are due begin and end within
-    it.
-
-    Nothing waits for a frame: a node that says nothing leaves the others their timeouts, in simulated time.
-    """
+    """All nodes of a scenario and the wire between them, a tick at a time. Nothing waits for a frame."""
 
     def __init__(
         self,
@@ -72,9 +66,7 @@ class Bench:
         offer: Offer | None = None,
         recorder: Recorder | None = None,
     ) -> None:
-        """`recorder` writes the log of the controller node. Raises ValueError for a controller that cannot lead this
-        rig.
-        """
+        """Raises ValueError for a controller that cannot lead this rig."""
         self._recorder, self._seed = recorder, seed
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
@@ -121,12 +113,10 @@ class Bench:
 
     @property
     def time_s(self) -> float:
-        """Begin of the next tick."""
         return self.ticks * self.tick_s
 
     @property
     def frames(self) -> int:
-        """Frames on the wire so far."""
         return sum(port.counters.sent for port in self.medium.ports)
 
     @property
@@ -142,9 +132,7 @@ class Bench:
 
     @property
     def steered(self) -> tuple[float, float, float, float]:
-        """Where the reference is now in m, the source in charge, how often one took charge, and how often an operator
-        pressed.
-        """
+        """Reference in m, source in charge, how often one took charge, how often an operator pressed."""
         pressed = (0 if self.hand is None else self.hand.presses) + (0 if self.second is None else self.second.presses)
         operator = self.node.operator
         source, presses = (0, 0) if operator is None else (operator.source, operator.presses)
@@ -202,7 +190,6 @@ class Bench:
 
     @property
     def slots(self) -> int:
-        """Slots in a tick."""
         return self.plant.slots
 
     def _bus(self, name: str, seed: int) -> can.BusABC:

@@ -37,10 +37,8 @@ _REPORTS = 50  # of the progress
 
 @dataclass
 class Trace:
-    """What a run leaves, an entry a tick: what the controller believed and answered; `rows` is the truth
-    (`plant.layout`), `health` what the monitor says of the model at the end, on the reference's time, `truth` the rig
-    that it was, its magnet at the height asked for, `halted` why the supervisor stopped for good, `first` who was to
-    lead.
+    """What a run leaves, an entry a tick; `rows` is the truth (`plant.layout`), `health` the monitor's last word,
+    `truth` the rig that it was, `halted` why the supervisor stopped, `first` who was to lead.
     """
 
     time_s: Array
@@ -109,9 +107,7 @@ def _contradiction(
 
 
 def believed_model(scenario: TrackScenario, values: Theta, before: ControlModel | None = None) -> ControlModel:
-    """The control model of what the scenario's controller believes, with the `values` of one stage of a model file;
-    those of a `vibro_table` are turned into a drive's in time.
-    """
+    """The control model of what is believed, with `values` of a stage of a model file."""
     drive = DRIVES[scenario.kind]
     belief, numbers = in_time(scenario.belief, values) if drive.shaken else (scenario.belief, values)
     height = _height_m(scenario, numbers, before)
@@ -151,11 +147,8 @@ def run_loop(
     *,
     offer: Offer | None = None,
 ) -> Trace:
-    """Run `scenario` under the named controller. The controller sees stamped measurements alone, never the truth.
-
-    Each tick: estimate from what has arrived, command through the supervisor and the limits, plant until the next tick.
-    Where a model is on `offer`, it takes over at a rest.
-    Raises ValueError for a controller that cannot lead this rig.
+    """Run `scenario`: each tick estimate, command through supervisor and limits, plant. A model on `offer` takes over
+    at a rest. Raises ValueError for a controller that cannot lead this rig.
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)

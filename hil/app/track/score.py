@@ -1,6 +1,4 @@
-"""What a closed-loop run is worth: tracking, effort, force on the wall, use of limits, step times; judged on the truth
-of the plant.
-"""
+"""What a closed-loop run is worth, judged on the plant's truth: tracking, effort, forces, limits, times."""
 
 import math
 from collections import Counter
@@ -29,10 +27,9 @@ _SELDOM = 100  # rows between those at which a magnet's attraction is looked at
 
 @dataclass(frozen=True)
 class Score:
-    """SI. `effort` is the rms of the drive's force in N; `hard_violations` counts ticks in which the truth broke a
-    limit, `limit_use` is the largest share of each that was used. `ticks` counts ticks by status, `estimator` what
-    became of the measurements; `solve_ms` is the controller's time for a tick, `estimate_ms` the estimator's; `events`
-    are the last change-overs between controllers, `monitor` what became of the model in use.
+    """SI. `effort`: rms of the drive's force; `hard_violations`: ticks in which the truth broke a limit, `limit_use`
+    the largest share of each; `ticks` by status, `estimator` what became of measurements, `events` change-overs,
+    `monitor` the model's health.
     """
 
     tracking_rmse_m: float
@@ -83,9 +80,7 @@ def score(scenario: TrackScenario, trace: Trace) -> Score:
 
 
 def wall_force(truth: Truth, rows: Array) -> Array:
-    """Force in N with which the capsule presses on along the lumen: the drive's less what accelerates the masses; (rows
-    - 1,).
-    """
+    """Force in N on the lumen, (rows - 1,): the drive's less what accelerates the masses."""
     dt = np.diff(rows[:, at.O_T])
     pushed = rows[:-1, at.O_FORCE] - truth.capsule.mass_kg * np.diff(rows[:, at.O_V]) / dt
     if isinstance(truth.drive, TrueVibro):
@@ -103,9 +98,7 @@ def violations(truth: Truth, limits: Limits, rows: Array, tick_s: float) -> int:
 
 
 def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
-    """The true state as a share of each limit that it has: speed, force on the tissue, current, and the magnet's gap,
-    of the one beyond which it lets go. One for each row, for the force one less.
-    """
+    """The true state as a share of each limit, a value a row; for the force one less."""
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N

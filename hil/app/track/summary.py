@@ -60,7 +60,6 @@ def times(found: Found) -> list[str]:
 
 
 def verdict(check: Mapping[str, Any]) -> str:
-    """The verdict in a word."""
     return "passed" if check["passed"] else "FAILED"
 
 

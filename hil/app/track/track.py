@@ -54,9 +54,7 @@ def track(
     effects: OwnEffects,
     controllers: OwnControllers,
 ) -> int:
-    """Run a scenario in closed loop, with `compare` under every controller, and say how well it was tracked: 1 where a
-    run fails one of the scenario's checks. Raises ValueError, one sentence, for anything that cannot be used.
-    """
+    """Run a scenario in closed loop: 1 where a run fails a check of the scenario. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario = load_track_scenario(path, reference).knowing(known)

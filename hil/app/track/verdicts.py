@@ -20,9 +20,7 @@ STAYING_S = 1.0
 
 
 def verdicts(scenario: TrackScenario, controller: str, trace: Trace, found: Score) -> list[dict[str, Any]]:
-    """A verdict for each check that the scenario has for `controller`, as `capsule track --json` prints it: its name,
-    the `value` in that name's unit (inf: never) and the `limit`; a value that is no number does not keep it.
-    """
+    """Each check of `controller`: name, `value` in its unit (inf: never), `limit`, whether passed."""
     checks = scenario.checks.of(controller)
     values = dict(_scored(found)) | dict(_traced(scenario, checks, trace))
     limits = {name: getattr(checks, name) for name in values}
@@ -79,9 +77,7 @@ def _below_for_good(t: Array, error: Array, bound: float, begin: float, end: flo
 
 
 def _back_below(t: Array, error: Array, bound: float, begin: float) -> float:
-    """Seconds after `begin` from which on `error` stays below `bound` for `STAYING_S` (or to the end); inf where it
-    never does.
-    """
+    """Seconds after `begin` until `error` stays below `bound` for `STAYING_S`; inf: never."""
     later = t >= begin
     times, above = t[later], np.flatnonzero(~(error[later] < bound))
     starts = [0, *(above + 1)]
@@ -93,9 +89,7 @@ def _back_below(t: Array, error: Array, bound: float, begin: float) -> float:
 
 
 def _mean_speed(t: Array, x: Array, begin: float, end: float) -> float:
-    """Slope of the straight line through the positions: an inner mass swings the capsule by as much as it advances it
-    in a cycle, and the ends alone would fall somewhere into the swing.
-    """
+    """Slope of the line through the positions: the ends alone would fall somewhere into a swing."""
     inside = (t >= begin) & (t < end)
     late = t[inside] - np.mean(t[inside])
     return float(np.sum(late * x[inside]) / np.sum(late**2))

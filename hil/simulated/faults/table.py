@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.drives import CARRIAGE, INNER_MASS
-from models.files.tables import from_table
 from models.parameter import nearest
+from models.rigs.schema import from_table
 
 LINKS: Final = ("commands", "feedback", "localisation", "all")
 SENSORS: Final = ("localisation", "feedback")

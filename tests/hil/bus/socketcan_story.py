@@ -27,7 +27,7 @@ import can
 from hil.app.main import run
 from hil.app.run import run as _imported  # noqa: F401 - before the fork
 from hil.app.run.simulated_plant import run_plant
-from hil.app.scenario.deployment import BusTable
+from hil.app.scenario.deployment import BusTable, DeployedPlant
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Codec
 from hil.nodes.frame_map import ENABLE, MOVING, STOPPING
@@ -115,7 +115,8 @@ def _lead(*arguments: str) -> tuple[int, str]:
 def main(folder: Path) -> None:
     """The whole story."""
     wire, log, rig = Wire(), SCRATCH / "run.blf", str(folder / "rig.toml")
-    plant = Child(run_plant, folder / "plant.toml", BusTable(interface="socketcan", channel=CHANNEL), 3600.0, 20)
+    deployed = DeployedPlant(folder / "plant.toml", BusTable(interface="socketcan", channel=CHANNEL), 20)
+    plant = Child(run_plant, deployed, 3600.0)
     found: dict[str, Any] = {"stopped": _stopped(wire, rig, log)}
     found["frames"] = _counts(wire)
     wire.heard.clear()

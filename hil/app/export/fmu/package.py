@@ -37,9 +37,8 @@ class Variable:
 
 @dataclass(frozen=True)
 class Unit:
-    """What an FMU is made of. `header` is C with the core's numbers, `core` the file that works with them, `objects`
-    machine code that is linked to it; without any the C sources travel, too. `step_s` is the step inside (0: the
-    communication step).
+    """What an FMU is made of: `header` is C with the numbers of `core`; `objects` are linked to it, without any the C
+    sources travel, too; `step_s` is the step inside (0: the communication step).
     """
 
     name: str
@@ -54,7 +53,6 @@ class Unit:
 
     @property
     def identifier(self) -> str:
-        """The name as C knows names."""
         return re.sub(r"\W", "_", self.name, flags=re.ASCII)
 
 

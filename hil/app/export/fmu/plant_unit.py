@@ -98,9 +98,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables
 
 
 def read_truth(path: Path) -> tuple[RunTable, Truth]:
-    """How long the scenario file `path`, one of `simulate`, `track` or `sil`, runs, and its plant. Raises ValueError of
-    one sentence.
-    """
+    """How long a scenario runs, and its plant. Raises ValueError of one sentence."""
     raw, _ = read_toml(path, "scenario")
     tables = {name: table for name, table in raw.items() if name in TRUTH_TABLES}
     with in_file(path):
@@ -116,10 +114,8 @@ def read_truth(path: Path) -> tuple[RunTable, Truth]:
 
 
 def object_code(function: Any, signature: tuple[Any, ...], symbol: str) -> bytes:
-    """Machine code of the compiled `function` for arguments of the numba types `signature`, under the name `symbol`.
-
-    In C it takes a pointer to its result, one to an exception (never set), and for every array numba's seven or nine
-    numbers. What else it refers to is the C library's alone.
+    """Machine code of the compiled `function` under the name `symbol`. In C it takes a pointer to its result, one to an
+    exception (never set), and for every array numba's seven or nine numbers.
     """
     fresh: Any = njit(**{**OPTIONS, "cache": False})(function.py_func)
     fresh.compile(signature)

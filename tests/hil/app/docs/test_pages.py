@@ -9,9 +9,9 @@ import pytest
 from hil.app.docs.api import described
 from hil.app.docs.keys import DEPLOYMENT_TABLES, deployment_keys, rig_tables, unit_of
 from hil.app.docs.pages import PARTS, filled, main
-from hil.app.run import simulated_plant
 from hil.app.scenario.deployment import OWN_TABLES
 from hil.app.scenario.scenario import BUS_TABLES
+from hil.app.sil import loop
 from models.effects import EFFECTS
 from models.rigs import magnets, reader, schema, tables
 from models.rigs.kinds import KINDS
@@ -86,10 +86,10 @@ def test_a_function_is_described_by_signature_and_docstring() -> None:
 
 
 def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
-    text = described(simulated_plant)
-    assert "```python\nrun_plant(\n    scenario_path: Path,\n" in text
-    assert "\n    priority: int = 0,\n    *,\n    drive: " in text
-    assert "\n) -> dict[str, Any]\n```" in text
+    text = described(loop)
+    assert "```python\nrun_sil(\n    scenario: SilScenario,\n" in text
+    assert "\n    *,\n    offer: Offer | None = None,\n" in text
+    assert "\n) -> SilTrace\n```" in text
 
 
 FULL: dict[str, Any] = {

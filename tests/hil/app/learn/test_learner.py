@@ -132,7 +132,7 @@ def test_what_does_not_pass_the_gate_is_not_offered_and_asked_again_with_more() 
 
 
 def test_an_experiment_is_driven_only_where_it_is_allowed() -> None:
-    forbidden, allowed = Story(NOTHING), Story(NOTHING, replace(PACE, experiment_mm=3.0, experiment_s=12.0))
+    forbidden, allowed = Story(NOTHING), Story(NOTHING, PACE.but(experiment_mm=3.0, experiment_s=12.0))
     for story in (forbidden, allowed):
         story.run(8.0, 75.0, BROKEN, 1e-3)
     assert not forbidden.driven

@@ -267,7 +267,7 @@ def test_a_slow_sender_is_followed_where_the_deployment_says_so() -> None:
     """30 setpoints a second."""
     operator, _ = sent(lambda k: k / 30, 300)
     assert operator.source == 0
-    operator, led = sent(lambda k: k / 30, 300, LIMITS.model_copy(update={"drift_share": 0.45}))
+    operator, led = sent(lambda k: k / 30, 300, LIMITS.but(drift_share=0.45))
     assert (operator.source, len(led)) == (3, 299)
 
 

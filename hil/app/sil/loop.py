@@ -1,6 +1,5 @@
 """One closed loop over the simulated bus: what it leaves to be judged."""
 
-import hashlib
 import math
 import signal
 import threading
@@ -29,7 +28,6 @@ from hil.app.track.loop import Array, Progress, Trace
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
-from hil.simulated.medium import SimulatedBus
 from hil.simulated.plant_node import SLOT_S
 from models.theta import Theta
 
@@ -58,7 +56,7 @@ def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
 class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3): end of each drive slot in s, whether safe, when
     the last good command had come; `steered` (ticks, 4) is `Bench.steered`; `led_at` the last tick led, in s (-inf:
-    none); `experiments_at` in s of the reference; `digest` the hash of all frames; `learned` as a log's record has it.
+    none); `experiments_at` in s of the reference; `learned` as a log's record has it.
     """
 
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -73,7 +71,6 @@ class SilTrace(Trace):
     stopped_because: str = ""
     ended: str = DONE
     led_share: dict[str, float] = field(default_factory=dict)
-    digest: str = ""
     lessons: list[Lesson] = field(default_factory=list)
     offers: list[Offered] = field(default_factory=list)
     learned: dict[str, object] = field(default_factory=dict)
@@ -93,22 +90,6 @@ def judged_loop(scenario: SilScenario, trace: SilTrace) -> TrackScenario:
     return replace(scenario.loop, reference=trace.in_force)
 
 
-class _Tap:
-    """Hashes all that is on the wire."""
-
-    def __init__(self, bench: Bench) -> None:
-        self._port = SimulatedBus(bench.medium, "tap")
-        self._hash = hashlib.sha256()
-
-    def drain(self) -> None:
-        while (message := self._port.recv(0)) is not None:
-            stamp = np.float64(message.timestamp).tobytes()
-            self._hash.update(stamp + message.arbitration_id.to_bytes(4, "little") + bytes(message.data))
-
-    def hexdigest(self) -> str:
-        return self._hash.hexdigest()
-
-
 def run_sil(
     scenario: SilScenario,
     model: ControlModel,
@@ -118,7 +99,6 @@ def run_sil(
     *,
     offer: Offer | None = None,
     recorder: Recorder | None = None,
-    digest: bool = False,
     learning: Learning | None = None,
     shown: Callable[[can.Message], None] | None = None,
 ) -> SilTrace:
@@ -129,7 +109,7 @@ def run_sil(
     bench.show(shown)
     ticks = round(loop.duration_s / bench.tick_s)
     room = {"slots": np.zeros((ticks * bench.slots, 3)), "steered": np.zeros((ticks, 4))}
-    trace, tap = SilTrace.empty(ticks, **room), _Tap(bench) if digest else None
+    trace = SilTrace.empty(ticks, **room)
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
     learner = None if learning is None else learning(bench.node)
     sentence = (
@@ -138,12 +118,11 @@ def run_sil(
     )
     began = time.perf_counter()
     with at_most(longest_s, sentence) as look:
-        led = _ticks(trace, bench, controller, tap, report, look, learner)
+        led = _ticks(trace, bench, controller, report, look, learner)
     trace.wall_clock_s = time.perf_counter() - began
     _finish(trace, bench, led)
     if learner is not None:
         trace.lessons, trace.offers, trace.learned = learner.lessons, learner.offers, learner.record
-    trace.digest = "" if tap is None else tap.hexdigest()
     return trace
 
 
@@ -151,7 +130,6 @@ def _ticks(
     trace: SilTrace,
     bench: Bench,
     controller: str,
-    tap: _Tap | None,
     report: Progress | None,
     look: Callable[[], None],
     learner: Learner | None = None,
@@ -178,8 +156,6 @@ def _ticks(
             at = bench.slot(number)
             trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at
         bench.end_tick()
-        if tap is not None:
-            tap.drain()
         if report is not None and k % max(1, ticks // _REPORTS) == 0:
             report(controller, k / ticks)
         look()

@@ -13,7 +13,7 @@ from hil.app.sil.loop import run_sil
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
 from models.theta import Theta
-from tests.hil.app.sil.sil_runs import RIGS, model_of, run, scenario_of
+from tests.hil.app.sil.sil_runs import RIGS, Digest, model_of, run, scenario_of
 
 
 @pytest.mark.parametrize("kind", RIGS)
@@ -23,10 +23,15 @@ def test_same_seed_same_frames(kind: str) -> None:
         {"kind": "corrupt", "at_s": 0.2, "duration_s": 0.05, "value": 0.3},
         {"kind": "drop", "at_s": 0.3, "target": "all"},
     )
-    first, second, other = (run(kind, 0.4, *faults, seed=seed)[0] for seed in (1, 1, 2))
-    assert first.digest == second.digest
-    assert first.digest != other.digest
-    assert np.array_equal(first.rows, second.rows)
+    scenario, rows, digests = scenario_of(kind, 0.4, *faults), [], []
+    for seed in (1, 1, 2):
+        digest = Digest()
+        trace = run_sil(scenario, model_of(kind), scenario.loop.control.controller, seed, shown=digest)
+        rows.append(trace.rows)
+        digests.append(digest.told())
+    assert digests[0] == digests[1]
+    assert digests[0] != digests[2]
+    assert np.array_equal(rows[0], rows[1])
 
 
 def test_tracks_over_the_bus_as_without_it() -> None:

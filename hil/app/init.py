@@ -11,7 +11,6 @@ import numpy as np
 import typer
 
 from hil.app.console import answer, output_to_notes
-from hil.app.docs.keys import span, unit_of
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
 from models.identification.kinds import kind_for
@@ -21,7 +20,7 @@ from models.rigs.kind import Record as Columns
 from models.rigs.kind import RigKind, Tables
 from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
-from models.rigs.schema import Table, field_of
+from models.rigs.schema import Table, field_of, key_unit, span
 from models.rigs.tables import Noise
 from plant.experiments.series import make_series
 
@@ -112,7 +111,7 @@ def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
 def _line(key: str, table: type[Table], values: Mapping[str, Any]) -> str:
     told = f"{key} = {_value(values[key])}" if key in values else f"# {key} ="
     schema = table.model_json_schema()["properties"][key]
-    facts = [unit_of(key), span(schema).replace("`", ""), (field_of(table, key).description or "").replace("`", "")]
+    facts = [key_unit(key), span(schema).replace("`", ""), (field_of(table, key).description or "").replace("`", "")]
     return f"{told:<44} # {'; '.join(fact for fact in facts if fact)}" if any(facts) else told
 
 

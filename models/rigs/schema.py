@@ -25,7 +25,7 @@ from pydantic_core import CoreSchema, ErrorDetails
 from pydantic_core.core_schema import no_info_after_validator_function
 
 from models.files.tables import INTEGER, LARGEST_INTEGER, check_magnitude, shown
-from models.files.units import unit_of
+from models.files.units import unit_at_end, unit_of
 from models.parameter import nearest
 
 Positive = Annotated[float, Field(ge=1e-12, lt=1e9)]
@@ -166,6 +166,25 @@ def field_of(table: type[Table], name: str) -> FieldInfo:
     """A key as the table that says what it means declares it, this one or one that it goes back to."""
     declared = (one.model_fields[name] for one in table.__mro__ if issubclass(one, Table) and name in one.model_fields)
     return next((one for one in declared if one.description), table.model_fields[name])
+
+
+def key_unit(key: str) -> str:
+    """The unit that a key's name ends in, "" where it has none."""
+    return "bit/s" if key.endswith("bitrate") else unit_at_end(key)[1]
+
+
+def span(schema: Mapping[str, Any]) -> str:
+    """The range or the choices that the JSON schema of a key allows, "" where it is free."""
+    inner = next((part for part in schema.get("anyOf", [schema]) if part.get("type") != "null"), schema)
+    if "const" in inner or "enum" in inner:
+        words = [f"`{value}`" for value in inner.get("enum", [inner.get("const")])]
+        return (" or " if len(words) <= 3 else ", ").join(words)
+    if inner.get("type") == "boolean":
+        return "true or false"
+    if "minItems" in inner:
+        return f"list of {inner['minItems']}, each {span(inner['items'])}"
+    bounds = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
+    return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 
 
 def example(table: type[Table], name: str) -> str:

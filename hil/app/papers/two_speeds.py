@@ -10,6 +10,7 @@ from hil.app.papers.flat_car import measured_teeth
 from hil.app.papers.row import Row, Verdict, row, speed_key
 from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods.periods import Cycle, PeriodsKind
+from models.rigs.periods import PERIODS
 from models.rigs.rig import Rig
 from models.sets import load_measurement
 
@@ -21,7 +22,7 @@ _MN = 1e3  # in a newton
 
 def base_cycle(speed_m_s: float) -> Cycle:
     """The base model's tooth for the default capsule and gut, nothing fitted."""
-    kind = PeriodsKind.from_rig(Rig("periods", velocity_m_s=speed_m_s))
+    kind = PeriodsKind.from_rig(Rig(PERIODS.id, velocity_m_s=speed_m_s))
     return kind.cycle(speed_m_s, kind.nominal())
 
 

@@ -18,7 +18,6 @@ from controller.model.control_model import control_model
 from controller.trajectory import by_speeds
 from controller.tuned import PidGains
 from hil.api import identify
-from hil.app.docs import keys
 from hil.app.identify.close_loop import result_files
 from hil.app.init import init
 from models.checks.examine import examine
@@ -34,6 +33,7 @@ from models.rigs.rig import Rig
 from plant.drives.kinds import DRIVES as SIMULATED
 from plant.rig import Plant, TruePlate, Truth
 from tests.controller.loops import closed_loop
+from tests.hil.app.docs import keys
 from tests.models.rigs.thruster import MASS_KG, MU, TABLES, THRUST, THRUSTER, JetTable, Slab, bursts
 from tests.plant.force import Force
 

@@ -6,9 +6,6 @@ from typing import Any
 
 import pytest
 
-from hil.app.docs.api import described
-from hil.app.docs.keys import DEPLOYMENT_TABLES, deployment_keys, rig_tables, unit_of
-from hil.app.docs.pages import PARTS, filled, main
 from hil.app.scenario.deployment import OWN_TABLES
 from hil.app.scenario.scenario import BUS_TABLES
 from hil.app.sil import loop
@@ -16,7 +13,11 @@ from models.effects import EFFECTS
 from models.rigs import magnets, reader, schema, tables
 from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
+from models.rigs.schema import key_unit
 from models.rigs.tables import PaperTissueTable
+from tests.hil.app.docs.api import described
+from tests.hil.app.docs.keys import DEPLOYMENT_TABLES, deployment_keys, rig_tables
+from tests.hil.app.docs.pages import PARTS, filled, main
 from tests.places import ROOT
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -24,9 +25,9 @@ PAGES = sorted((ROOT / "docs").rglob("*.md"))
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_generated_parts_are_current(page: Path) -> None:
-    """`python -m hil.app.docs.pages` writes them anew."""
+    """`python -m tests.hil.app.docs.pages` writes them anew."""
     text = page.read_text(encoding="utf-8")
-    assert filled(text) == text, "run: python -m hil.app.docs.pages"
+    assert filled(text) == text, "run: python -m tests.hil.app.docs.pages"
 
 
 def test_every_part_stands_on_a_page() -> None:
@@ -61,7 +62,7 @@ def test_every_effect_is_on_the_page() -> None:
 
 
 def test_a_unit_is_read_from_the_end_of_a_name() -> None:
-    assert [unit_of(name) for name in ("spring_damping_N_s_per_m", "speed_mm_s", "preset")] == ["N s/m", "mm/s", ""]
+    assert [key_unit(name) for name in ("spring_damping_N_s_per_m", "speed_mm_s", "preset")] == ["N s/m", "mm/s", ""]
 
 
 def test_pages_are_filled_between_their_markers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

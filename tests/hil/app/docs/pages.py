@@ -1,5 +1,5 @@
-"""Writes the generated parts of docs/*.md between their markers: `python -m hil.app.docs.pages` after a change of a
-schema or of the catalogue of effects.
+"""Writes the generated parts of docs/*.md between their markers: `python -m tests.hil.app.docs.pages` after a change of
+a schema or of the catalogue of effects.
 """
 
 import re
@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil.app import ends
-from hil.app.docs import api, effects, keys, settings
+from tests.hil.app.docs import api, effects, keys, settings
 
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
     {

@@ -15,11 +15,10 @@ from hil.drives.makers import ACTUATORS
 from hil.formats.table import FORMATS
 from hil.nodes.controller.operator import OperatorLimits
 from hil.report.builder import markdown
-from models.files.units import unit_at_end
 from models.rigs.columns import RANGES, TIME, Columns
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
-from models.rigs.schema import NamedTable, Table, field_of
+from models.rigs.schema import NamedTable, Table, field_of, key_unit, span
 from models.rigs.tables import BodyTable, CapsuleTable, Checks, ColumnTable, Noise, TissueTable
 
 _COMMON: Final[Mapping[str, tuple[type[Table], ...]]] = {
@@ -77,18 +76,9 @@ _WHERE: Final[Mapping[type[Table], str]] = {
 }
 
 
-def unit_of(key: str) -> str:
-    """The unit that a key's name ends in, "" where it has none."""
-    return "bit/s" if key.endswith("bitrate") else unit_at_end(key)[1]
-
-
 def rig_keys() -> str:
     """The tables of a rig file as Markdown."""
     return _keys({name: _pydantic(models) for name, models in rig_tables().items()})
-
-
-_FEW: Final = 3
-"""So many choices stand with an "or" between them."""
 
 
 def deployment_keys() -> str:
@@ -99,7 +89,7 @@ def deployment_keys() -> str:
 
 def _keys(tables: Mapping[str, Iterator[tuple[str, str, str, str]]]) -> str:
     heads = (f"`{name.replace(']', ']`', 1)}" for name in tables)
-    rows = ([(key, unit_of(key), *told) for key, *told in rows] for rows in tables.values())
+    rows = ([(key, key_unit(key), *told) for key, *told in rows] for rows in tables.values())
     text = markdown("keys.md.j2", tables=dict(zip(heads, rows, strict=True)))
     return text.replace("|  |", "| |").replace("|  |", "| |")
 
@@ -107,7 +97,7 @@ def _keys(tables: Mapping[str, Iterator[tuple[str, str, str, str]]]) -> str:
 def columns() -> str:
     """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
     layouts = [(kind, one, _driven(one)) for kind in KINDS for one in KINDS[kind].layouts]
-    ranges = [(name, one, unit_of(name)) for name, one in RANGES.items()]
+    ranges = [(name, one, key_unit(name)) for name, one in RANGES.items()]
     return markdown("columns.md.j2", layouts=layouts, ranges=ranges)
 
 
@@ -135,20 +125,6 @@ def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, 
         else:
             said = "may be left out" if default is None else _value(default)
         yield key, span(schema) or _free(schema), said, field_of(models[0], key).description or ""
-
-
-def span(schema: Mapping[str, Any]) -> str:
-    """The range or the choices that the JSON schema of a key allows, "" where it is free."""
-    inner = next((part for part in schema.get("anyOf", [schema]) if part.get("type") != "null"), schema)
-    if "const" in inner or "enum" in inner:
-        words = [f"`{value}`" for value in inner.get("enum", [inner.get("const")])]
-        return (" or " if len(words) <= _FEW else ", ").join(words)
-    if inner.get("type") == "boolean":
-        return "true or false"
-    if "minItems" in inner:
-        return f"list of {inner['minItems']}, each {span(inner['items'])}"
-    bounds = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
-    return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 
 
 def _free(schema: Mapping[str, Any]) -> str:

@@ -18,8 +18,8 @@ def _limit(meaning: str, value: float, most: float, least: float = _LEAST) -> An
 
 @dataclass(frozen=True)
 class Limits:
-    """What no command may exceed, SI. A field carries its meaning, in brackets its source, and the most that it may be
-    set to, beyond which it would limit nothing. Not clinical advice.
+    """What no command may exceed, SI. Every field carries its unit, its source, and the most that it may be set to,
+    beyond which it would limit nothing. Not clinical advice.
     """
 
     force_N: float = _limit(

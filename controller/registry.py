@@ -116,15 +116,6 @@ def _own(cls: type[Controller]) -> Builder:
     return chain
 
 
-def checked_estimator(name: str) -> str:
-    """`name` of an estimator; raises ValueError where there is none."""
-    if name not in ESTIMATORS:
-        raise ValueError(
-            f"control.estimator must be one of {', '.join(ESTIMATORS)}; got {name!r}; {nearest(name, ESTIMATORS)}"
-        )
-    return name
-
-
 def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
     """What `name` sees the measurements through, those up to `age_s` old, unless `estimator` is another."""
     driven = driven_of(model.drive)

@@ -40,6 +40,12 @@ class Parameter:
     least: float = 0.0
     effect: str = ""
 
+    @classmethod
+    def near(cls, name: str, value: float, unit: str, least: float, most: float, source: str) -> Parameter:
+        """A number for calibration to fit, within `least` to `most` times its `value` of either sign."""
+        lower, upper = sorted((least * value, most * value))
+        return cls(name, value, unit, lower, upper, source, fit=True)
+
     @property
     def key(self) -> Name:
         """What its value is found by in a model."""

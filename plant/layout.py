@@ -34,8 +34,8 @@ from typing import Final
     P_REACTION,  # 1: the drive's reaction acts on the body, 0: outer field
     P_PROFILE_START,  # m
     P_PROFILE_STEP,  # m
-) = range(30)
-P_COUNT: Final = 30  # parameters
+    P_COUNT,
+) = range(31)
 GUT: Final = 0.0  # what the body lies on
 PLATE: Final = 1.0
 
@@ -58,27 +58,14 @@ PLATE: Final = 1.0
     S_HYSTERESIS,  # 1
     S_DRIVE_LAST,  # last drive value, for its rate
     S_PRESSING,  # N, with which a magnet presses the body on its surface
-) = range(17)
-S_COUNT: Final = 17  # numbers of the state
+    S_COUNT,
+) = range(18)
 
 # recorded columns
-O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V = range(9)
-O_COUNT: Final = 9  # recorded columns
-COLUMNS: Final = (
-    "t_s",
-    "position_m",
-    "velocity_m_s",
-    "wall_displacement_m",
-    "force_N",
-    "drive",
-    "coil_current_A",
-    "inner_position_m",
-    "inner_velocity_m_s",
-)
+O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V, O_COUNT = range(10)
 
 # law tables: one row a law over an even grid
-L_RESISTANCE, L_PRESSURE, L_MUCUS, L_TENSION, L_DRAG = range(5)
-L_COUNT: Final = 5  # laws in the table
+L_RESISTANCE, L_PRESSURE, L_MUCUS, L_TENSION, L_DRAG, L_COUNT = range(6)
 NODES: Final = 20001  # of each law's table
 SPEED_SPAN: Final = 0.5  # m/s
 MUCUS_SPAN: Final = 1.0  # (m/s)^(1/4): the film's drag is nearly a fourth root at rest

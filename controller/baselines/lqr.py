@@ -43,11 +43,6 @@ class Gains:
     N_z: Array
     N_u: float
 
-    def closed(self, plant: Linear) -> Array:
-        """Closed-loop matrix (n + 1, n + 1) of plant and integral."""
-        A, B = augmented(plant)
-        return np.asarray(A - B @ np.r_[self.K, self.K_i][None, :])
-
 
 def augmented(plant: Linear) -> tuple[Array, Array]:
     """The plant with the integral of position as last state."""

@@ -48,10 +48,6 @@ class Describing:
         grid = (np.log(self.amplitude_m), np.log(self.omega))
         return RegularGridInterpolator(grid, self.amplitude_m[:, None] * self.N, bounds_error=False, fill_value=None)
 
-    def at(self, amplitude_m: float, frequency_Hz: float) -> complex:
-        """N in N/m between the grid's points."""
-        return complex(self.force()((math.log(amplitude_m), math.log(2 * math.pi * frequency_Hz)))) / amplitude_m
-
 
 @dataclass(frozen=True)
 class Balance:

@@ -205,7 +205,7 @@ class Estimator(ABC):
     def _take(self, m: Measurement, now: float) -> None:
         position = m.channel == "position_m"
         followed = position or (m.channel == CURRENT and self._current is not None)
-        if not math.isfinite(m.value + m.stamp_s) or not (followed or m.channel == self.model.command_name):
+        if not math.isfinite(m.value + m.stamp_s) or not (followed or m.channel == self.model.drive.commanded):
             self.counts.unusable += 1
             return
         if position and not self._count:

@@ -40,7 +40,7 @@ class ControlModel:
       in m, the drive's states and the effects', each by whose it is and its own name (`(Vibro.name, "stretch_m")`). A
       plate has no `u`, `slip`.
     - `modes`: those that only take the values -1, 0, 1; a filter must neither average nor perturb them.
-    - command: `command_name` (`carriage_position_m` in m, `coil_current_A` in A, `coil_voltage_V` in V, `drive_on`
+    - command: `drive.commanded` (`carriage_position_m` in m, `coil_current_A` in A, `coil_voltage_V` in V, `drive_on`
       0..1).
     - disturbance: a force along +x on the capsule in N that the model lacks.
 
@@ -49,7 +49,7 @@ class ControlModel:
     the same step compiled, many times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows
     of `x`, late by `delay_s`; the drive follows its command with the time constant `response_s`; `held_out_error` is by
     how much the model missed records that no fit has seen, in the measured column's unit (None: not known, or not of
-    this model, as a part is left out). `gap_limit_m` is where a magnet's force is largest (None: no magnet).
+    this model, as a part is left out).
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting
     capsule creeps by up to that speed. Sub-steps are at most 1 ms (0.3 ms with an inner mass). First order: a tick of 1
@@ -87,27 +87,17 @@ class ControlModel:
         return Theta.of((p.key, v) for p, v in zip(self.symbols.parameters, self.values.tolist(), strict=True))
 
     @property
-    def command_name(self) -> str:
-        """The driven column that the command is."""
-        return self.drive.commanded
-
-    @property
     def substeps(self) -> int:
         """Steps of the integrator within a tick."""
         longest = _LONGEST_VIBRO_S if self.drive.turning else LONGEST_STEP_S
         return max(1, math.ceil(self.tick_s / longest - 1e-9))
 
     @property
-    def gap_limit_m(self) -> float | None:
-        """Largest useful gap of carriage and capsule; beyond it the magnet's force falls."""
-        return self.drive.gap_limit_m
-
-    @property
     def force_per_command(self) -> float:
         """Slope of the drive's force at rest in N per unit of command, always positive."""
         p = self.theta.base
         slope = p.get("coil_force_N_per_A", p.get("force_N", 1.0))
-        if self.gap_limit_m is not None:
+        if self.drive.gap_limit_m is not None:
             slope = p["magnet_stiffness_N_per_m"]
         return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
@@ -168,12 +158,8 @@ class ControlModel:
         """This model with friction as sharp as it is, for estimating and inverting: rounded over 50 um/s, friction at 1
         mm/s is 5 % too low and the path runs 0.5 mm ahead of the exact stick and slip, over 1 um/s by 0.04 mm.
         """
-        sharp = control_model(self.rig, self.theta, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
+        sharp = control_model(self.rig, self.theta, self.tick_s, min(SHARP_M_S, self.smoothing), self.drive.commanded)
         return replace(sharp, held_out_error=self.held_out_error)
-
-    def with_tick(self, tick_s: float) -> ControlModel:
-        """The same model with another tick."""
-        return replace(self, tick_s=checked_tick(tick_s))
 
     def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         return ca.SX.sym("x", len(self.states)), ca.SX.sym("command"), ca.SX.sym("disturbance_N"), ca.SX.sym("t")
@@ -183,13 +169,6 @@ class ControlModel:
         for k in range(self.substeps):
             x = self.symbols.substep(x, c, c, d, t + k * h, h, self.values)
         return x
-
-
-def checked_tick(tick_s: float) -> float:
-    """`tick_s`, or a ValueError where it is no time."""
-    if not 1e-5 <= tick_s <= 1.0:
-        raise ValueError(f"tick_s must lie in [1e-5, 1] s; got {tick_s:g}")
-    return float(tick_s)
 
 
 def control_model(
@@ -206,6 +185,8 @@ def control_model(
         raise ValueError(
             f"rig must be of a kind whose capsule is free (magnetic, coil, vibro) to be controlled; got {rig.kind!r}"
         )
+    if not 1e-5 <= tick_s <= 1.0:
+        raise ValueError(f"tick_s must lie in [1e-5, 1] s; got {tick_s:g}")
     if not 1e-7 <= smoothing <= 1e-2:
         raise ValueError(f"smoothing must lie in [1e-7, 1e-2] m/s; got {smoothing:g}")
     theta = Theta.of(values)
@@ -228,7 +209,7 @@ def control_model(
     vector = np.array([float(numbers[p.key]) for p in symbols.parameters])
     corrected = any(theta.effects.get(LevelOverSpeed.id, {}).values())
     error = None if corrected else theta.get(HELD_OUT)
-    return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
+    return ControlModel(rig, drive, symbols, vector, float(tick_s), float(smoothing), delay, response, error)
 
 
 def _effects(kind: str, values: Theta, known: Catalogue) -> tuple[type[Effect], ...]:

@@ -20,7 +20,7 @@ def proved_off(model: ControlModel) -> float | None:
     """By how much in N the forces of `model` were off on records that it had not seen, at least `LEAST_OFF_N`: behind a
     magnet the position's error times its stiffness, of other drives None as where nothing is known.
     """
-    if model.held_out_error is None or model.gap_limit_m is None:
+    if model.held_out_error is None or model.drive.gap_limit_m is None:
         return None
     return max(model.held_out_error * model.force_per_command, LEAST_OFF_N)
 

@@ -1,6 +1,7 @@
 """The control model turned round: which command, held for a few ticks, gives the capsule a wanted speed."""
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -26,7 +27,7 @@ class Inverse:
     """
 
     def __init__(self, model: ControlModel, envelope: Envelope, reach_s: float = 4e-3) -> None:
-        self.model = model.sharp.with_tick(reach_s)
+        self.model = replace(model.sharp, tick_s=reach_s)
         self._kernels, self._envelope = self.model.kernels, envelope
         self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))
@@ -49,7 +50,8 @@ class Inverse:
         """
         self._before = before if self._remembers else math.nan
         self._parameters = self._kernels.parameters if parameters is None else parameters
-        low, high = self._bracket(x)
+        e, place = self._envelope, float(x[0])
+        low, high = (max(e.low, place - e.gap_m), min(e.high, place + e.gap_m)) if e.placed else (e.low, e.high)
         if not (math.isfinite(low + high + disturbance_N + speed_m_s) and np.isfinite(x).all()):
             return math.nan
         below, above = (self._reached(x, c, disturbance_N, t) - speed_m_s for c in (low, high))
@@ -69,12 +71,6 @@ class Inverse:
                 low, below = middle, error
                 above, last = (0.5 * above if last == -1 else above), -1
         return 0.5 * (low + high)
-
-    def _bracket(self, x: Array) -> tuple[float, float]:
-        e = self._envelope
-        if not e.placed:
-            return e.low, e.high
-        return max(e.low, float(x[0]) - e.gap_m), min(e.high, float(x[0]) + e.gap_m)
 
     def _reached(self, x: Array, command: float, d: float, t: float) -> float:
         """Speed in m/s after `reach_s` under `command`."""

@@ -112,7 +112,7 @@ def _slip_drag(model: ControlModel, state: Array) -> float:
 
 def _balancing(model: ControlModel, state: Array) -> float:
     """The command in force under which the capsule keeps its speed for a tick; drive states follow it."""
-    v, most = model.index("v"), model.gap_limit_m
+    v, most = model.index("v"), model.drive.gap_limit_m
 
     def gained(command: float) -> float:
         return float(model.step(_followed(model, state, command), command, 0.0, 0.0)[v]) - float(state[v])

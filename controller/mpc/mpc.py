@@ -10,7 +10,7 @@ import numpy as np
 from controller.drives import bodies, envelope_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
-from controller.mpc.planner import MpcPlan, Planner
+from controller.mpc.planner import MpcPlan, Planner, Start
 from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 
@@ -61,7 +61,7 @@ class MPC(Controller):
         self.allow(1)
         targets = np.zeros((3, self._grid.size))
         targets[0] = 1e-3
-        self.planner.plan(0.0, self.model.initial(), 0.0, targets, np.zeros(self._grid.size), 0.0)
+        self.planner.plan(Start(0.0, self.model.initial()), targets, np.zeros(self._grid.size), 0.0)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin at `now` with `command` in force and at rest."""
@@ -100,7 +100,7 @@ class MPC(Controller):
         for k in self._modes:
             state[k] = round(min(max(state[k], -1.0), 1.0))
         guess, (force, parameters) = self._shifted(now, targets), self._learned(estimate)
-        plan = self.planner.plan(now, state, force, targets, guess, self._rate, parameters)
+        plan = self.planner.plan(Start(now, state, force, parameters), targets, guess, self._rate)
         self.last = plan
         if plan.failed:
             return self._kept("failed", begin)

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,15 @@ class MpcPlan:
     timings: dict[str, float] = field(default_factory=dict)
 
 
+class Start(NamedTuple):
+    """Where a plan begins: time in s, state (n,), disturbance, and the parameters (p,) where not the model's own."""
+
+    now: float
+    state: Array
+    disturbance_N: float = 0.0
+    parameters: Array | None = None
+
+
 class Planner:
     """Plans over a horizon of one model; arrays are made here, once. `force_per_command` turns the weights' N/s into
     the command's rate; `follows` is 1 where a command in step with the reference costs nothing (a carriage), else 0.
@@ -55,7 +65,7 @@ class Planner:
         n, N = len(model.states), horizon.stages
         gain = model.force_per_command
         rate = weights.rate_N_s / gain
-        self.follows = 1.0 if model.gap_limit_m is not None else 0.0
+        self.follows = 1.0 if model.drive.gap_limit_m is not None else 0.0
         self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
         self.soft = np.minimum([envelope.gap_m, envelope.limits.speed_m_s, envelope.limits.force_N], FREE)
         self.penalty = np.array([weights.gap, weights.speed, weights.force])
@@ -66,22 +76,12 @@ class Planner:
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
         self.allowed: int | None = None
 
-    def plan(
-        self,
-        now: float,
-        state: Array,
-        disturbance: float,
-        reference: Array,
-        guess: Array,
-        last_rate: float,
-        parameters: Array | None = None,
-    ) -> MpcPlan:
-        """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force,
-        changing at `last_rate`; `reference` (3, N + 1) position, speed, command rate; `parameters` (p,) in the model's
-        order where they are not the model's own. Never raises; bounded by `horizon.iterations`.
+    def plan(self, start: Start, reference: Array, guess: Array, last_rate: float) -> MpcPlan:
+        """The plan from `start`; `guess` (N + 1,) begins with the command in force, which changes at `last_rate`;
+        `reference` (3, N + 1) position, speed, command rate. Never raises; bounded by `horizon.iterations`.
         """
         begin = self.clock()
-        warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate, parameters)
+        warm, ahead = self.candidates(start, reference, guess, last_rate)
         best = ahead if ahead.cost < warm.cost or not math.isfinite(warm.cost) else warm
         best.timings = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
         moment = self.clock()
@@ -91,10 +91,10 @@ class Planner:
             if self._over(moment - begin + longest, best.iterations):
                 best.cut = True
                 break
-            start = moment
+            last = moment
             better = self._iterate(best)
             moment = self.clock()
-            longest = max(longest, moment - start)
+            longest = max(longest, moment - last)
             if not better:
                 best.settled = True
                 break
@@ -105,23 +105,15 @@ class Planner:
         """Whether another step would end too late."""
         return elapsed_s > self.horizon.deadline_s if self.allowed is None else steps >= self.allowed
 
-    def candidates(
-        self,
-        now: float,
-        state: Array,
-        disturbance: float,
-        reference: Array,
-        guess: Array,
-        last_rate: float,
-        parameters: Array | None = None,
-    ) -> tuple[MpcPlan, MpcPlan]:
+    def candidates(self, start: Start, reference: Array, guess: Array, last_rate: float) -> tuple[MpcPlan, MpcPlan]:
         """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""
         k, h, b = self.model.kernels, self.horizon, self.hard
-        self._task, parameters = (reference, last_rate, h.stage_s), k.parameters if parameters is None else parameters
-        self._motion = (disturbance, now, h.stage_s, h.substeps, parameters)
+        parameters = k.parameters if start.parameters is None else start.parameters
+        self._task = (reference, last_rate, h.stage_s)
+        self._motion = (start.disturbance_N, start.now, h.stage_s, h.substeps, parameters)
         self._pressed = self.soft[2] < FREE
-        warm, ahead = (MpcPlan(np.array(guess), np.zeros((h.stages + 1, state.size))) for _ in range(2))
-        warm.path[0] = ahead.path[0] = state
+        warm, ahead = (MpcPlan(np.array(guess), np.zeros((h.stages + 1, start.state.size))) for _ in range(2))
+        warm.path[0] = ahead.path[0] = start.state
         bounds = (CATCH_S, b[2], b[0], b[1])
         k.pursue(ahead.path, ahead.commands, reference, bounds, self._motion)
         self._roll(warm)

@@ -38,8 +38,6 @@ class Supervisor:
         envelope: Envelope,
         rules: Rules | None = None,
         *,
-        place: int = 0,
-        pace: int = 1,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         if not chain:
@@ -49,7 +47,7 @@ class Supervisor:
         self.temperature_C = 20.0
         self.events: deque[Event] = deque(maxlen=_EVENTS)
         self.issued = Issued(envelope.neutral(math.nan))
-        self._place, self._pace, self._clock = place, pace, clock
+        self._clock = clock
         bounded = math.isfinite(envelope.acceleration)
         self._braking_m = 0.5 * envelope.rate**2 / envelope.acceleration if bounded else math.inf
         self.halted, self.most = "", math.inf
@@ -244,9 +242,9 @@ class Supervisor:
     def _seen(self, now: float, estimate: Estimate) -> Seen:
         """What the estimate says of the capsule; lost where it cannot be read."""
         try:
-            x, v = number(estimate.state[self._place]), number(estimate.state[self._pace])
+            x, v = number(estimate.state[0]), number(estimate.state[1])
             age, lost = number(now) - number(estimate.time_s), bool(estimate.lost)
-            std = number(estimate.std[self._place])
+            std = number(estimate.std[0])
         except Exception:  # noqa: BLE001 - an estimate that cannot be read is a lost one
             return Seen(math.nan, math.nan, math.inf, True, self.temperature_C)
         early = -self.envelope.limits.longest_tick_s

@@ -1,1 +1,1 @@
-"""The bus: frames from the DBC, fast codec, protection, load, and a bus in simulated time."""
+"""The bus: frames from the DBC, fast codec, protection, and buses between processes, authenticated or not."""

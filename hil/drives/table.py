@@ -28,10 +28,10 @@ class ActuatorTable(NamedTable):
         """What sentences call the drive."""
         return f"{self.where}: node {self.node_id}"
 
-    def must(self, fine: object, words: str) -> None:
-        """Raises ValueError of one sentence, what it must instead in `words`, where it is not `fine`."""
+    def must(self, fine: object, words: str, part: str = "") -> None:
+        """Raises ValueError of one sentence, what it or its `part` must instead in `words`, where it is not `fine`."""
         if not fine:
-            raise ValueError(f"{self.node} must {words}")
+            raise ValueError(f"{self.node}{part} must {words}")
 
     def must_rest(self, speed_m_s: float, told: str, most_m_s: float = RESTS_M_S) -> None:
         """The same where it does not rest, as `told`."""

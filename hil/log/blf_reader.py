@@ -36,31 +36,26 @@ def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
     the place.
     """
     with opened(path, "log") as file:
-        yield from _Reading(path, file, tell).frames()
+        yield from _Reading(path, file).frames(tell)
 
 
 def whole(path: Path) -> bool:
     """Whether the file holds one object after the other from its header to the end that the header states."""
     try:
         with path.open("rb") as file:
-            head, size = _FILE.unpack(file.read(_FILE.size)), file.seek(0, 2)
-            at = max(int(head[1]), _FILE.size)
-            while at < size:
-                file.seek(at)
-                mark, _, _, length, _ = _BASE.unpack(file.read(_BASE.size))
-                if mark != b"LOBJ" or length < _BASE.size:
-                    return False
-                at += length + length % 4
-            return at >= size and size == int(head[10])
-    except (OSError, struct.error):
+            reading = _Reading(path, file)
+            for _ in reading.containers():
+                pass
+            return reading.place >= reading.size == reading.stated
+    except (OSError, ValueError):
         return False
 
 
 class _Reading:
     """One file; `place` is the offset of the object of the file that is being read."""
 
-    def __init__(self, path: Path, file: BinaryIO, tell: Tell) -> None:
-        self.path, self.file, self.tell = path, file, tell
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self.path, self.file = path, file
         self.place = self.count = self.unpacked = 0
         data = file.read(_FILE.size)
         if len(data) < _FILE.size or data[:4] != b"LOGG":
@@ -74,28 +69,33 @@ class _Reading:
             self.start_ns = 0
         self.place = max(int(head[1]), _FILE.size)
 
-    def frames(self) -> Iterator[Logged]:
+    def frames(self, tell: Tell) -> Iterator[Logged]:
         rest = b""
+        for size in self.containers():
+            rest = yield from self._objects(rest + self._content(size))
+        if self.place < self.size or rest.strip(b"\0") or self.stated > self.size:
+            tell(
+                f"the log is cut off: it ends at byte {self.size}, within what was being written; the {self.count}"
+                " frames before it are read"
+            )
+
+    def containers(self) -> Iterator[int]:
+        """The size of what each container holds, the file standing at its begin; up to one that is cut off."""
         while self.place < self.size:
             self.file.seek(self.place)
             head = self.file.read(_BASE.size)
             if len(head) < _BASE.size:
-                break
+                return
             mark, _, _, size, kind = _BASE.unpack(head)
             if mark != b"LOBJ":
                 raise self._wrong("an object", "another content")
             if size < _BASE.size:
                 raise self._wrong(f"an object of {_BASE.size} bytes or more", f"one of {size}")
             if self.place + size > self.size:
-                break
+                return
             if kind == _CONTAINERS:
-                rest = yield from self._objects(rest + self._content(size - _BASE.size))
+                yield size - _BASE.size
             self.place += size + size % 4
-        if self.place < self.size or rest.strip(b"\0") or self.stated > self.size:
-            self.tell(
-                f"the log is cut off: it ends at byte {self.size}, within what was being written; the {self.count}"
-                " frames before it are read"
-            )
 
     def _content(self, size: int) -> bytes:
         if size < _CONTAINER.size or size > LARGEST_CONTAINER:

@@ -1,1 +1,1 @@
-"""What sits on the bus: the controller with its guard, the drives, and the plant behind them."""
+"""What sits on the bus: the controller with its guard, who steers by hand, and which frames are whose."""

@@ -28,7 +28,7 @@ a third of the whole library, which a browser takes over a second to read.
 def _environment() -> Environment:
     made = Environment(
         loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
+        autoescape=lambda name: name is None or ".html" in name,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -96,3 +96,8 @@ def page(template: str, **records: Any) -> str:
     _environment().get_template(template).render(**own, **records)
     frame = _environment().get_template("page.html.j2")
     return frame.render(**parts.head, sections=parts.sections, drawn=bool(parts.figures))
+
+
+def markdown(template: str, **records: Any) -> str:
+    """The Markdown that `template` makes of plain `records`, for the documentation."""
+    return _environment().get_template(template).render(**records).strip()

@@ -17,8 +17,8 @@ from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html
 from hil.report.panels import Panel, closer, panels
 from hil.report.quantities import number
-from hil.report.tables import PARTS, error_rows, limit_share, parameters, record_rows, smallest_rows
-from hil.report.words import effect_summary, error_story, grouped, headline, interpolation, quantities_words
+from hil.report.tables import error_rows, limit_share, parameters, record_rows, smallest_rows
+from hil.report.words import PARTS, effect_summary, error_story, grouped, headline, interpolation, quantities_words
 from models.effects.conformance import SIGNALS
 from models.effects.effect import Effect, Signals
 from models.effects.equation import ARGUMENTS, about_axis, equations_of

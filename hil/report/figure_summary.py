@@ -8,10 +8,9 @@ from plotly.subplots import make_subplots
 
 from hil.report.quantities import number
 from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.report.words import effect_words, error_scale
+from hil.report.words import PARTS, effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
 
-PARTS = {"train": "training", "holdout": "held out"}
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _GAIN = "gain on data left out, fitted"
 CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#8cc4c8", "#cfd6dd"

@@ -76,13 +76,7 @@ def symbol_html(parameter: str) -> Markup:
 
 def _line(text: str, symbols: Collection[str]) -> str:
     """Words, marks and the formulas between them."""
-    out, formula, depth = list[str](), list[re.Match[str]](), 0
-    barred = False
-
-    def end() -> None:
-        out.append(_formula(formula, symbols))
-        formula.clear()
-
+    out, formula, depth, barred = "", list[re.Match[str]](), 0, False
     found = [match for match in _TOKEN.finditer(text) if match.lastgroup != "space"]
     tokens = ["", *(match[0].strip() for match in found), ""]
     for match, before, token, after in zip(found, tokens, tokens[1:], tokens[2:], strict=False):
@@ -95,19 +89,16 @@ def _line(text: str, symbols: Collection[str]) -> str:
         )
         if depth > 0 or token in _INSIDE or match["number"] or operand:
             formula.append(match)
-        else:
-            end()
-            out.append(f"{_THIN}<mtext>{escape(token)}&nbsp;</mtext>" if match["name"] else _mark(token))
-    end()
-    return "".join(out)
+            continue
+        mark = f"<mo>{escape(_RELATIONS.get(token, token))}</mo>" + f'<mspace width="0.4em"/>{_BREAK}' * (
+            token in ",;:"
+        )
+        out += _formula(formula) + (f"{_THIN}<mtext>{escape(token)}&nbsp;</mtext>" if match["name"] else mark)
+        formula = []
+    return out + _formula(formula)
 
 
-def _mark(token: str) -> str:
-    mark = f"<mo>{escape(_RELATIONS.get(token, token))}</mo>"
-    return mark + (f'<mspace width="0.4em"/>{_BREAK}' if token in ",;:" else "")
-
-
-def _formula(tokens: list[re.Match[str]], symbols: Collection[str]) -> str:
+def _formula(tokens: list[re.Match[str]]) -> str:
     """Tokens without words as MathML: read as Python reads them, with signs between factors side by side; as they stand
     where they are no formula.
     """
@@ -132,7 +123,7 @@ def _formula(tokens: list[re.Match[str]], symbols: Collection[str]) -> str:
             source += "nothing" * signed + {"^": "**", "(": "(" if called else "group("}.get(token, token)
         before = "name" if match["name"] else "number" if atom else ")" if not begins and token in ")]|" else token
     try:
-        return _Writer(names, symbols).shown(ast.parse(source.strip(), mode="eval").body)
+        return _Writer(names).shown(ast.parse(source, mode="eval").body)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return f"<mtext>{escape(''.join(match[0] for match in tokens))}</mtext>"
 
@@ -140,8 +131,8 @@ def _formula(tokens: list[re.Match[str]], symbols: Collection[str]) -> str:
 class _Writer:
     """Writes one formula, whose numbers and symbols stand in `names`."""
 
-    def __init__(self, names: dict[str, str], symbols: Collection[str]) -> None:
-        self._names, self._symbols = names, symbols
+    def __init__(self, names: dict[str, str]) -> None:
+        self._names = names
 
     def shown(self, node: ast.expr) -> str:
         """The MathML of a part."""

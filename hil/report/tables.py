@@ -8,10 +8,9 @@ import numpy as np
 
 from hil.report.mathml import symbol_html
 from hil.report.quantities import DASH, change, number, percent, quantity, scale, told
-from hil.report.words import effect_words, error_cells, interpolation, parameter_words, scaled
+from hil.report.words import PARTS, effect_words, error_cells, interpolation, parameter_words, scaled
 from models.identification.finding import Check, Estimate, Finding
 
-PARTS = {"train": "training", "holdout": "held out"}
 _LOG = "log10_"
 
 

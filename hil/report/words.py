@@ -16,6 +16,7 @@ from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding
 from models.rigs.kinds import KINDS
 
+PARTS = {"train": "training", "holdout": "held out"}  # of the data
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MOST_VALUES = 100_000  # that a sentence is worked out from
 _WELL_ABOVE = 2.0  # noise floors

@@ -65,8 +65,7 @@ class DriveNode:
             receiver = self.reception.receivers[wire.frames()[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.transmitter = FrameTransmitter(
-            self.bus,
-            (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
+            self.bus, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge)
         )
         self.stage = Stage(wire.BOOT, now)
         self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0

@@ -32,7 +32,7 @@ def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:
     """Wiring and power stage of the session's drive. Raises ValueError for one that no frame describes."""
     drive = session.plant.rig.drive
     if isinstance(drive, Carriage):
-        return CARRIAGE_MAP, CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
+        return CARRIAGE_MAP, CarriagePower(limits.carriage_speed_m_s, limits.travel_m, output=session.command)
     if isinstance(drive, TrueCoil):
         return COIL_MAP, CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
     if isinstance(drive, TrueVibro) and drive.coil is None:

@@ -1,38 +1,39 @@
 """The power stage of each kind of drive: how it follows its setpoint and how it gets to its safe state."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 from hil.nodes.frame_map import QUICK_STOP_M_S2
 
 
-class Power(Protocol):
+@dataclass(kw_only=True)
+class Power(ABC):
     """Turns a setpoint into what the plant gets. `output` is what the drive measures of itself, in the command's
     unit. `stray` is what a broken one does by itself while it is not enabled, though it takes itself to rest: a
     carriage's speed, a coil's current, a level.
     """
 
-    output: float
-    overload: bool
-    stray: float
+    output: float = 0.0
+    overload: bool = False
+    stray: float = 0.0
 
+    @abstractmethod
     def aim(self, setpoint: float, over_s: float) -> None:
         """Take over a new setpoint, to be reached `over_s` from now."""
-        ...
 
+    @abstractmethod
     def step(self, dt: float, share: float, sensed: float) -> float:
         """The plant's command for the next `dt` s by `share` of the limits, 0: to the safe state."""
-        ...
 
     @property
+    @abstractmethod
     def at_rest(self) -> bool:
         """Whether this is the safe state."""
-        ...
 
 
 @dataclass
-class CarriagePower:
+class CarriagePower(Power):
     """A linear axis: in a straight line to each setpoint within speed and travel. Safe state: at rest where it is,
     reached by braking at `braking_m_s2`; it is not drawn back, for the magnet's pull on a resting capsule is bounded
     and a carriage that moves by itself is not.
@@ -40,11 +41,8 @@ class CarriagePower:
 
     speed_m_s: float
     travel_m: float
-    output: float = 0.0
     rate: float = 0.0
-    overload: bool = False
     braking_m_s2: float = QUICK_STOP_M_S2
-    stray: float = 0.0
     _target: float = 0.0
     _left_s: float = 0.0
 
@@ -73,7 +71,7 @@ class CarriagePower:
 
 
 @dataclass
-class CoilPower:
+class CoilPower(Power):
     """A current source: `U = R (i* + s) + K (i* - i)` within the supply, K bringing a coil of the rated R and L to i*
     in one step and s summing what the steps missed. Safe state: no current, driven to zero and then short-circuited; a
     coil without current leaves the capsule to the wall's friction, which holds it.
@@ -83,10 +81,7 @@ class CoilPower:
     resistance_ohm: float
     inductance_H: float
     supply_V: float = 24.0
-    output: float = 0.0
     voltage_V: float = 0.0
-    overload: bool = False
-    stray: float = 0.0
     _begin: float = 0.0
     _target: float = 0.0
     _over_s: float = 0.0
@@ -125,13 +120,10 @@ class CoilPower:
 
 
 @dataclass
-class InnerMassPower:
+class InnerMassPower(Power):
     """A switched coil on board, at a share of its rated force. Safe state: off; the mass swings out."""
 
-    output: float = 0.0
     stretch_m: float = 0.0
-    overload: bool = False
-    stray: float = 0.0
     _level: float = 0.0
 
     def aim(self, setpoint: float, over_s: float) -> None:

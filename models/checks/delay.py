@@ -42,12 +42,12 @@ def check_delay(view: View) -> Findings:
     if not lag.drift:
         said = f"{measured} comes about {late(lag.first_s)} than the motion that makes it"
         said += ": two clocks, a filter or a slow sensor"
-        yield view.finding("clock_offset", "note", said, how, f"[clock] {known}", where)
+        yield view.notes("clock_offset", said, how, f"[clock] {known}", where)
         return
     begins = f", from {late(lag.first_s)} at the first stamp on" if view.kind.drawn else ""
     drift = f"drift = {lag.drift + stated_drift(view):.3g}"
     remedy = f"[clock] {known}, {drift}" if view.kind.drawn else f"[clock] {drift}"
-    yield view.finding("clock_drift", "weakens", drifts(measured, lag.drift, begins), how, remedy, where)
+    yield view.weakens("clock_drift", drifts(measured, lag.drift, begins), how, remedy, where)
 
 
 def drifts(measured: str, drift: float, begins: str = "") -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from models.checks import delay, excitation, inner_mass, noise, places, sensor, signs, sizes, stamps, start
+from models.checks import delay, excitation, inner_mass, noise, places, sensor, signs, sizes, stamps, usable
 from models.checks.finding import Findings, RecordFinding
 from models.checks.sensor import without_outliers
 from models.checks.usable import on_one_clock
@@ -22,7 +22,7 @@ STAMPS: Final[Checks] = (
     stamps.check_uneven,
 )
 """What the clock did: of all rows of a time series."""
-MOTION: Final[Checks] = (excitation.check_information, start.check_start)
+MOTION: Final[Checks] = (excitation.check_information, usable.check_start)
 """What the motion can show: of the rows that are measured, without their outliers."""
 INSTRUMENTS: Final[Checks] = (
     sensor.check_clipping,

@@ -159,9 +159,8 @@ def check_information(view: View) -> Findings:
     n = max(2, min(len(view.y) // 40, 50))
     alive = SET.alive * 2.0 * view.noise / np.sqrt(2 * n + 1)
     if view.noise and len(view.y) >= 100 and float(np.std(running_mean(view.y, n))) <= alive:
-        yield view.finding(
+        yield view.weakens(
             "no_response",
-            "weakens",
             f"{view.measured} is a constant and noise: nothing in it follows the motion, so these records tell no"
             " parameter and no effect",
             "its running mean scatters as noise alone would",
@@ -173,4 +172,4 @@ def unchanged(view: View, name: str, how: str) -> RecordFinding:
     """The finding that all values of a column are one."""
     said = f"{name} must change to tell anything; got {view.record[name][0]:.6g} throughout: was it measured?"
     remedy = "log the sensor, or give the column that holds it: [columns]"
-    return view.finding("no_response", "stops", said, how, remedy, name)
+    return view.stops("no_response", said, how, remedy, name)

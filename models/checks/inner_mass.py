@@ -44,7 +44,7 @@ def check_inner_mass(view: View) -> Findings:
             f" {1e3 * float(np.ptp(view.y)):.3g} mm: a switch that enables the drive is not what drives it"
         )
         remedy = "log what the coil gets, pulse by pulse"
-        yield view.finding("drive_constant", "stops", said, "all values are equal", remedy, driven)
+        yield view.stops("drive_constant", said, "all values are equal", remedy, driven)
         return
     both, where = _swings(view), f"{measured} against {driven}"
     if both is None:
@@ -52,9 +52,8 @@ def check_inner_mass(view: View) -> Findings:
     answer = _answer(*both, _grid_s(view))
     if answer.turned:
         shifted = f", or it comes about {late(answer.late_s)}" if answer.best > SET.swing_sure else ""
-        yield view.finding(
+        yield view.stops(
             "drive_sign",
-            "stops",
             f"{measured} goes forward where {driven} drives the body back: one of the two has its sign turned"
             f" round{shifted}",
             f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
@@ -62,9 +61,8 @@ def check_inner_mass(view: View) -> Findings:
             where,
         )
     elif answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
-        yield view.finding(
+        yield view.stops(
             "units",
-            "stops",
             f"{measured} swings {answer.size:.2g} times as far as the two masses would in the air: another unit, of it,"
             " of the drive's force or of a mass?",
             f"correlation {answer.best:.2f} with those swings",
@@ -74,11 +72,10 @@ def check_inner_mass(view: View) -> Findings:
     elif drift := _drift(view, both, answer.best):
         how = "the shift at which the swings in the air fit best, over the record"
         remedy = f"[clock] drift = {stated_drift(view) + drift:.2g}"
-        yield view.finding("clock_drift", "weakens", drifts(measured, drift), how, remedy, where)
+        yield view.weakens("clock_drift", drifts(measured, drift), how, remedy, where)
     elif answer.best >= max(SET.alike, max(answer.near, 0.0) + SET.ahead) and abs(answer.late_s) > SET.late_s:
-        yield view.finding(
+        yield view.notes(
             "clock_offset",
-            "note",
             f"{measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or a slow"
             " sensor",
             f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",

@@ -48,19 +48,19 @@ def check_noise(view: View) -> Findings:
             f"the noise of {name} is {told:.3g} {unit}, {told / stated:.2g} times the stated {stated:.3g} {unit}; the"
             " fits use what was found"
         )
-        yield view.finding("noise_stated", "note", said, how, remedy)
+        yield view.notes("noise_stated", said, how, remedy)
     elif stated > SET.noise_absurd * span:
         said = (
             f"the stated noise of {stated:.3g} {unit} is as large as the signal itself, which spans {span:.3g} {unit};"
             f" the fits use {told:.3g} {unit}, which was found"
         )
-        yield view.finding("noise_stated", "weakens", said, "the stated noise beside the span of the column", remedy)
+        yield view.weakens("noise_stated", said, "the stated noise beside the span of the column", remedy)
     elif told < stated / (2 * SET.noise_off):
         said = (
             f"white noise of {name} is {told:.3g} {unit}, less than the stated {stated:.3g} {unit}: it is filtered, or"
             " better than its data sheet; the stated one is used"
         )
-        yield view.finding("noise_stated", "note", said, how, f"{remedy}, where the sensor is that good")
+        yield view.notes("noise_stated", said, how, f"{remedy}, where the sensor is that good")
 
 
 def check_resolution(view: View) -> Findings:
@@ -70,8 +70,8 @@ def check_resolution(view: View) -> Findings:
     if step > SET.coarse * view.noise and coarse:
         levels, value = round(float(np.ptp(view.y)) / step) + 1, step / np.sqrt(12)
         yield view.finding(
-            "resolution",
             "weakens" if levels < SET.few_levels else "note",
+            "resolution",
             f"{view.measured} has a resolution of {step:.3g} {unit}, {levels} levels over its range: coarser than its"
             f" noise, so the noise counts as at least {value:.2g} {unit}",
             "all values lie on one grid",
@@ -87,9 +87,8 @@ def check_colour(view: View) -> Findings:
     told = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in SET.colour_windows)
     rows, least = next(((rows, least) for rows, fewest, least in told if len(rows) >= fewest), (np.zeros((0, 1)), 0.0))
     if rows.size and (correlation := _correlation(view, rows)) >= max(least, SET.colour_sure / np.sqrt(rows.size)):
-        yield view.finding(
+        yield view.notes(
             "noise_coloured",
-            "note",
             f"the noise of {view.measured} goes on from sample to sample (correlation {correlation:.2f}): the sensor or"
             " its amplifier filters; a filter's delay looks like a late sensor",
             f"correlation of neighbours over {rows.size} samples at rest",
@@ -121,9 +120,8 @@ def check_tones(view: View) -> Findings:
         if mains or not own:
             shown.append(f"{hertz:.4g} Hz ({amplitude:.2g} {unit}{', mains' if mains else ''})")
     if shown:
-        yield view.finding(
+        yield view.notes(
             "tone",
-            "note",
             f"{view.measured} carries tones, whatever the motion does: {', '.join(shown)}",
             f"lines more than {SET.tone:g} times their neighbourhood in each of {SET.tone_parts} stretches, or mains at"
             " rest",

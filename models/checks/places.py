@@ -38,9 +38,8 @@ def check_jumps(view: View) -> Findings:
     rows = jumps(view)
     if len(rows):
         largest = view.told(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
-        yield view.finding(
+        yield view.weakens(
             "place_jumps",
-            "weakens",
             f"{view.measured} jumps {times(rows)}, by up to {largest}, from one sample to the next and stays there: the"
             " localisation lost its place or its zero was set anew",
             f"further than {SET.jump_force_N:g} N could move the capsule in a sampling interval",
@@ -62,9 +61,8 @@ def check_wraps(view: View) -> Findings:
             after = float(np.mean(np.abs(jump - per_sample))) / abs(view.rig.columns.entry(name).factor())
             usual = min(_USUAL, key=lambda size: abs(np.log(size / after)))
             after = usual if abs(usual / after - 1) < SET.wrap_snapped else after
-            yield view.finding(
+            yield view.stops(
                 "place_wraps",
-                "stops",
                 f"{name} jumps back {times(rows)} by {view.told(float(np.max(np.abs(jump))))} and goes on as before: an"
                 " angle or a counter that begins again",
                 f"jumps through more than {SET.wrap_jump:.0%} of the span, against the motion on both sides",
@@ -116,8 +114,8 @@ def check_driven_resolution(view: View) -> Findings:
     name = view.driven
     if name in PLACES and (half := _half_step(view, view.record[name])):
         yield view.finding(
-            "driven_resolution",
             "weakens" if view.kind.drawn else "note",
+            "driven_resolution",
             f"{name} goes in steps of {view.told(grid_step(view.record[name]))}, each"
             f" {1e3 * 2 * half * view.dt:.3g} ms long at the usual speed; fits take a running mean of that length"
             + ("; the wall's force changes within less than such a step" if view.kind.drawn else ""),
@@ -142,9 +140,8 @@ def check_stuck(view: View) -> Findings:
     stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
     if stuck and whole >= 20 * view.noise:
         longest = max(b - a for a, b in stuck) * view.dt
-        yield view.finding(
+        yield view.weakens(
             "driven_stuck",
-            "weakens",
             f"{name} rests for up to {longest:.3g} s while {view.measured} goes to and fro as in motion: its encoder is"
             " stuck, slips or was not logged",
             f"{least_swings} or more swings at rest through more than {SET.stuck_much:.0%} of the range in motion",

@@ -38,9 +38,8 @@ def check_clipping(view: View) -> Findings:
     if where.any():
         unit, values = view.measured.rsplit("_", 1)[1], view.y[where]
         limits = " and ".join(f"{end:.4g} {unit}" for end in np.unique([values.min(), values.max()]))
-        yield view.finding(
+        yield view.weakens(
             "clipping",
-            "weakens",
             f"{100 * where.mean():.1f} % of {view.measured} stand exactly at {limits}: the sensor or its amplifier"
             " clips there; these samples are left out of every fit",
             "several runs of equal values at the end of the range, many more than next to it",
@@ -74,9 +73,8 @@ def check_held_values(view: View) -> Findings:
     """A measured column of a slow sensor that is logged at a faster rate."""
     new = fresh(view)
     if not new.all() and clipped(view).mean() <= SET.held_clipped:
-        yield view.finding(
+        yield view.notes(
             "held_values",
-            "note",
             f"{view.measured} is logged {1 / view.dt:.4g} times a second but changes {float(new.mean()) / view.dt:.3g}"
             " times a second: values are held in between; only the new ones are used",
             f"runs of {1 / new.mean():.3g} equal values on average, of one length",
@@ -112,8 +110,8 @@ def check_silence(view: View) -> Findings:
         lost = runs_of(mask)
         longest = max((b - a) * view.dt for a, b in lost)
         yield view.finding(
-            "sensor_silent",
             "weakens" if mask.mean() > SET.silence_much else "note",
+            "sensor_silent",
             f"{view.measured} keeps one value or follows a straight line {times(lost)}, for up to {longest:.3g} s,"
             " without the noise that it has elsewhere: the sensor was lost and its values are held or filled in; they"
             " are left out of every fit",
@@ -178,9 +176,8 @@ def check_no_values(view: View) -> Findings:
     where = beyond(view.y)
     if where.any():
         shown = ", ".join(f"{value:.6g}" for value in np.unique(view.y[where])[:3])
-        yield view.finding(
+        yield view.notes(
             "no_values",
-            "note",
             f"{int(where.sum())} samples of {view.measured} are {shown}, far from all others: a logger's sign for no"
             " value; they are left out of every fit",
             f"{SET.stray_apart:g} times as far from the median as every other sample",
@@ -196,9 +193,8 @@ def check_outliers(view: View) -> Findings:
         if name == view.measured:
             where &= ~beyond(view.y)
         if where.any():
-            yield view.finding(
+            yield view.notes(
                 "outliers",
-                "note",
                 f"{int(where.sum())} samples of {name} stand far off their neighbours on both sides; they are left"
                 " out of every fit",
                 f"more than {SET.far:g} standard deviations of the noise off both neighbours",

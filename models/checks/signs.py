@@ -26,9 +26,8 @@ def check_force_sign(view: View) -> Findings:
         return
     if told:
         driving = column.removesuffix(unit_of(column)).strip("_").replace("_", " ")
-        yield view.finding(
+        yield view.stops(
             "force_sign",
-            "stops",
             f"{column} opposes the motion that it should drive: friction would give energy; the sign of the {driving}"
             f" (or of the {view.moving_column.partition('_')[0]}) is turned round",
             told,
@@ -67,9 +66,8 @@ def _unsigned(view: View, column: str) -> Findings:
     error = float(np.hypot(*(np.std(way) / np.sqrt(len(way)) for way in ways))) / 2
     size = float(np.percentile(np.abs(view.y), 90))
     if size >= 20 * view.noise and abs(turns) + SET.sure / 2 * error <= SET.sign_turns * size:
-        yield view.finding(
+        yield view.stops(
             "force_unsigned",
-            "stops",
             f"{column} does not turn round with the motion, as friction does: its sign (or that of"
             f" {view.moving_column}) was not logged, or the two do not belong together",
             f"{np.mean(forward):.3g} N forward and {np.mean(backward):.3g} N backward, in {len(forward)} and"
@@ -105,9 +103,8 @@ def check_drive_sign(view: View) -> Findings:
         return
     correlation = float(np.corrcoef(c, x)[0, 1])
     if correlation <= SET.sign_against:
-        yield view.finding(
+        yield view.stops(
             "drive_sign",
-            "stops",
             f"{view.measured} goes back where {view.driven} goes forward: one of the two has its sign turned round",
             f"correlation {correlation:.2f} between the two places",
             f"{view.turned_line(view.measured)}, or change the wire over",
@@ -124,9 +121,8 @@ def check_same(view: View) -> Findings:
         return
     slope, offset = np.polyfit(driven, view.y, 1)
     if float(np.max(np.abs(view.y - slope * driven - offset))) <= SET.same_column * span:
-        yield view.finding(
+        yield view.stops(
             "columns_same",
-            "stops",
             f"{view.measured} is {view.driven} times {slope:.6g}, without any noise: the same column was logged twice",
             f"a straight line leaves less than {SET.same_column:g} of the span",
             f"log what is measured, or give its column: {view.columns_line(view.measured, column='...')}",
@@ -164,7 +160,7 @@ def _exchanged(view: View, driven: str, why: str, how: str) -> RecordFinding:
     ]
     remedy = f"{lines[0]} and {lines[1].removeprefix('[columns] ')}"
     said = f"{why}: the two columns are exchanged"
-    return view.finding("columns_exchanged", "stops", said, how, remedy, f"{measured} against {driven}")
+    return view.stops("columns_exchanged", said, how, remedy, f"{measured} against {driven}")
 
 
 @dataclass(frozen=True)
@@ -227,9 +223,8 @@ def check_force_zero(view: View) -> Findings:
 def _apart(view: View, sentence: str, why: str, offset: float) -> RecordFinding:
     entry = view.rig.columns.entry(view.measured)
     zero = float(f"{entry.offset + offset / (entry.sign * entry.factor()):.3g}")
-    return view.finding(
+    return view.notes(
         "zeros_apart",
-        "note",
         f"{sentence} on average over strokes both ways, further off than friction explains: {why}",
         "mean over the later halves of the strokes, each way",
         f"{view.columns_line(view.measured, offset=zero)}, where it is the zero",

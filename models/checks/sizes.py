@@ -33,7 +33,7 @@ def check_units(view: View) -> Findings:
             said = f"samples are {view.dt:.3g} s apart and nothing is faster than {fastest:.3g} m/s: is the time in ms?"
             how = "interval between stamps and speed against what a capsule rig does"
             remedy = f"{view.columns_line(TIME, unit='ms')}, where the file is in ms"
-            yield view.finding("time_units", "weakens", said, how, remedy, TIME)
+            yield view.weakens("time_units", said, how, remedy, TIME)
         if view.kind.follows and view.driven is not None:
             yield from _behind_the_magnet(view, view.record[view.driven])
     else:
@@ -53,7 +53,7 @@ def _beyond_its_range(view: View, column: str, remedy: str) -> Findings:
     if limits is not None and row is not None:
         got = view.record[column][row]
         said = f"{column} must be {limits.words}; got {got:g}: another unit, or another way to say it?"
-        yield view.finding("units", "stops", said, "values against what the column can hold", remedy, column, [row])
+        yield view.stops("units", said, "values against what the column can hold", remedy, column, [row])
 
 
 def _behind_the_magnet(view: View, carriage: Array) -> Findings:
@@ -66,9 +66,8 @@ def _behind_the_magnet(view: View, carriage: Array) -> Findings:
     slope = float(np.std(x) / np.std(c))
     reach = view.rig.magnet.magnet_range_m if view.rig.magnet else np.inf
     if slope > SET.way_apart or (slope < 1 / SET.way_apart and np.ptp(c) > SET.way_long * reach):
-        yield view.finding(
+        yield view.stops(
             "units",
-            "stops",
             f"{view.measured} follows {view.driven}, but goes {slope:.3g} times as far: another unit?",
             "standard deviations of the two places, and their correlation",
             view.unit_line(view.measured),
@@ -95,9 +94,8 @@ def _of_the_force(view: View, column: str, force: Array) -> Findings:
         float(sum(surface.hold(speed, {name: values[i] for name, values in ranges.items()}))) for i in range(3)
     )
     if usual and not low / SET.size_far <= size <= high * SET.size_far:
-        yield view.finding(
+        yield view.weakens(
             "force_size",
-            "weakens",
             f"{column} {'is' if view.kind.drawn else 'makes'} {size:.3g} N at the usual speed, where what the rig file"
             f" states holds the capsule with {usual:.3g} N ({low:.2g} to {high:.2g} N as far as that varies): another"
             " unit, another surface?",
@@ -111,7 +109,7 @@ def _off_its_size(view: View, column: str, what: str, usual: tuple[float, float]
     """What the values of `column` do, against the `usual` range in `unit`."""
     said = f"{column} {what}; such rigs do {usual[0]:g} to {usual[1]:g} {unit}: another unit?"
     how = "size of the values against what a capsule rig can be"
-    return view.finding("units", "stops", said, how, view.unit_line(column), column)
+    return view.stops("units", said, how, view.unit_line(column), column)
 
 
 def check_table(view: View) -> Findings:
@@ -151,21 +149,20 @@ def _friction(view: View, speed: Array) -> Findings:
     if np.mean(against) > 1 - SET.conditions_against:
         said = f"{view.measured} has the sign of a force that drives the motion which it should resist"
         how = f"{int(against.sum())} of {len(against)} conditions with force and speed of opposite signs"
-        yield view.finding("force_sign", "stops", said, how, view.turned_line(view.measured), where)
+        yield view.stops("force_sign", said, how, view.turned_line(view.measured), where)
     elif against.any() and (speed > 0).any() and (speed < 0).any() and len(np.unique(np.sign(view.y))) == 1:
         said = f"{view.measured} has one sign at speeds of both: its sign was not logged"
         how = f"{int((speed < 0).sum())} of {len(speed)} conditions at negative speeds"
         remedy = "log both with their signs, or both without"
-        yield view.finding("force_unsigned", "stops", said, how, remedy, where)
+        yield view.stops("force_unsigned", said, how, remedy, where)
 
 
 def _moduli(view: View) -> Findings:
     """Loss over storage modulus, as every material has it."""
     usual, (low, high) = float(np.median(view.record["loss_modulus_Pa"] / view.y)), SET.loss_ratio
     if not low <= usual <= high:
-        yield view.finding(
+        yield view.stops(
             "units",
-            "stops",
             f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {low:g} to {high:g}: another unit"
             " of one of the two?",
             "median of the ratio",
@@ -182,9 +179,8 @@ def _mean_speeds(view: View) -> Findings:
     own = 2 * math.pi * math.sqrt(drive.inner_mass_kg / drive.spring_stiffness_N_per_m)
     usual = float(np.median(view.record["period_s"]))
     if not own / SET.period_ratio <= usual <= own * SET.period_ratio:
-        yield view.finding(
+        yield view.stops(
             "units",
-            "stops",
             f"period_s is {usual:.3g}, where the inner mass swings on its spring in {own:.3g} s: another unit, or a"
             " frequency?",
             "median of the periods against the spring and the mass of the rig file",
@@ -204,9 +200,8 @@ def check_magnets(view: View) -> Findings:
         heights = magnets.height_m * SET.dipoles_step ** np.arange(SET.dipoles_steps)
         far = [abs(too_strong(*cylinders, h, magnets.moments)) > SET.dipoles for h in heights.tolist()]
         last = int(np.flatnonzero(far)[-1])
-        told = view.finding(
+        told = view.notes(
             "near_magnets",
-            "note",
             f"the dipoles of [rig.magnet] are {abs(off):.0%} too {'strong' if off > 0 else 'weak'} for cylinders of"
             f" this size at {magnets.height_m:g} m; within {SET.dipoles:.0%} they hold from"
             f" {(*heights, np.inf)[last + 1]:.2g} m on",

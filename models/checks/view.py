@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partialmethod
 from typing import Any
 
 import numpy as np
@@ -169,8 +169,8 @@ class View:
 
     def finding(
         self,
-        name: str,
         severity: Severity,
+        name: str,
         sentence: str,
         how: str,
         remedy: str,
@@ -180,6 +180,11 @@ class View:
         """A finding about a `column` of this record, the measured one where nothing is said, in these `rows`."""
         where = f"{column or self.measured}, {rows if isinstance(rows, str) else self.at(rows)}"
         return RecordFinding(name, severity, self.record.source or self.record.name, where, sentence, how, remedy)
+
+    stops = partialmethod(finding, "stops")
+    weakens = partialmethod(finding, "weakens")
+    notes = partialmethod(finding, "note")
+    """Findings of one severity."""
 
     def columns_line(self, target: str, **changed: Any) -> str:
         """The line of `[columns]` by which the rig file reads `target` with some keys `changed`."""

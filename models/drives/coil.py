@@ -10,8 +10,6 @@ import numpy as np
 from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
 from models.parameter import Parameter
 
-_SHARE = 0.3  # by which a fit may take the force constant off its value
-
 
 @dataclass(frozen=True)
 class Coil(Drive):
@@ -27,9 +25,8 @@ class Coil(Drive):
     range_m: float | None = None
 
     def parameters(self) -> tuple[Parameter, ...]:
-        k = self.force_constant_N_per_A
-        low, high = sorted((k * (1 - _SHARE), k * (1 + _SHARE)))
-        return (Parameter("coil_force_N_per_A", k, "N/A", low, high, "rig file; several percent off", fit=True),)
+        k, source = self.force_constant_N_per_A, "rig file; several percent off"
+        return (Parameter.near("coil_force_N_per_A", k, "N/A", 0.7, 1.3, source),)
 
     def equations(self, p: Values) -> list[str]:
         field = "" if self.range_m is None else "/(1 + ((x - x_c)/r)^2)^2"

@@ -33,12 +33,8 @@ class Magnetic(Drive):
         return x
 
     def parameters(self) -> tuple[Parameter, ...]:
-        k = self.stiffness_N_per_m
-        return (
-            Parameter(
-                "magnet_stiffness_N_per_m", k, "N/m", 0.85 * k, 1.15 * k, "rig file; several percent off", fit=True
-            ),
-        )
+        source = "rig file; several percent off"
+        return (Parameter.near("magnet_stiffness_N_per_m", self.stiffness_N_per_m, "N/m", 0.85, 1.15, source),)
 
     def equations(self, p: Values) -> list[str]:
         return [f"F_act = {p['magnet_stiffness_N_per_m']:.4g} g/(1 + (g/r)^2)^2, g = carriage - capsule"]
@@ -84,9 +80,8 @@ class MagnetPair(Magnetic):
         return PAIRINGS[self.orientation].peak * self.height_m
 
     def parameters(self) -> tuple[Parameter, ...]:
-        k = self.stiffness_N_per_m
         source = "rig file: both moments and the height; its fifth power counts"
-        return (Parameter("magnet_stiffness_N_per_m", k, "N/m", 0.7 * k, 1.4 * k, source, fit=True),)
+        return (Parameter.near("magnet_stiffness_N_per_m", self.stiffness_N_per_m, "N/m", 0.7, 1.4, source),)
 
     def equations(self, p: Values) -> list[str]:
         pairing = PAIRINGS[self.orientation]

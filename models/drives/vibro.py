@@ -54,11 +54,10 @@ class Vibro(Drive):
         return self.inner_mass_kg
 
     def parameters(self) -> tuple[Parameter, ...]:
-        k, c, force = self.spring_stiffness_N_per_m, self.spring_damping_N_s_per_m, self.force_N
-        low, high = sorted((0.7 * force, 1.4 * force))
+        k, c = self.spring_stiffness_N_per_m, self.spring_damping_N_s_per_m
         return (
-            Parameter("force_N", force, "N", low, high, "rig file; several percent off", fit=True),
-            Parameter("spring_stiffness_N_per_m", k, "N/m", 0.8 * k, 1.25 * k, "rig file", fit=True),
+            Parameter.near("force_N", self.force_N, "N", 0.7, 1.4, "rig file; several percent off"),
+            Parameter.near("spring_stiffness_N_per_m", k, "N/m", 0.8, 1.25, "rig file"),
             Parameter("spring_damping_N_s_per_m", c, "N s/m", 0.0, max(2 * c, 1.0), "rig file"),
         )
 
@@ -141,9 +140,8 @@ class VoltageVibro(Vibro):
         return [ANYWHERE, BELIEVED]
 
     def parameters(self) -> tuple[Parameter, ...]:
-        k = self.coil_force_N_per_A
-        low, high = sorted((0.7 * k, 1.4 * k))
-        gain = Parameter("coil_force_N_per_A", k, "N/A", low, high, "rig file; several percent off", fit=True)
+        k, source = self.coil_force_N_per_A, "rig file; several percent off"
+        gain = Parameter.near("coil_force_N_per_A", k, "N/A", 0.7, 1.4, source)
         return (gain, *super().parameters()[1:], *self.winding.parameters())
 
     def field(self, at: Actuation) -> tuple[Any, dict[str, Any]]:

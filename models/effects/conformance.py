@@ -66,15 +66,15 @@ def first_failure(effect: type[Effect], known: Collection[str]) -> str | None:
     for check in CHECKS.values():
         try:
             with np.errstate(all="ignore"):
-                failure = check(effect, known)
+                failure = next(check(effect, known), None)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's hook raises whatever it likes
             frames = [f for f in extract_tb(error.__traceback__) if f.filename == getsourcefile(effect)]
             where = f"{frames[-1].name}, line {frames[-1].lineno}" if frames else f"'{check.__doc__}'"
             names = [p.name for p in effect.parameters()]
             hint = f"; {nearest(str(error.args[0]), [*names, *effect.states])}" if isinstance(error, KeyError) else ""
-            return f"{effect.__name__} must run; got {type(error).__name__} in {where}: {_words(error)}{hint}"
+            failure = f" must run; got {type(error).__name__} in {where}: {_words(error)}{hint}"
         if failure is not None:
-            return failure
+            return f"{effect.__name__}{failure}"
     return None
 
 
@@ -104,73 +104,68 @@ def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _AR
     return unchanged.get(hook, given.get(hook, 1.0 if hook in _FACTORS else 0.0))
 
 
-def _of_kinds(effect: type[Effect], known: Collection[str]) -> str | None:
+def _of_kinds(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """kinds of rig"""
-    name = effect.__name__
     strange = sorted(str(kind) for kind in effect.kinds if kind not in KINDS)
     if not effect.kinds or strange:
-        return f"{name}.kinds must be among {', '.join(KINDS)}; got {repr(strange[0]) if strange else 'none'}"
+        yield f".kinds must be among {', '.join(KINDS)}; got {repr(strange[0]) if strange else 'none'}"
     own = [hook for hook in HOOKS if effect.answers(hook)]
     if not own:
-        return f"{name} must answer a hook; got none; hooks are {', '.join(HOOKS)}"
+        yield f" must answer a hook; got none; hooks are {', '.join(HOOKS)}"
     for kind in sorted(effect.kinds):
-        unread = [hook for hook in own if hook not in hooks_of(KINDS[kind])]
-        if unread:
+        for unread in (hook for hook in own if hook not in hooks_of(KINDS[kind])):
             asked = ", ".join(hook for hook in HOOKS if hook in hooks_of(KINDS[kind]))
-            return f"{name}.kinds must be rigs that ask its hooks; got {kind!r}, which asks {asked}, never {unread[0]}"
-    return None
+            yield f".kinds must be rigs that ask its hooks; got {kind!r}, which asks {asked}, never {unread}"
 
 
-def _numbers(effect: type[Effect], known: Collection[str]) -> str | None:
+def _numbers(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """numbers"""
     p, z = values_of(effect), dict.fromkeys(effect.states, _STATE)
     for hook in ("advance", "follow"):
         call: Any = getattr(effect(), hook)
         got = call(Signals(**SIGNALS), p, z, *((1e-3,) if hook == "advance" else (0.03, 1e-3)))
         if not isinstance(got, Mapping) or not set(got) <= set(effect.states):
-            return f"{effect.__name__}.{hook} must return a dict of the states {effect.states}; got {got!r}"
+            yield f".{hook} must return a dict of the states {effect.states}; got {got!r}"
     sides = len(effect().shared(p, (1.0, 1.0, 1.0)))
     if sides != 3:
-        return f"{effect.__name__}.shared must return three factors; got {sides}"
-    stays = sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, SIGNALS)})
-    if stays:
-        return f"{effect.__name__}.states must each be given by advance or follow; got {stays[0]!r}, which is not"
+        yield f".shared must return three factors; got {sides}"
+    for state in sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, SIGNALS)}):
+        yield f".states must each be given by advance or follow; got {state!r}, which is not"
     rng = np.random.default_rng(3)
     drawn = [{q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()} for _ in range(3)]
     for values, (kind, s) in product((p, *drawn), _points(effect)):
         for hook, value in answers(effect, values, z, s).items():
             if np.shape(value) != () or np.asarray(value).dtype.kind not in "biuf":
-                return f"{effect.__name__}.{hook} must return one number; got {type(value).__name__} {value}"
+                yield f".{hook} must return one number; got {type(value).__name__} {value}"
             if not np.isfinite(value):
                 where = ", ".join(f"{key} = {number:.3g}" for key, number in {**values, **s}.items() if number)
-                return f"{effect.__name__}.{hook} must be finite; got {value} on {kind} at {where}"
-    return None
+                yield f".{hook} must be finite; got {value} on {kind} at {where}"
 
 
-def _symbols(effect: type[Effect], known: Collection[str]) -> str | None:
+def _symbols(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """arrays and CasADi symbols"""
-    name, p, z = effect.__name__, values_of(effect), dict.fromkeys(effect.states, _STATE)
+    p, z = values_of(effect), dict.fromkeys(effect.states, _STATE)
     plain = answers(effect, p, z, SIGNALS)
     symbols = [{name: ca.SX.sym(name) for name in table} for table in (p, z, SIGNALS)]
     try:
         symbolic = {hook: ca.SX(value) for hook, value in answers(effect, *symbols).items()}
         arrays = answers(effect, p, z, {k: np.full(3, v) for k, v in SIGNALS.items()})
     except Exception as error:  # noqa: BLE001 - whatever a branch on a symbol raises
-        return f"{name} must trace to CasADi symbols (np.where, np.tanh, ... instead of if, math); got: {_words(error)}"
+        yield f" must trace to CasADi symbols (np.where, np.tanh, ... instead of if, math); got: {_words(error)}"
     evaluate = ca.Function("f", [s for table in symbols for s in table.values()], list(symbolic.values()))
     got = evaluate.call([value for table in (p, z, SIGNALS) for value in table.values()])
     for hook, value in zip(symbolic, got, strict=True):
         if value.shape != (1, 1) or not np.isclose(float(value), float(plain[hook]), rtol=1e-10, atol=1e-15):
-            return f"{name}.{hook} must say the same to symbols as to numbers; got {value} and {float(plain[hook]):g}"
+            yield f".{hook} must say the same to symbols as to numbers; got {value} and {float(plain[hook]):g}"
         same = np.shape(arrays[hook]) in ((), (3,)) and np.allclose(arrays[hook], plain[hook], rtol=1e-10, atol=1e-15)
         if not same:
-            return f"{name}.{hook} must say the same to arrays as to numbers; got {arrays[hook]} and {plain[hook]:g}"
+            yield f".{hook} must say the same to arrays as to numbers; got {arrays[hook]} and {plain[hook]:g}"
     said = ca.vertcat(*symbolic.values())
-    unused = next((key for key, symbol in symbols[0].items() if not ca.depends_on(said, symbol)), None)
-    return None if unused is None else f"{name} must use each parameter; got {unused!r}, which changes no hook"
+    for key in (key for key, symbol in symbols[0].items() if not ca.depends_on(said, symbol)):
+        yield f" must use each parameter; got {key!r}, which changes no hook"
 
 
-def _silent(effect: type[Effect], known: Collection[str]) -> str | None:
+def _silent(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """amplitude zero"""
     p = values_of(effect) | {effect.amplitude().name: 0.0}
     for kind, signals in _points(effect):
@@ -182,11 +177,10 @@ def _silent(effect: type[Effect], known: Collection[str]) -> str | None:
             free = hook == "link" or hook.startswith(("advance.", "follow."))
             if not free and not np.isclose(float(value), nothing, rtol=1e-6, atol=1e-11):
                 at = f"where {effect.amplitude().name} is 0; got {float(value):g} on {kind}"
-                return f"{effect.__name__}.{hook} must be {nothing:g} (no effect) {at}"
-    return None
+                yield f".{hook} must be {nothing:g} (no effect) {at}"
 
 
-def _shown(effect: type[Effect], known: Collection[str]) -> str | None:
+def _shown(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """what shows"""
     rng, p = np.random.default_rng(5), values_of(effect)
     hidden = set(effect.kinds)
@@ -198,14 +192,13 @@ def _shown(effect: type[Effect], known: Collection[str]) -> str | None:
         said = dict(answered(effect, p, z, s, given))
         if any(v != _nothing(hook, s, given) for hook, v in said.items() if hook.partition(".")[0] not in _UNSEEN):
             hidden.discard(kind)
-    if not hidden:
-        return None
-    lacking = ", ".join(name for name in SIGNALS if name not in signals_of(min(hidden)))
-    got = f"nothing at its probe on {min(hidden)!r}" + f", which has no {lacking}" * bool(lacking)
-    return f"{effect.__name__} must show on each of its kinds of rig; got {got}"
+    for kind in sorted(hidden):
+        lacking = ", ".join(name for name in SIGNALS if name not in signals_of(kind))
+        got = f"nothing at its probe on {kind!r}" + f", which has no {lacking}" * bool(lacking)
+        yield f" must show on each of its kinds of rig; got {got}"
 
 
-def _finite(effect: type[Effect], known: Collection[str]) -> str | None:
+def _finite(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """states over steps of a second"""
     rng = np.random.default_rng(7)
     e, p = effect(), {q.name: q.value for q in effect.parameters()}
@@ -217,23 +210,19 @@ def _finite(effect: type[Effect], known: Collection[str]) -> str | None:
             s = Signals(t=float(k), v=v, command=command, rate=rate, x=x)
             z = z | e.advance(s, p, z, 1.0)
             z = z | e.follow(s, p, z, y, 1.0)
-        unbounded = next((name for name, value in z.items() if not abs(float(value)) < 10.0), None)
-        if unbounded is not None:
-            got = float(z[unbounded])
-            return f"{effect.__name__}'s state {unbounded!r} must stay bounded with steps of 1 s; got {got:g}"
-    return None
+        for name, value in ((name, float(value)) for name, value in z.items() if not abs(float(value)) < 10.0):
+            yield f"'s state {name!r} must stay bounded with steps of 1 s; got {value:g}"
 
 
-def _printed(effect: type[Effect], known: Collection[str]) -> str | None:
+def _printed(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """printed equations"""
     for seed in range(4):
         failure = disagreement(effect, np.random.default_rng(seed))
         if failure is not None:
-            return f"{effect.__name__} must compute what its equations say; got {failure}"
-    return None
+            yield f" must compute what its equations say; got {failure}"
 
 
-CHECKS: Final[Mapping[str, Callable[[type[Effect], Collection[str]], str | None]]] = {
+CHECKS: Final[Mapping[str, Callable[[type[Effect], Collection[str]], Iterator[str]]]] = {
     "declared": declared,
     "parameters": of_parameters,
     "signatures": hooked,

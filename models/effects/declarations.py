@@ -3,7 +3,7 @@
 import inspect
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, Final
 
 from models.effects.effect import HOOKS, NEEDS, Effect, InnerMassEffect
@@ -21,73 +21,60 @@ _RELATIVE: Final = ("command", "measured unit")
 """What a unit may be stated in terms of."""
 
 
-def declared(effect: type[Effect], known: Collection[str]) -> str | None:
+def declared(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """declarations"""
-    name = effect.__name__
     values = {key: getattr(effect, key) for key in DECLARATIONS}
     if not isinstance(effect.id, str) or not effect.id.isidentifier() or effect.id != effect.id.lower():
-        return f"{name}.id must be lower-case letters, digits and underscores; got {effect.id!r}"
-    loose = next((key for key in _WORDS if not isinstance(values[key], str)), None)
-    if loose is not None:
-        return f"{name}.{loose} must be text; got {values[loose]!r}"
+        yield f".id must be lower-case letters, digits and underscores; got {effect.id!r}"
+    for loose in (key for key in _WORDS if not isinstance(values[key], str)):
+        yield f".{loose} must be text; got {values[loose]!r}"
     if not effect.summary:
-        return f"{name}.summary must say in a few words what the effect is; got none"
+        yield ".summary must say in a few words what the effect is; got none"
     if not isinstance(effect.kinds, frozenset | set):
-        return f"{name}.kinds must be a set of kinds of rig, such as frozenset({{'pull'}}); got {effect.kinds!r}"
-    loose = next((key for key in _TUPLES if not _is_names(values[key])), None)
-    if loose is not None:
-        return f"{name}.{loose} must be a tuple of names, such as ('a',); got {values[loose]!r}"
+        yield f".kinds must be a set of kinds of rig, such as frozenset({{'pull'}}); got {effect.kinds!r}"
+    for loose in (key for key in _TUPLES if not _is_names(values[key])):
+        yield f".{loose} must be a tuple of names, such as ('a',); got {values[loose]!r}"
     if not isinstance(effect.by_speed, bool):
-        return f"{name}.by_speed must be True or False; got {effect.by_speed!r}"
+        yield f".by_speed must be True or False; got {effect.by_speed!r}"
     values["of"] = (effect.of,) if effect.of else ()
     for key, choices in (("confounders", known), ("refined_by", known), ("of", known), ("needs", NEEDS)):
-        strange = sorted(set(values[key]) - set(choices))
-        if strange:
+        for strange in sorted(set(values[key]) - set(choices)):
             what = "among its choices" if key == "needs" else "ids of known effects"
-            return f"{name}.{key} must be {what}; got {strange[0]!r}; {nearest(strange[0], list(choices))}"
+            yield f".{key} must be {what}; got {strange!r}; {nearest(strange, list(choices))}"
     if not isinstance(effect.follows, Mapping) or not set(effect.follows) <= set(effect.states):
-        return f"{name}.follows must map states to 'command' or 'position'; got {effect.follows!r}"
-    wrong = sorted(str(value) for value in effect.follows.values() if value not in ("command", "position"))
-    return f"{name}.follows must map states to 'command' or 'position'; got {wrong[0]!r}" if wrong else None
+        yield f".follows must map states to 'command' or 'position'; got {effect.follows!r}"
+    for wrong in sorted(str(value) for value in effect.follows.values() if value not in ("command", "position")):
+        yield f".follows must map states to 'command' or 'position'; got {wrong!r}"
 
 
 def _is_names(value: Any) -> bool:
     return isinstance(value, tuple) and all(isinstance(entry, str) for entry in value)
 
 
-def of_parameters(effect: type[Effect], known: Collection[str]) -> str | None:
+def of_parameters(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """parameters"""
-    name, own = effect.__name__, _own(effect)
-    for key, value in own.items():
+    for key, value in _own(effect).items():
         if isinstance(value, Parameter) and value.name != key:
-            return f"{name}.{key} must have a parameter of the same name; got {value.name!r}"
+            yield f".{key} must have a parameter of the same name; got {value.name!r}"
     parameters = effect.parameters()
     if not parameters:
-        return f"{name} must have a parameter, its amplitude first; got none"
-    failures = (f"{name}.{p.name} {wrong}" for p in parameters if (wrong := _wrong(p)) is not None)
-    failure = next(failures, None)
-    if failure is not None:
-        return failure
+        yield " must have a parameter, its amplitude first; got none"
+    yield from (f".{p.name} {wrong}" for p in parameters if (wrong := _wrong(p)) is not None)
     amplitude = effect.amplitude()
     if amplitude.value != 0.0 or not amplitude.fit:
-        return f"{name}.{amplitude.name}, the amplitude, must start at 0 and be fitted; got {amplitude.value:g}"
+        yield f".{amplitude.name}, the amplitude, must start at 0 and be fitted; got {amplitude.value:g}"
     if not _is_number(effect.probe) or effect.probe == 0 or not amplitude.lower <= effect.probe <= amplitude.upper:
-        return f"{name}.probe must be an amplitude within its bounds and not 0; got {effect.probe!r}"
-    return _of_grid(effect)
-
-
-def _of_grid(effect: type[Effect]) -> str | None:
-    where, bounds = f"{effect.__name__}.grid", {p.name: p for p in effect.parameters()}
+        yield f".probe must be an amplitude within its bounds and not 0; got {effect.probe!r}"
+    bounds = {p.name: p for p in parameters}
     if not isinstance(effect.grid, Mapping):
-        return f"{where} must map parameters to tuples of starts; got {effect.grid!r}"
+        yield f".grid must map parameters to tuples of starts; got {effect.grid!r}"
     for key, starts in effect.grid.items():
         if key not in bounds:
-            return f"{where} must name parameters; got {key!r}; {nearest(str(key), list(bounds))}"
+            yield f".grid must name parameters; got {key!r}; {nearest(str(key), list(bounds))}"
         p = bounds[key]
         inside = isinstance(starts, tuple) and starts and all(_is_number(x) and p.lower <= x <= p.upper for x in starts)
         if not inside:
-            return f"{where} must have starts of {key} in [{p.lower:g}, {p.upper:g}]; got {starts!r}"
-    return None
+            yield f".grid must have starts of {key} in [{p.lower:g}, {p.upper:g}]; got {starts!r}"
 
 
 def _wrong(p: Parameter) -> str | None:
@@ -116,23 +103,22 @@ def _is_unit(text: Any) -> bool:
     return bool(symbols) and all(s in _UNITS or unit(s) is not None for s in symbols)
 
 
-def hooked(effect: type[Effect], known: Collection[str]) -> str | None:
+def hooked(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """signatures"""
-    name, inner = effect.__name__, issubclass(effect, InnerMassEffect)
+    inner = issubclass(effect, InnerMassEffect)
     for key, value in _own(effect).items():
         if key in HOOKS:
             if key in _OWN_HOOKS and not inner:
-                return f"{name} must be a subclass of InnerMassEffect to answer {key!r}; got one of Effect"
+                yield f" must be a subclass of InnerMassEffect to answer {key!r}; got one of Effect"
             if not inspect.isfunction(value):
-                return f"{name}.{key} must be a method; got {value!r}"
+                yield f".{key} must be a method; got {value!r}"
             wanted, got = (list(inspect.signature(f).parameters) for f in (HOOKS[key], value))
             if wanted != got:
-                return f"{name}.{key} must take ({', '.join(wanted)}); got ({', '.join(got)})"
+                yield f".{key} must take ({', '.join(wanted)}); got ({', '.join(got)})"
         elif key not in _OURS and not isinstance(value, Parameter):
             what, choices = ("hook", tuple(HOOKS)) if inspect.isroutine(value) else ("declaration", DECLARATIONS)
             hint = nearest(key, choices)
-            return f"{name}.{key} must be a {what}, or begin with an underscore where it is its own; {hint}"
-    return None
+            yield f".{key} must be a {what}, or begin with an underscore where it is its own; {hint}"
 
 
 def _own(effect: type[Effect]) -> dict[str, Any]:

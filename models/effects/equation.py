@@ -66,14 +66,11 @@ def equations_of(
     """The equations of every hook that `effect` answers, in the names of the signals, states and parameters; with
     `values` their numbers, with so many `digits`, stand in place of the parameters, and what they make 0 drops out.
     """
-    numbers = dict(values or {})
-    p = _Symbols(numbers)
-    names = {f.name: Formula(f.name) for f in fields(Signals)}
-    z = _states(effect)
+    p = _Symbols(values or {})
     own = [Equation(hook, left, Formula.of(right), digits) for hook, left, right in effect.further(p)]
     found = [
         Equation(hook, _left(effect, hook), Formula.of(right), digits)
-        for hook, right in answered(effect, p, z, names, {name: Formula(name) for name in ARGUMENTS})
+        for hook, right in _traced(effect, p)
         if all(hook.partition(".")[0] != equation.hook for equation in own)
     ]
     return [*found, *own]
@@ -144,15 +141,16 @@ def disagreement(effect: type[Effect], rng: np.random.Generator) -> str | None:
     agree.
     """
     p = {q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()}
-    p |= {name: float(rng.uniform(0.1, 1.0)) for name in _Seen.names(effect) if name not in p}
+    asked = _Symbols()  # a refinement asks for the numbers of its effect too
+    trees = {hook: Formula.of(right) for hook, right in _traced(effect, asked)}
+    p |= {name: float(rng.uniform(0.1, 1.0)) for name in asked if name not in p}
     s = {f.name: float(rng.normal(0, 0.3)) for f in fields(Signals)}
     s |= {"t": abs(s["t"]), "travelled": abs(s["travelled"]), "dwell": abs(s["dwell"]), "v": 0.05 * s["v"]}
     z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
     given = {name: float(rng.uniform(0.01, 0.5)) for name in ARGUMENTS}
-    trees = {e.hook: e.right for e in equations_of(effect)}
     states = {symbol.name: z[state] for state, symbol in _states(effect).items()}
     for hook, right in answered(effect, p, z, s, given):
-        value = value_of(trees[hook], {**s, **given, **p, **states}) if hook in trees else right
+        value = value_of(trees[hook], {**s, **given, **p, **states})
         if not np.isclose(float(value), float(right), rtol=1e-9, atol=1e-12):
             return f"{hook}: the printed equation gives {float(value):.6g}, the hook {float(right):.6g}"
     return None
@@ -172,24 +170,14 @@ def _left(effect: type[Effect], hook: str) -> str:
 
 
 class _Symbols(dict[str, Any]):
-    """Parameters as formulas, or as their numbers where these are given."""
-
-    def __missing__(self, name: str) -> Any:
-        return Formula(name)
-
-
-class _Seen(dict[str, Any]):
-    """Parameters that remember who was asked for: a refinement asks for those of its effect too."""
+    """Parameters as formulas, or as their numbers where these are given; it remembers which were asked for."""
 
     def __missing__(self, name: str) -> Any:
         self[name] = Formula(name)
         return self[name]
 
-    @classmethod
-    def names(cls, effect: type[Effect]) -> set[str]:
-        """The parameters that the hooks of `effect` ask for."""
-        seen = cls()
-        names = {f.name: Formula(f.name) for f in fields(Signals)}
-        z = _states(effect)
-        list(answered(effect, seen, z, names, {name: Formula(name) for name in ARGUMENTS}))
-        return set(seen)
+
+def _traced(effect: type[Effect], p: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """What every hook that `effect` answers says of symbols."""
+    names = {f.name: Formula(f.name) for f in fields(Signals)}
+    return answered(effect, p, _states(effect), names, {name: Formula(name) for name in ARGUMENTS})

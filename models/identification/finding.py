@@ -3,13 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
+from models.identification.kind import Array
 
-Array = NDArray[np.float64]
 STAGES = ("nominal", "calibrated", "augmented")
 NEXT_TOML, NEXT_CSV = "next_experiment.toml", "next_experiment.csv"
 """The files of a proposal: a reference for a controller, and the motion itself."""

@@ -120,9 +120,7 @@ WORSE: Final = "worse_on_held_out_records"
 
 
 def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
-    """A sentence for each stage whose held-out `error` is clearly above that of an earlier one and the noise `floor`;
-    none where nothing was held out. It decides nothing of the model, and is told wherever the stage is offered.
-    """
+    """A sentence for each stage whose held-out `error` is clearly above an earlier one's and the noise `floor`."""
     said: dict[str, str] = {}
     known = [stage for stage in STAGES if np.isfinite(error.get(stage, np.nan))]
     for place, stage in enumerate(known):
@@ -137,9 +135,7 @@ def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
 
 
 def by_chance(error: float, chance: float) -> bool:
-    """Whether noise and uncertain parameters alone give such a held-out `error`: one slip missed makes a free run err
-    by more than a parameter that is a percent off, also where the fit is right.
-    """
+    """Whether noise and uncertain parameters alone give such a held-out `error`, by a slip missed, say."""
     return bool(error <= SET.beyond_chance * chance)
 
 

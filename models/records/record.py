@@ -246,6 +246,8 @@ def _record(
     read = {source.column for source in sources.values()}
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
+    if all(source.plain for source in sources.values()):
+        columns = {key: columns[key] for key in table.header if key in columns}
     _refuse_wrong(where, kind, columns, table.lines, lenient)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum
     if rows < least:

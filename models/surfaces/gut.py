@@ -46,15 +46,14 @@ def _integral(speed: Any, sets: tuple[Fitted, ...]) -> Any:
 class Wall(Surface):
     """The gut around one capsule: pressure integrals against speed, tension against drag.
 
-    `nose(v)` and `cylinder(v)` are V's integrals I1 and I2 at the nominal hoop stress, as polynomials in log(1 + v/3
-    mm/s), one up to 0.3 m/s and one beyond, that follow the quadrature within 2e-4 up to 1 m/s, so that NumPy and
-    CasADi share them: for each set of moduli in use, two where the tissue's regime blends them.
+    V's integrals I1 (`nose_coefficients`) and I2 at the nominal hoop stress are polynomials in log(1 + v/3 mm/s), one
+    up to 0.3 m/s and one beyond, that follow the quadrature within 2e-4 up to 1 m/s, so that NumPy and CasADi share
+    them: for each set of moduli in use, two where the tissue's regime blends them.
     """
 
     dragged: ClassVar[bool] = True
     capsule: Capsule
     tissue: Tissue
-    constants: WallConstants
     nose_coefficients: tuple[Fitted, ...]
     cylinder_coefficients: tuple[Fitted, ...]
     drag_coefficients: tuple[float, ...]
@@ -81,13 +80,12 @@ class Wall(Surface):
         pure: tuple[Regime, ...] = ("low", "high") if tissue.regime == "blend" else (tissue.regime,)
         sets = [pressure_integrals(speed, capsule, replace(tissue, regime=regime)) for regime in pure]
         nose, cylinder = (tuple(map(fitted, integral)) for integral in zip(*sets, strict=True))
-        constants = WallConstants.from_set()
         u = np.linspace(0, LONGEST, 400)
-        force = wall_tension(u, constants, wall_section(capsule, tissue), stretched_length(capsule))
+        force = wall_tension(u, WallConstants.from_set(), wall_section(capsule, tissue), stretched_length(capsule))
         inverse = np.polynomial.Polynomial.fit(force, u, 7).convert().coef
         forward = np.polynomial.Polynomial.fit(u[1:] / LONGEST, force[1:] / u[1:], 7, window=[-1, 1]).convert().coef
         drag, tension = (tuple(float(c) for c in row) for row in (inverse, forward))
-        return cls(capsule, tissue, constants, nose, cylinder, drag, tension)
+        return cls(capsule, tissue, nose, cylinder, drag, tension)
 
     @property
     def body_kg(self) -> float:
@@ -101,7 +99,7 @@ class Wall(Surface):
         mu, source = self.tissue.friction_coefficient, "paper V Eq. 13; tissue differs by 15 % and more"
         return (
             Parameter("hoop_stress_factor", 1.0, "1", 0.65, 1.45, source, fit=True),
-            Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
+            Parameter.near("friction_coefficient", mu, "1", 0.6, 1.6, "rig file; paper V: 0.082"),
         )
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
@@ -121,14 +119,6 @@ class Wall(Surface):
             "stick: u' = v until |T(u)| = f_c; slip: u' = -s v_i, v_i = u_c/t_r, until u = 0 or s v <= -v_i",
         ]
 
-    def nose(self, speed: Any) -> Any:
-        """`I1` in N at `speed` >= 0 in m/s."""
-        return _integral(speed, self.nose_coefficients)
-
-    def cylinder(self, speed: Any) -> Any:
-        """`I2` in N at `speed` >= 0 in m/s."""
-        return _integral(speed, self.cylinder_coefficients)
-
     def grip(self, speed: Any, hoop: Any, mu: Any, levels: Levels = FULL) -> Held:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
         N.
@@ -137,7 +127,8 @@ class Wall(Surface):
         slip limit and of the rest of it; paper V Eq. 8, 11, 12.
         """
         on_nose, on_weight, on_pressed = levels
-        nose, cylinder = hoop * self.nose(speed), hoop * self.cylinder(speed)
+        nose = hoop * _integral(speed, self.nose_coefficients)
+        cylinder = hoop * _integral(speed, self.cylinder_coefficients)
         load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
         return on_nose * math.sin(self.tissue.theta) * nose, mu * load
 

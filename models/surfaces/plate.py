@@ -20,8 +20,7 @@ class Plate(Surface):
         return self.mass_kg
 
     def parameters(self) -> tuple[Parameter, ...]:
-        mu = self.friction_coefficient
-        return (Parameter("friction_coefficient", mu, "1", 0.5 * mu, 2.0 * mu, "rig file", fit=True),)
+        return (Parameter.near("friction_coefficient", self.friction_coefficient, "1", 0.5, 2.0, "rig file"),)
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         load = carried_kg * GRAVITY + pressing

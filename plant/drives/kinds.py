@@ -24,11 +24,13 @@ def _at(place: int, default: float) -> Any:
 class TrueDrive(ABC):
     """A drive's true numbers; `kind` is that of its rig. `free`: the capsule can be led in closed loop; `straight`: a
     command is gone to in a straight line, else it is held; `pushes`: it puts a force on the body that a limit applies
-    to; `measured`: the plant's column that a record measures; `calibrated`: the names that a calibration gives to its
-    fields of force and spring.
+    to; `measured`: the plant's column that a record measures; `reports`: the column of its own feedback; `calibrated`:
+    the names that a calibration gives to its fields of force and spring; `step`: its compiled step.
     """
 
     kind: ClassVar[str] = ""
+    step: ClassVar[int]
+    reports: ClassVar[str] = ""
     free: ClassVar[bool] = False
     straight: ClassVar[bool] = False
     pushes: ClassVar[bool] = True
@@ -38,7 +40,7 @@ class TrueDrive(ABC):
     @property
     def feedback(self) -> str:
         """The column of the drive's feedback; empty where it has none."""
-        return ""
+        return self.reports
 
     @property
     def inner_kg(self) -> float:
@@ -50,9 +52,9 @@ class TrueDrive(ABC):
         """What a command of 1 is in the unit that the plant takes."""
         return 1.0
 
-    @abstractmethod
     def steps(self, effects: Floats) -> int:
         """Which of the compiled steps (`plant.drives.steps`) are its own under the hidden `effects`."""
+        return self.step
 
     def columns(self) -> dict[str, str]:
         """The columns of a record beside time: what is `commanded` at each sample, its `mean` since the last one, the
@@ -103,10 +105,7 @@ class Carriage(TrueDrive):
     kind: ClassVar[str] = MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
-
-    @property
-    def feedback(self) -> str:
-        return "carriage_position_m"
+    reports: ClassVar[str] = "carriage_position_m"
 
     def columns(self) -> dict[str, str]:
         return {"carriage_position_m": "commanded", "position_m": "reading"}
@@ -121,12 +120,10 @@ class Carriage(TrueDrive):
 class TrueMagnet(Carriage):
     """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
 
+    step: ClassVar[int] = steps.MAGNET
     calibrated: ClassVar[dict[str, str]] = {"magnet_stiffness_N_per_m": "magnet_stiffness_N_per_m"}
     magnet_stiffness_N_per_m: float = _at(at.P_MAGNET_K, 25.0)
     magnet_range_m: float = _at(at.P_MAGNET_RANGE, 0.02)
-
-    def steps(self, effects: Floats) -> int:
-        return steps.MAGNET
 
     @property
     def gap_limit_m(self) -> float:
@@ -139,13 +136,11 @@ class TrueMagnetPair(Carriage):
     capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
     """
 
+    step: ClassVar[int] = steps.PAIR
     outer_moment_A_m2: float = _at(at.P_OUTER_MOMENT, 400.0)
     inner_moment_A_m2: float = _at(at.P_INNER_MOMENT, 1.0)
     height_m: float = _at(at.P_MAGNET_HEIGHT, 0.15)
     along: bool = _at(at.P_MAGNET_ALONG, False)
-
-    def steps(self, effects: Floats) -> int:
-        return steps.PAIR
 
     def forces(self, gap_m: Floats) -> tuple[Floats, Floats]:
         """Pull along the lumen and attraction across it in N at the gaps (n,)."""
@@ -169,6 +164,8 @@ class TrueCoil(TrueDrive):
     """Voltage-driven coil: `L i' = U - R i - K_e v`, `|i|` limited, `F = K i`."""
 
     kind: ClassVar[str] = COIL
+    step: ClassVar[int] = steps.COIL
+    reports: ClassVar[str] = "coil_current_A"
     free: ClassVar[bool] = True
     calibrated: ClassVar[dict[str, str]] = {"coil_force_N_per_A": "gain_N_per_A"}
     gain_N_per_A: float = _at(at.P_COIL_GAIN, 0.5)
@@ -176,13 +173,6 @@ class TrueCoil(TrueDrive):
     inductance_H: float = _at(at.P_COIL_L, 10e-3)
     current_limit_A: float = _at(at.P_COIL_LIMIT, 1.0)
     back_emf_V_s_per_m: float = _at(at.P_COIL_EMF, 0.5)
-
-    @property
-    def feedback(self) -> str:
-        return "coil_current_A"
-
-    def steps(self, effects: Floats) -> int:
-        return steps.COIL
 
     def columns(self) -> dict[str, str]:
         return {"coil_current_A": "current", "position_m": "reading", "coil_voltage_V": "commanded"}
@@ -215,7 +205,7 @@ class TrueVibro(TrueDrive):
 
     @property
     def feedback(self) -> str:
-        return "" if self.coil is None else self.coil.feedback
+        return "" if self.coil is None else self.coil.reports
 
     @property
     def inner_kg(self) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.mpc.planner import Planner
+from controller.mpc.planner import Planner, Start
 from tests.bench.mpc_problem import (
     BOUNDS,
     HORIZON,
@@ -146,7 +146,7 @@ def converged() -> Act:
         targets, best = np.vstack([position, speed, 0 * speed]), (np.inf, held["w"])
         shifted = np.append(held["w"][1:], 0.0)
         guess = command + TICK_S * np.append(0.0, np.cumsum(shifted))
-        for plan in planner.candidates(now, state, force, targets, guess, rate):
+        for plan in planner.candidates(Start(now, state, force), targets, guess, rate):
             found = solved(np.diff(plan.commands) / TICK_S, plan.path)
             best = min(best, found, key=lambda item: item[0])
         held["w"] = best[1]

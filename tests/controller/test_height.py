@@ -53,5 +53,5 @@ def test_a_model_is_the_same_magnets_at_another_height() -> None:
     assert lifted.magnet.magnet_stiffness_N_per_m == pytest.approx(again.magnet.magnet_stiffness_N_per_m)
     found = {"magnet_stiffness_N_per_m": 15.0, "friction_coefficient": 0.09}
     model = control_model(lifted, values_at(believed, found, 0.2), 2e-3)
-    assert model.gap_limit_m == pytest.approx(0.3893 * 0.2, rel=1e-3)
+    assert model.drive.gap_limit_m == pytest.approx(0.3893 * 0.2, rel=1e-3)
     assert model.force_per_command == pytest.approx(15.0 * (0.13 / 0.2) ** 5)

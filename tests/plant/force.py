@@ -6,7 +6,6 @@ from typing import ClassVar
 from plant.drives import steps
 from plant.drives.kinds import TrueDrive
 from plant.hidden.registry import FORCE
-from plant.tables import Floats
 
 
 @dataclass(frozen=True)
@@ -14,6 +13,4 @@ class Force(TrueDrive):
     """A force in N on the body, nothing else."""
 
     kind: ClassVar[str] = FORCE
-
-    def steps(self, effects: Floats) -> int:
-        return steps.FORCE
+    step: ClassVar[int] = steps.FORCE

@@ -134,16 +134,15 @@ def crossings(loop: Complex, omega: Array) -> tuple[Array, Array]:
     """The largest gain at a phase of -180 deg and its frequency in Hz for each row of `loop` (a, w) over `omega` (w,);
     NaN where the phase is never that.
     """
-    gain, hertz = (np.full(len(loop), math.nan) for _ in range(2))
-    for i, row in enumerate(loop):
-        at = np.flatnonzero((row.imag[:-1] * row.imag[1:] <= 0) & (row.real[:-1] < 0) & (row.real[1:] < 0))
-        for j in at:
-            share = row.imag[j] / (row.imag[j] - row.imag[j + 1]) if row.imag[j] != row.imag[j + 1] else 0.0
-            size = abs(row.real[j] + share * (row.real[j + 1] - row.real[j]))
-            if not size <= gain[i]:
-                gain[i] = size
-                hertz[i] = omega[j] ** (1 - share) * omega[j + 1] ** share / (2 * math.pi)
-    return gain, hertz
+    now, then = loop[:, :-1], loop[:, 1:]
+    crossed = (now.imag * then.imag <= 0) & (now.real < 0) & (then.real < 0)
+    apart = now.imag - then.imag
+    share = np.divide(now.imag, apart, out=np.zeros_like(apart), where=apart != 0)
+    size = np.where(crossed, np.abs(now.real + share * (then.real - now.real)), -1.0)
+    largest = size.argmax(axis=1)
+    row = np.arange(len(loop)), largest
+    hertz = omega[largest] ** (1 - share[row]) * omega[largest + 1] ** share[row] / (2 * math.pi)
+    return np.where(size[row] < 0, math.nan, size[row]), np.where(size[row] < 0, math.nan, hertz)
 
 
 def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:

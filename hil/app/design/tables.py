@@ -76,7 +76,7 @@ def cycle_table(found: Study) -> Table:
 
 def command_unit(model: ControlModel) -> str:
     """Unit of the command: m of a carriage, A or V of a coil."""
-    return model.command_name.rpartition("_")[2]
+    return model.drive.commanded.rpartition("_")[2]
 
 
 def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
@@ -93,7 +93,7 @@ def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
     unit = command_unit(model)
     own = f"K_p {pid.K_p:.4g} {unit}/m, K_i {pid.K_i:.4g} {unit}/(m s), K_d {pid.K_d:.4g} {unit} s/m"
     return [
-        f"PID, from position error to {model.command_name}: {own} (filter {1e3 * pid.filter_s:g} ms)",
+        f"PID, from position error to {model.drive.commanded}: {own} (filter {1e3 * pid.filter_s:g} ms)",
         f"LQR: {_feedback(lqr, unit)}",
         "not used by track, sil and run, whose controllers have these gains, whatever the delay:",
         *_running(model),

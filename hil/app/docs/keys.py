@@ -14,8 +14,9 @@ from hil.app.scenario.scenario import Control
 from hil.drives.makers import ACTUATORS
 from hil.formats.table import FORMATS
 from hil.nodes.controller.operator import OperatorLimits
+from hil.report.builder import markdown
 from models.files.units import unit_at_end
-from models.rigs.columns import RANGES, TIME
+from models.rigs.columns import RANGES, TIME, Columns
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
 from models.rigs.schema import NamedTable, Table, field_of
@@ -83,7 +84,7 @@ def unit_of(key: str) -> str:
 
 def rig_keys() -> str:
     """The tables of a rig file as Markdown."""
-    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_pydantic(models))}" for name, models in rig_tables().items())
+    return _keys({name: _pydantic(models) for name, models in rig_tables().items()})
 
 
 _FEW: Final = 3
@@ -93,46 +94,33 @@ _FEW: Final = 3
 def deployment_keys() -> str:
     """The tables that a deployment or a scenario has beside those of the rig, as Markdown."""
     tables = {name: _pydantic((table,)) for name, table in DEPLOYMENT_TABLES.items()} | {"[limits]": _limits()}
-    return "\n\n".join(f"### {_head(name)}\n\n{_rows(rows)}" for name, rows in tables.items())
+    return _keys(tables)
+
+
+def _keys(tables: Mapping[str, Iterator[tuple[str, str, str, str]]]) -> str:
+    heads = (f"`{name.replace(']', ']`', 1)}" for name in tables)
+    rows = ([(key, unit_of(key), *told) for key, *told in rows] for rows in tables.values())
+    text = markdown("keys.md.j2", tables=dict(zip(heads, rows, strict=True)))
+    return text.replace("|  |", "| |").replace("|  |", "| |")
 
 
 def columns() -> str:
     """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
-    lines = ["| kind | driven | measured | fewest rows |", "| --- | --- | --- | --- |"]
-    held = [(kind, one) for kind in KINDS for one in KINDS[kind].layouts]
-    for kind, known in held:
-        driven = [f"`{TIME}`"] if known.time else []
-        driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
-        driven += [f"`{name}` (or in the rig file)" for name in known.given_by_rig]
-        driven += [f"`{name}` (may be left out)" for name in known.optional]
-        measured = ", ".join(f"`{name}`" for name in known.measured)
-        lines.append(f"| `{kind}` | {', '.join(driven)} | {measured} | {known.minimum} |")
-    lines += ["", "| column | range |", "| --- | --- |"]
-    for name, one in RANGES.items():
-        relation = ">" if one.above else ">="
-        lines.append(f"| `{name}` | {relation} {one.lower:g}, <= {one.upper:g} {unit_of(name)} |".replace("  ", " "))
-    return "\n".join(lines)
+    layouts = [(kind, one, _driven(one)) for kind in KINDS for one in KINDS[kind].layouts]
+    ranges = [(name, one, unit_of(name)) for name, one in RANGES.items()]
+    return markdown("columns.md.j2", layouts=layouts, ranges=ranges)
+
+
+def _driven(known: Columns) -> list[str]:
+    driven = [f"`{TIME}`"] if known.time else []
+    driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
+    driven += [f"`{name}` (or in the rig file)" for name in known.given_by_rig]
+    return [*driven, *(f"`{name}` (may be left out)" for name in known.optional)]
 
 
 def formats() -> str:
     """The formats of other programs' files with their endings and extras, as Markdown."""
-    lines = ["| format | endings | extra | written, too |", "| --- | --- | --- | --- |"]
-    for one in FORMATS:
-        endings = ", ".join(f"`{ending}`" for ending in one.endings)
-        lines.append(f"| {one.name} | {endings} | `{one.extra}` | {'yes' if one.write else 'no'} |")
-    return "\n".join(lines)
-
-
-def _head(name: str) -> str:
-    table, _, rest = name.partition("]")
-    return f"`{table}]`{rest}"
-
-
-def _rows(rows: Iterator[tuple[str, str, str, str]]) -> str:
-    lines = ["| key | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
-    for key, span, default, meaning in rows:
-        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {meaning} |")
-    return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
+    return markdown("formats.md.j2", formats=FORMATS)
 
 
 def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str]]:

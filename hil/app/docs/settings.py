@@ -3,6 +3,7 @@
 from dataclasses import fields
 from typing import Any
 
+from hil.report.builder import markdown
 from models.checks.settings import SET as CHECKS
 from models.identification.settings import SET as IDENTIFICATION
 
@@ -13,16 +14,9 @@ def _shown(value: Any) -> str:
 
 def tables() -> str:
     """One table a room."""
-    lines = []
-    for title, record in (("Checks of records", CHECKS), ("Identification", IDENTIFICATION)):
-        lines += [
-            f"## {title}",
-            "",
-            "| setting | value | unit | meaning | chosen on |",
-            "| --- | --- | --- | --- | --- |",
-        ]
-        for field in fields(record):
-            unit, meaning, chosen_on = field.metadata.values()
-            lines.append(f"| `{field.name}` | {_shown(field.default)} | {unit} | {meaning} | {chosen_on} |")
-        lines.append("")
-    return "\n".join(lines[:-1])
+    rooms: dict[str, Any] = {"Checks of records": CHECKS, "Identification": IDENTIFICATION}
+    shown = {
+        title: [(field.name, _shown(field.default), *field.metadata.values()) for field in fields(room)]
+        for title, room in rooms.items()
+    }
+    return markdown("settings.md.j2", rooms=shown)

@@ -1,1 +1,1 @@
-"""A carriage that is a moteus controller: its frames, its actuator, and a simulated one."""
+"""A carriage that is a moteus controller: protocol, set-up, and how it is led."""

@@ -49,8 +49,7 @@ def _stops(table: MoteusTable, ask: "MoteusQuestions") -> None:
     none = math.isnan(default)
     table.must(not none, "have a watchdog of its own (servo.default_timeout_s); got nan, which is none")
     table.must(
-        0 < default <= LONGEST_S * 1.001,
-        f"have servo.default_timeout_s in (0, {LONGEST_S:g}] s; got {default:g}",
+        0 < default <= LONGEST_S * 1.001, f"have servo.default_timeout_s in (0, {LONGEST_S:g}] s; got {default:g}"
     )
     table.must(
         mode in BRAKING_MODES,

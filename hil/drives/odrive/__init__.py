@@ -1,1 +1,1 @@
-"""A carriage that is an ODrive: its actuator, and a simulated one."""
+"""A carriage that is an ODrive: protocol, set-up, and how it is led."""

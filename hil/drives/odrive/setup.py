@@ -45,23 +45,18 @@ def _stops(table: OdriveTable, ask: "_Questions") -> None:
     firmware = ask.firmware()
     words = f"have the firmware {table.firmware} of odrive.firmware, whose endpoint ids are stated; got {firmware}"
     table.must(firmware == table.firmware, words)
-    if not table.enable_watchdog_endpoint or not table.watchdog_timeout_endpoint:
-        raise ValueError(
-            f"{table.node}'s watchdog must be read back before anything moves: odrive.enable_watchdog_endpoint and"
-            " odrive.watchdog_timeout_endpoint must be the ids of axis0.config.enable_watchdog and watchdog_timeout in"
-            " its firmware's flat_endpoints.json; a firmware before 0.6 cannot be asked over CAN"
-        )
-    on, timeout = (
-        ask.endpoint(number, kind)
-        for number, kind in ((table.enable_watchdog_endpoint, "<?"), (table.watchdog_timeout_endpoint, "<f"))
+    table.must(
+        table.enable_watchdog_endpoint and table.watchdog_timeout_endpoint,
+        "be read back before anything moves: odrive.enable_watchdog_endpoint and odrive.watchdog_timeout_endpoint must"
+        " be the ids of axis0.config.enable_watchdog and watchdog_timeout in its firmware's flat_endpoints.json; a"
+        " firmware before 0.6 cannot be asked over CAN",
+        "'s watchdog",
     )
-    if not on:
-        raise ValueError(f"{table.node}'s watchdog must be on (axis0.config.enable_watchdog = True); it is off")
-    if not 0 < timeout <= table.watchdog_s * (1 + 1e-6):
-        raise ValueError(
-            f"{table.node}'s watchdog must expire within {table.watchdog_s:g} s (axis0.config.watchdog_timeout); got"
-            f" {timeout:g}"
-        )
+    on = ask.endpoint(table.enable_watchdog_endpoint, "<?")
+    timeout = ask.endpoint(table.watchdog_timeout_endpoint, "<f")
+    table.must(on, "be on (axis0.config.enable_watchdog = True); it is off", "'s watchdog")
+    within = f"expire within {table.watchdog_s:g} s (axis0.config.watchdog_timeout); got {timeout:g}"
+    table.must(0 < timeout <= table.watchdog_s * (1 + 1e-6), within, "'s watchdog")
 
 
 def _tells(table: OdriveTable, heard: "_Heard", tick_s: float) -> None:
@@ -78,8 +73,8 @@ def _idles(table: OdriveTable, heard: "_Heard", faulty: bool) -> None:
     """Without an error but where `faulty`."""
     doing = wire.AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
     table.must(heard.axis == wire.IDLE, f"be idle before it is led; got {doing}")
-    busy = "be idle before it is led; got a procedure that goes on (Procedure_Result BUSY)"
-    table.must(heard.result != wire.BUSY, busy)
+    busy = heard.result == wire.BUSY
+    table.must(not busy, "be idle before it is led; got a procedure that goes on (Procedure_Result BUSY)")
     table.must(
         not heard.errors or faulty,
         f"have no active error before it is led; got {wire.words_of(heard.errors) or 'INITIALIZING'}; once its cause is"

@@ -5,8 +5,6 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from controller.limits import Envelope
 from controller.monitor.monitor import Health
 from controller.signals import Measurement, Reference
@@ -14,6 +12,7 @@ from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import not_led
 from controller.supervision.probe import Probe
 from controller.tuned import TOLD_S
+from hil.nodes.controller.view import sampled
 from hil.nodes.frame_map import STANDBY, WAITING
 
 _JUMP_M: Final = 2e-3  # step of the believed position from which on it is told, and the drive's rate begins anew
@@ -76,8 +75,7 @@ class Onlooker:
             then, place_m = self._ticks[-1 - back]
             reason = reason or self.contradiction.saw(m.value, then, place_m, stamp_s)
             if probe is not None:
-                at = np.array([stamp_s])
-                probe.saw(m.value, then, float(reference.position(at)[0]), float(reference.speed(at)[0]))
+                probe.saw(m.value, then, *sampled(reference, stamp_s))
         return reason
 
     def believe(self, now: float, position_m: float, followed: int) -> None:

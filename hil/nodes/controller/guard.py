@@ -142,13 +142,7 @@ class Guard:
     """
 
     def __init__(
-        self,
-        bus: can.BusABC,
-        wiring: FrameMap,
-        fence: Fence,
-        *,
-        dry: bool = False,
-        observe: Observer | None = None,
+        self, bus: can.BusABC, wiring: FrameMap, fence: Fence, *, dry: bool = False, observe: Observer | None = None
     ) -> None:
         self.fence, self.wiring, self.dry = fence, wiring, dry
         self.refused: Counter[str] = Counter()

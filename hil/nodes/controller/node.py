@@ -20,13 +20,13 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
 from hil.nodes import frame_map as wire
+from hil.nodes.controller import view
 from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
-from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
 from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 
 
@@ -82,7 +82,6 @@ class Shifted:
         return self.path.speed(t - self.origin_s)
 
 
-__all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
@@ -111,14 +110,7 @@ class ControllerNode:
     out.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        bus: can.BusABC,
-        *,
-        observer: Observer | None = None,
-        dry_run: bool = False,
-    ) -> None:
+    def __init__(self, task: Task, bus: can.BusABC, *, observer: Observer | None = None, dry_run: bool = False) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
@@ -193,9 +185,11 @@ class ControllerNode:
 
     def wanted_m(self, at_s: float) -> float:
         """Where the reference has the capsule at a time of the node's clock, in m."""
-        return float(self._reference.position(np.array([at_s]))[0])
+        return view.sampled(self._reference, at_s)[0]
 
-    def _begin_reference(self, origin_s: float, shift_m: float = 0.0) -> None:
+    def _begin_reference(self, origin_s: float, place_m: float | None = None) -> None:
+        """At its own place, or from `place_m` on."""
+        shift_m = 0.0 if place_m is None else place_m - view.sampled(self.task.reference, 0.0)[0]
         self._reference = Shifted(self.task.reference, origin_s, shift_m)
         self.estimator.begin(origin_s)
 
@@ -252,9 +246,9 @@ class ControllerNode:
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
             self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began), now)
-        if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
+        if not 0 <= now - self._health_at < view.HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
-            self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
+            self.guard.send("ModelHealth", view.health_values(self.estimator.health, self._began), now)
         if self.operator is not None and not 0 <= now - self._status_at < STATUS_S - 0.5 * self.tick_s:
             self._status_at = now
             self.guard.send(STATUS, self.operator.status(now, self._reference, self.state == RUNNING), now)
@@ -267,16 +261,15 @@ class ControllerNode:
     def _show(self, now: float, estimate: Estimate) -> None:
         """What is believed and wanted, once in `VIEW_S`, for those who watch."""
         self._surprise = estimate.surprise if math.isfinite(estimate.surprise) else self._surprise
-        if 0 <= now - self._view_at < VIEW_S - 0.5 * self.tick_s:
+        if 0 <= now - self._view_at < view.VIEW_S - 0.5 * self.tick_s:
             return
-        self._view_at, then = now, np.array([now + self.tick_s])
-        wanted = (float(self._reference.position(then)[0]), float(self._reference.speed(then)[0]))
+        self._view_at, wanted = now, view.sampled(self._reference, now + self.tick_s)
         model, follows = self.estimator.model, self.state == RUNNING and self._led
-        self.guard.send("BelievedMotion", motion_values(model, estimate, self._surprise), now)
+        self.guard.send("BelievedMotion", view.motion_values(model, estimate, self._surprise), now)
         self._surprise = math.nan
-        if (forces := force_values(model, estimate, self._in_force, now)) is not None:
+        if (forces := view.force_values(model, estimate, self._in_force, now)) is not None:
             self.guard.send("BelievedForces", forces, now)
-        self.guard.send("WantedMotion", wanted_values(*wanted, follows, self.estimator.switches), now)
+        self.guard.send("WantedMotion", view.wanted_values(*wanted, follows, self.estimator.switches), now)
 
     def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
         """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""
@@ -382,8 +375,7 @@ class ControllerNode:
             reason, self._probe, self._probed = self._probe.reason(), None, True
             if reason:
                 self._fail(reason)
-            start_m = float(self.task.reference.position(np.zeros(1))[0])
-            self._begin_reference(now + self.tick_s, self.wanted_m(now) - start_m)
+            self._begin_reference(now + self.tick_s, self.wanted_m(now))
 
     def _judge(self, now: float, arrived: list[Measurement], evidence: Evidence) -> None:
         if self.receiver.foreign and not self.guard.dry:
@@ -447,8 +439,7 @@ class ControllerNode:
                 self.estimator.begin(now + self.tick_s)
             elif self._here:
                 self._enabled_s = now
-                start_m = float(self.task.reference.position(np.zeros(1))[0])
-                self._begin_reference(now + self.tick_s, self._place(estimate) - start_m)
+                self._begin_reference(now + self.tick_s, self._place(estimate))
                 self._begin_probe(now + self.tick_s, self._place(estimate))
             self.answer.begin()
             self._plausibility.settle(self.estimator.counts.restarts)

@@ -4,14 +4,12 @@ import math
 from collections import Counter
 from typing import Any, Final
 
-import numpy as np
-
 from controller.move import SetpointMove, brake, move, rest
 from controller.signals import Reference
 from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
-from hil.nodes.controller.view import within
+from hil.nodes.controller.view import sampled, within
 from hil.nodes.frame_map import frames
 from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
@@ -178,15 +176,14 @@ class Operator:
         wanted = self._wanted if self.source != NOBODY else None
         if wanted != self._followed or not isinstance(reference, SetpointMove):
             self._followed = wanted
-            at = np.array([now])
-            place, speed = float(reference.position(at)[0]), float(reference.speed(at)[0])
+            place, speed = sampled(reference, now)
             reference = rest(_held(place, place_m)) if wanted is None else self._move(wanted, place, speed, now)
         before, self._at_end = self._at_end, wanted is not None and self._beyond(wanted) and now >= reference.times[-1]
         self.limited += self._at_end and not before
         return reference
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
-        at = np.array([now])
+        place, speed = sampled(reference, now)
         state = HELD if self.taken else READY
         state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
         if self._at_end:
@@ -196,8 +193,8 @@ class Operator:
             "State": state if leading else OFF,
             "Source": self.source,
             "Refused": self._why if told else 0,
-            "Position_m": within(float(reference.position(at)[0]), _REACH_M),
-            "Velocity_m_s": within(float(reference.speed(at)[0]), _FASTEST_M_S),
+            "Position_m": within(place, _REACH_M),
+            "Velocity_m_s": within(speed, _FASTEST_M_S),
         }
 
     def document(self) -> dict[str, object]:

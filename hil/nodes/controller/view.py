@@ -4,9 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+import numpy as np
+
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
-from controller.signals import Estimate
+from controller.signals import Estimate, Reference
 from hil.bus.codec import NO_SURPRISE
 from hil.nodes.frame_map import LONGEST_S
 
@@ -53,6 +55,12 @@ def _wall(model: ControlModel, estimate: Estimate) -> int:
     name, least = ("slip", 0.5) if "slip" in model.states else ("v", 5 * model.smoothing)
     slip = float(estimate.state[model.index(name)])
     return WALL["slips_forward"] if slip > least else WALL["slips_backward"] if slip < -least else WALL["sticks"]
+
+
+def sampled(reference: Reference, time_s: float) -> tuple[float, float]:
+    """Place in m and speed in m/s of a reference at a time of its clock."""
+    at = np.array([time_s])
+    return float(reference.position(at)[0]), float(reference.speed(at)[0])
 
 
 def within(value: float, most: float) -> float:

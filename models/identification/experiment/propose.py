@@ -104,9 +104,7 @@ def words_of(proposal: Proposal | None) -> str | None:
 def _best(
     kind: Kind, room: Room, asked: Sequence[Question], read: Sequence[Record], rng: np.random.Generator
 ) -> tuple[Plan, list[float]]:
-    """The plan whose least separation is largest, and its separations: of random plans and variations of the best of
-    them to first order, of the best few of these with the rivals truly fitted.
-    """
+    """The plan whose least separation is largest, and its separations; the last few with the rivals truly fitted."""
 
     def worth(plan: Plan) -> float:
         motion = plan.record(kind.name)

@@ -3,17 +3,13 @@
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.identification.finding import Estimate
 from models.identification.fitting.fit import Fit, axes
-from models.identification.kind import Kind
+from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.parameter import Name, Parameter
 from models.theta import Theta
-
-Array = NDArray[np.float64]
-
 
 Part = tuple[float, Theta]
 """Share of the records' rows that a fit was made on, and its values."""

@@ -10,12 +10,11 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.assembly.model import effect_parameters
 from models.effects import REFINEMENTS
 from models.identification.fitting.gauss_newton import GaussNewton
-from models.identification.kind import Kind
+from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.parameter import Name, Parameter
 from models.records.record import Record
@@ -23,7 +22,6 @@ from models.theta import Theta
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 
 

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.identification.kind import Array
 from models.identification.settings import SET
 
-Array = NDArray[np.float64]
 Point = tuple[Array, Array]
 """A place and its residuals."""
 
@@ -76,7 +75,8 @@ class GaussNewton:
                 return here
             if gain < SET.enough * here.cost:
                 break
-            reach = self._limited(np.clip(wanted / _norms(here.jacobian), reach / 3, reach * 3))
+            norms = np.maximum(np.linalg.norm(here.jacobian, axis=0), _TINY)
+            reach = self._limited(np.clip(wanted / norms, reach / 3, reach * 3))
             basis = self._principal(here.jacobian, x, reach, wanted)
         return Slope(x, r, here.jacobian)
 
@@ -171,7 +171,3 @@ class GaussNewton:
 
 def _height(point: Point) -> float:
     return float(point[1] @ point[1])
-
-
-def _norms(jacobian: Array) -> Array:
-    return np.asarray(np.maximum(np.linalg.norm(jacobian, axis=0), _TINY))

@@ -63,7 +63,7 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
     the base: they are fitted with it, and no candidates. What the rig file states of how well a nominal value is known
     holds a calibration to it; a ValueError where it states it of something else.
     """
-    kind = _unheld(rig, records)
+    kind = _BY_NAME.get(rig.kind, SeriesKind).from_rig(rig, records)
     fitted = [p.name for p in kind.base if p.fit]
     strange = next((name for name in rig.prior if name not in fitted), None)
     if strange is not None:
@@ -84,11 +84,6 @@ def _held(p: Parameter, spread: float, known: tuple[float, float] | None) -> Par
     """`p` with the spread that the rig file states, or with value, within the bounds, and spread that are known."""
     value, spread = (p.value, spread) if known is None else known
     return replace(p, value=min(max(value, p.lower), p.upper), spread=spread)
-
-
-def _unheld(rig: Rig, records: Sequence[Record]) -> AnyKind:
-    """The kind, held to nothing."""
-    return _BY_NAME.get(rig.kind, SeriesKind).from_rig(rig, records)
 
 
 def ready(record: Record, rig: Rig) -> Record:

@@ -69,9 +69,7 @@ def means(index: Index, values: Array) -> Array:
 
 
 def left_out_in_turn(records: Sequence[Record], index: Index, part: Index) -> list[Split]:
-    """Splits that leave out the conditions of each part in turn: `index` says of every row of all records which
-    condition it is, `part` of every condition to which part it belongs, -1 to none.
-    """
+    """Splits by `part` of each condition, -1 for none; `index` says of all records' rows which condition they are."""
     belongs = np.split(part[index], np.cumsum([len(r) for r in records])[:-1])
     pairs = list(zip(records, belongs, strict=True))
     return [

@@ -40,9 +40,7 @@ def surface_of(left: Left, variables: tuple[str, str], way: str, rng: np.random.
 
 
 def foretold(cell: Index, y: Array, fold: Index) -> float:
-    """Share of `y` (n,) about its mean that the means of its cells foretell on folds that they were not made on; at
-    least 0. A cell that the other folds have not foretells their mean.
-    """
+    """Share of `y` (n,) about its mean that its cells' means foretell on other folds; at least 0."""
     wrong = power = 0.0
     for one in np.unique(fold):
         held, rest = fold == one, fold != one

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
@@ -20,10 +21,6 @@ from models.records.record import Record
 from models.theta import Theta
 
 Moved = Callable[[str, float], None]
-
-
-def _quiet(name: str, share: float) -> None:
-    pass
 
 
 _MULTIPLES = tuple(2.0**k for k in range(6))
@@ -58,7 +55,9 @@ class Trial:
         return float(self.before.mean() - self.blocks.mean())
 
 
-def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved = _quiet) -> list[Trial]:
+def compare_candidates(
+    model: FittedModel, screened: Sequence[Screened], moved: Moved = lambda name, share: None
+) -> list[Trial]:
     """Joint fits of `model` with one more effect, from short ones of every candidate to full ones of the best three and
     of the declared confounded effects of the best; best gain first. None where no candidate passed the screening.
     `moved` hears of each candidate that comes next, and the share of the work that is done.
@@ -229,13 +228,9 @@ def opening(
         values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
         points = [base.with_(name, {**start, amplitude.name: value}) for base in bases for value in values]
         costs = costs_of(kind, part, points, kind.free_run)
-        return min(zip(costs, points, strict=True), key=_first)
+        return min(zip(costs, points, strict=True), key=itemgetter(0))
 
-    return min(map(best, starts), key=_first)[1]
-
-
-def _first(row: tuple[float, Theta]) -> float:
-    return row[0]
+    return min(map(best, starts), key=itemgetter(0))[1]
 
 
 def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
@@ -264,9 +259,7 @@ def better_without(model: FittedModel, further: str, others: Fits) -> FittedMode
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
-    """The trials judged again against the best fit *without* a further effect, looked for from the trials' own base
-    values too: a trial must not win because its search was luckier with the base. That fit is the second value.
-    """
+    """The trials against the best fit *without* a further effect, looked for from their own bases too; and that fit."""
     best = model
     for trial in trials[:2]:
         best = better_without(best, trial.effect, trial.thetas)

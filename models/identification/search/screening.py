@@ -7,18 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.effects.effect import Effect
 from models.identification.fitting.fit import Problem, evaluate_all
-from models.identification.kind import Kind
+from models.identification.kind import Array, Kind
 from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,9 +50,7 @@ class _View:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
 
     def best(self, taken: Sequence[str] = ()) -> list[Screened]:
-        """Each candidate that is not `taken` in its best shape, with where the best few start (shares differ by less
-        than their fits); best first.
-        """
+        """Each candidate not `taken` in its best shape, with where the best few start; best first."""
         kind, rows = self.fit.kind, []
         for effect in (effect for effect in kind.effects if effect.id not in taken):
             shapes = sorted(self.explained(effect, list(_shapes(effect, self.fit.records))), key=_by_share)
@@ -130,9 +125,7 @@ def screen(
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
-    """Which records of `part` are imitated: time series that are judged through observers take long, so the first ones
-    that make a few seconds; of all else every one, for each alone tells little.
-    """
+    """Which records of `part` are imitated: the first few seconds where observers judge, of all else every one."""
     if kind.criteria == 1 or any(TIME not in record.columns for record in part):
         return list(part)
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.baselines.lqr import LQR, lqr_gains
+from controller.baselines.lqr import LQR, augmented, lqr_gains
 from controller.design.limit_cycle import LoopRun, lqr_law, simulate
 from controller.design.margins import closed_loop
 from controller.design.tuning import Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
@@ -135,7 +135,8 @@ def test_a_pids_response_is_its_systems() -> None:
 def test_lqr_is_stable_on_its_plant_and_bears_gain(plants: tuple[Linear, ...]) -> None:
     slip = plants[1]
     gains = lqr_gains(slip)
-    assert np.max(np.abs(np.linalg.eigvals(gains.closed(slip)))) < 1
+    A, B = augmented(slip)
+    assert np.max(np.abs(np.linalg.eigvals(A - B @ np.r_[gains.K, gains.K_i][None, :]))) < 1
     assert state_loop(slip, gains, 0.0).margins().phase_deg >= 60
 
 

@@ -216,7 +216,7 @@ def test_the_wall_holds_what_the_law_says(magnetic: ControlModel) -> None:
     x = magnetic.initial()
     x[1] = 10e-3
     assert float(magnetic.symbols.wall_force(x, 0.0, magnetic.values)) == pytest.approx(66.37e-3, rel=0.01)
-    assert magnetic.gap_limit_m == pytest.approx(0.02 / np.sqrt(3))
+    assert magnetic.drive.gap_limit_m == pytest.approx(0.02 / np.sqrt(3))
 
 
 @pytest.mark.parametrize(("regime", "force_N"), [("low", 98.99e-3), ("blend", 125.49e-3), ("high", 125.49e-3)])

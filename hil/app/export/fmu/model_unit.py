@@ -9,7 +9,7 @@ from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start
 from hil.app.export.found import Found
 from models.assembly.model import Assembly, followed_by
 from models.files.units import unit_at_end
-from models.identification.kinds.series.drive_input import drifts, internal_step
+from models.identification.kinds.series.drive_input import internal_step
 from models.theta import spelled
 
 _CORE: Final = Path(__file__).with_name("model_core.c")
@@ -51,7 +51,7 @@ def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: 
     generator.add(function)
     parameters = [spelled(p.key) for p in assembly.parameters]
     follows = [
-        followed_by(assembly.effects, name) == "command" or (k == 0 and not drifts(drive))
+        followed_by(assembly.effects, name) == "command" or (k == 0 and drive.anchored)
         for k, name in enumerate(assembly.states)
     ]
     pairs = ", ".join(f"{{{reference(variables, n)}, {assembly.states.index(s)}}}" for s, n in shown.items())

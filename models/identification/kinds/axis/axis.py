@@ -18,8 +18,18 @@ from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
-from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
-from models.identification.kinds.axis.noise import AxisNoise, band_of, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.moved import (
+    WHOLE,
+    AxisNoise,
+    Moved,
+    band_of,
+    carried,
+    inertia_of,
+    moved,
+    through,
+    told_force,
+    white_part,
+)
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.ranges import Range
@@ -202,9 +212,7 @@ class AxisKind(Kind):
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
-        blocks of each record's cycle of motion, every repeat of a block left out together.
-        """
+        """By record; where one alone holds a speed, direction or place, by four blocks of each record's cycle."""
         apart = [([r for r in records if r is not out], [out]) for out in records]
         if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
             return apart

@@ -6,13 +6,11 @@ from functools import cache, cached_property, lru_cache
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
+from models.identification.kind import Array
 from models.identification.settings import SET
 from models.records.record import USED, Record
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -84,9 +82,7 @@ def _unevenness(t: Array) -> float:
 
 
 def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> AxisMotion:
-    """Differentiate a measured position: Butterworth of order 4 forward and backward at five times the `band` in Hz,
-    then central differences; the speed is the `velocity` that was logged where there is one, filtered alike.
-    """
+    """Butterworth of order 4, both ways, at five times the `band` in Hz, then differences; or the logged `velocity`."""
     rate = sampling_rate(t)
     b, a = butter(4, min(5 * band / (rate / 2), 0.8))
     x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.stats import f as f_distribution
 
 from models.identification.kind import Array
-from models.identification.kinds.dma.dma import DmaKind
+from models.identification.kinds.dma.dma import DmaKind, single_samples
 from models.laws.dynamic_modulus import springpot_modulus
 from models.records.record import Record
 from models.theta import Theta
@@ -42,7 +42,7 @@ def common_residual(
     None with fewer than two samples or three shared frequencies. The permuted `p` shuffles the frequencies within
     samples.
     """
-    tables = [_table(kind, r, theta) for record in records for r in _single_samples(record)]
+    tables = [_table(kind, r, theta) for record in records for r in single_samples(record)]
     shared = sorted(set.intersection(*(set(t) for t in tables)))
     if len(tables) < 2 or len(shared) < 3:
         return None
@@ -105,12 +105,6 @@ def springpot_alone(kind: DmaKind, training: Sequence[Record], validation: Seque
         misfit, [level - 1, level, 0.3], bounds=([level - 6, level - 6, 0.01], [level + 2, level + 2, 0.99])
     )
     return kind.error(validation, predict(validation, fit.x))
-
-
-def _single_samples(record: Record) -> list[Record]:
-    if "sample" not in record.columns:
-        return [record]
-    return [record.rows(np.flatnonzero(record["sample"] == s)) for s in np.unique(record["sample"])]
 
 
 def _table(kind: DmaKind, record: Record, theta: Theta) -> dict[float, Array]:

@@ -121,7 +121,7 @@ class DmaKind(Kind):
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
         """By sample; a single sample by frequency."""
-        single = [r.rows(rows) for r in records for rows in samples_of(r)]
+        single = [sample for r in records for sample in single_samples(r)]
         if len(single) == 1:
             record = single[0]
             left_out = [record["frequency_Hz"] == f for f in np.unique(record["frequency_Hz"])]
@@ -157,3 +157,9 @@ def samples_of(record: Record) -> list[NDArray[np.intp]]:
     if "sample" not in record.columns:
         return [np.arange(len(record))]
     return [np.flatnonzero(record["sample"] == s) for s in np.unique(record["sample"])]
+
+
+def single_samples(record: Record) -> list[Record]:
+    """The record of each sample; itself where there is one."""
+    rows = samples_of(record)
+    return [record.rows(own) for own in rows] if len(rows) > 1 else [record]

@@ -120,9 +120,7 @@ def _decades(low: float, high: float) -> str:
 
 
 def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What would tell an instrument's resonance from the tissue where a frequency stands out, else a wider or denser
-    sweep; None where the law leaves no more than the samples scatter.
-    """
+    """A sweep about a frequency that stands out, else wider or denser; None where the samples scatter as much."""
     if not records:
         return None
     low, high = _band(records)

@@ -148,9 +148,7 @@ def _loads(record: Record, load: float | None) -> Array:
 
 
 def _scatter(records: Sequence[Record], quantity: str) -> float:
-    """Relative standard deviation of a reading: from repeats where there are some, else from how far a reading lies off
-    the line through its neighbours in speed (which a curved law makes larger, never smaller).
-    """
+    """Relative scatter of a reading: of repeats, else how far readings lie off the line through their neighbours."""
     squares, freedom, off = 0.0, 0, list[Array]()
     for r in records:
         runs, index = distinct(np.column_stack((r[SPEED], _loads(r, None))))

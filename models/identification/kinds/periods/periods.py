@@ -15,6 +15,7 @@ from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals, by_name
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.identification.kind import Array, Kind, Split, present
+from models.identification.kinds.table import left_out_in_turn
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants, wall_tension
@@ -189,12 +190,8 @@ class PeriodsKind(Kind):
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
         """Periods left out in turn, a quarter of each speed at a time, neighbours in different parts."""
-        turns = [_turns(self._speeds(r)) for r in records]
-        out = []
-        for k in range(4):
-            parts = [(r.rows(turn != k), r.rows(turn == k)) for r, turn in zip(records, turns, strict=True)]
-            out.append(([a for a, _ in parts if len(a)], [b for _, b in parts if len(b)]))
-        return [(a, b) for a, b in out if a and b]
+        turns = np.concatenate([_turns(self._speeds(r)) for r in records])
+        return [split for split in left_out_in_turn(records, np.arange(len(turns)), turns) if split[0]]
 
     def signals(self, record: Record) -> dict[str, Array]:
         period, valley, peak = self.measured(record).T

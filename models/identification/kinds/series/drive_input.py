@@ -7,26 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.drives.drive import Drive
+from models.identification.kind import Array
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.kinds import KINDS
 from models.rigs.tables import Clock
 
-Array = NDArray[np.float64]
-
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
 OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
 """Parameters of how a record was logged: no part of the rig that a controller drives."""
-_STEP = 3.3e-4  # s, internal step of a free capsule while a fit looks for it
-_FINE_STEP = 1e-4  # s, the same where it counts which of two slip events comes first
-_IMPOSED_STEP = 4e-3  # s, the same of an imposed motion, sampled more slowly than that: when a wall slips
-_LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
-_FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart
-_DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
-_SHAKEN_STEP = 1e-4  # s, the same for a body that its drive shakes to and fro
-_FINE_SHAKEN_STEP = 5e-5  # s, the same where it counts
 
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
@@ -42,11 +33,6 @@ def driven_column(kind: str, records: Sequence[Record]) -> str:
     raise ValueError(
         f"records of one series must have one driven column, {' or '.join(alternatives)}, in common; got {got}"
     )
-
-
-def drifts(drive: Drive) -> bool:
-    """Whether a drive pushes without a place of its own, so that a position is only known from where it started."""
-    return not drive.anchored
 
 
 def interval(record: Record) -> float:
@@ -67,9 +53,7 @@ def evenly(record: Record, columns: Sequence[str]) -> Record:
 
 @dataclass(frozen=True)
 class Feed:
-    """Input of a compiled model's loop: `commands` at intervals of `dt` s with `substeps` steps each; of the loop's
-    output every `every`-th value from `first` on belongs to a sample of the record.
-    """
+    """A loop's `commands` every `dt` s in `substeps`; every `every`-th output from `first` on belongs to a sample."""
 
     commands: Array
     dt: float
@@ -90,16 +74,16 @@ class Feed:
 
 
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
-    """Length in s of a model's steps, at most one from sample to sample; `rigid`: the motion is imposed."""
-    if drive.held:
-        return _FINE_SHAKEN_STEP if fine else _SHAKEN_STEP
-    if rigid:
-        return _IMPOSED_STEP
-    if drifts(drive):
-        return _DRIFTING_STEP
-    if drive.imposed:
-        return _FINE_LINKED_STEP if fine else _LINKED_STEP
-    return _FINE_STEP if fine else _STEP
+    """Longest step in s of a model; `rigid`: the motion is imposed; `fine` ones tell which slip event is first."""
+    if drive.held:  # a body that its drive shakes to and fro
+        return 5e-5 if fine else 1e-4
+    if rigid:  # sampled more slowly than that: when a wall slips
+        return 4e-3
+    if not drive.anchored:  # what a step does wrong stays
+        return 2e-4
+    if drive.imposed:  # behind an elastic link, solved implicitly; half of 1e-4's time, predictions 0.2 mN rms apart
+        return 2e-4 if fine else 5e-4
+    return 1e-4 if fine else 3.3e-4
 
 
 def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = True) -> Feed:

@@ -20,7 +20,7 @@ from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
+from models.identification.kinds.series.drive_input import clock_offset, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
@@ -109,7 +109,7 @@ class SeriesKind(Kind):
     @property
     def memory(self) -> float:
         """The observer's time constant in s."""
-        return SET.held_s if self.drive.held else SET.drifts_s if drifts(self.drive) else SET.memory_s
+        return SET.held_s if self.drive.held else SET.memory_s if self.drive.anchored else SET.drifts_s
 
     @property
     def beginnings_s(self) -> tuple[float, ...]:
@@ -122,16 +122,14 @@ class SeriesKind(Kind):
 
     def _from_the_start(self, record: Record, output: Array) -> Array:
         """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
-        if not drifts(self.drive) or self.quantity not in record.columns:
+        if self.drive.anchored or self.quantity not in record.columns:
             return output
         first = slice(0, max(1, round(SET.start_s / interval(record))))
         return output + float(np.mean(record[self.quantity][first] - output[first]))
 
     def predict(self, record: Record, theta: Theta) -> Array:
-        """The free run from the driven column alone; a magnetic capsule starts at rest below its magnet, one under a
-        coil or an inner mass at rest where the record starts (at 0 where it does not say).
-        """
-        seen = record.columns.get(self.quantity) if drifts(self.drive) else None
+        """The free run from the driven column alone, from rest where the record starts (a magnet's below it)."""
+        seen = None if self.drive.anchored else record.columns.get(self.quantity)
         return self._from_the_start(record, self._runs(record, [theta], None, seen)[0])
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
@@ -201,7 +199,7 @@ class SeriesKind(Kind):
         out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step), "travelled_m": path}
         if self.drive.imposed:
             return out | {"force_N": record[self.quantity]}
-        if drifts(self.drive):
+        if not self.drive.anchored:
             return out | {self.drive.commanded: record[self.drive.commanded]}
         return out | {"gap_m": record[self.drive.commanded] - x}
 

@@ -17,7 +17,6 @@ from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
     SWITCH_DELAY,
     Feed,
-    drifts,
     evenly,
     feed,
     interval,
@@ -31,7 +30,7 @@ from models.theta import Theta
 @cache
 def _model(surface: Surface, drive: Drive, effects: tuple[type[Effect], ...]) -> tuple[Assembly, Kernel]:
     assembly = assemble(surface, drive, effects)
-    return assembly, lower(assembly.step, assembly.correct, NEVER_S if drifts(drive) else SLOW_S)
+    return assembly, lower(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
 
 
 def _each_lane(values: Array) -> Array:
@@ -92,7 +91,7 @@ class Runner:
             spread = fed.spread(np.where(gone(even), np.nan, measured))
             at, late = np.arange(len(spread)), [_late(assembly.effects, theta) / fed.dt for theta in filled]
             seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
-        if drifts(self.drive) and measured is not None and memory:
+        if not self.drive.anchored and measured is not None and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
@@ -111,7 +110,7 @@ class Runner:
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
         state = assembly.start()
         first = record[self.drive.commanded][0]
-        if not drifts(self.drive):
+        if self.drive.anchored:
             seen = None if measured is None else measured[: max(1, round(0.02 / interval(record)))]
             state[0] = first if self.drive.imposed or seen is None else float(np.mean(seen))
         elif measured is not None:

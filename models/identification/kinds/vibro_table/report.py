@@ -168,7 +168,8 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
     24 conditions.
     """
     splits = kind.splits(records)
-    if sum(len(_pairs(held)) for _, held in splits) < SET.table_fewest:
+    runs = [{pair for r in held for pair in zip(r["period_s"], r["duty"], strict=True)} for _, held in splits]
+    if sum(map(len, runs)) < SET.table_fewest:
         return {}
     out = {}
     for left_out in ("", *theta.effects):
@@ -183,10 +184,6 @@ def _fitted(kind: VibroTableKind, records: Sequence[Record], theta: Theta, secan
     for secant in secants:
         theta = Problem.of(kind, records, list(theta.effects), 0).descend(theta, secant, SET.table_steps).theta
     return theta
-
-
-def _pairs(records: Sequence[Record]) -> set[tuple[float, float]]:
-    return {(float(p), float(d)) for r in records for p, d in zip(r["period_s"], r["duty"], strict=True)}
 
 
 def _squared(kind: VibroTableKind, held: Sequence[Record], theta: Theta) -> Array:

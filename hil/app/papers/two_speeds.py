@@ -1,7 +1,6 @@
 """The base model's stick-slip over speed against what papers A and C measured at 0.5 and 10 mm/s."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -51,8 +50,22 @@ def two_speeds_rows() -> Iterator[Row]:
 def two_speeds_drawing() -> Drawing:
     """Period, valley and peak over speed."""
     figure = axes("", "").set_subplots(rows=1, cols=2)
-    _periods(figure)
-    _forces(figure)
+    speeds = np.geomspace(0.3e-3, 20e-3, 60)
+    cycles = [base_cycle(v) for v in speeds]
+    line(figure, speeds * _MN, [c.tooth.period_s for c in cycles], "base model: period", PRINTED, row=1, col=1)
+    table, band = load_measurement("analytical_table2_periods"), measured_band()
+    for speed, periods in ((SLOW, table["period_s"]), (FAST, np.array(measured_teeth("period")))):
+        name = f"measured periods at {speed * _MN:g} mm/s"
+        points(figure, np.full(len(periods), speed * _MN), periods, name, "circle", row=1, col=1)
+    for name, colour in (("valley", DERIVED), ("peak", THIRD)):
+        forces = np.array([getattr(c, name) for c in cycles]) * _MN
+        line(figure, speeds * _MN, forces, f"base model: {name}", colour, row=1, col=2)
+    for name, symbol, slow, fast in (
+        ("valleys", "diamond", table["valley_N"], band[0]),
+        ("peaks", "triangle-up", table["peak_N"], band[1]),
+    ):
+        x = np.append(np.full(len(slow), SLOW * _MN), FAST * _MN)
+        points(figure, x, np.append(slow, fast) * _MN, f"measured {name}", symbol, row=1, col=2)
     figure.update_xaxes(title="speed, mm/s", type="log")
     figure.update_yaxes(title="period, s", type="log", col=1)
     figure.update_yaxes(title="force, mN", type="log", col=2)
@@ -63,27 +76,3 @@ def two_speeds_drawing() -> Drawing:
         " s; no calibration of its numbers changes that. Other specimens and capsules of the same size."
     )
     return Drawing("A Table 2, C and A 5.1: stick-slip at two speeds", caption, figure)
-
-
-def _periods(figure: Any) -> None:
-    speeds = np.geomspace(0.3e-3, 20e-3, 60)
-    periods = np.array([base_cycle(v).tooth.period_s for v in speeds])
-    line(figure, speeds * _MN, periods, "base model: period", PRINTED, row=1, col=1)
-    table = load_measurement("analytical_table2_periods")
-    for speed, periods in ((SLOW, table["period_s"]), (FAST, np.array(measured_teeth("period")))):
-        name = f"measured periods at {speed * _MN:g} mm/s"
-        points(figure, np.full(len(periods), speed * _MN), periods, name, "circle", row=1, col=1)
-
-
-def _forces(figure: Any) -> None:
-    speeds = np.geomspace(0.3e-3, 20e-3, 60)
-    cycles = [base_cycle(v) for v in speeds]
-    line(figure, speeds * _MN, np.array([c.valley for c in cycles]) * _MN, "base model: valley", DERIVED, row=1, col=2)
-    line(figure, speeds * _MN, np.array([c.peak for c in cycles]) * _MN, "base model: peak", THIRD, row=1, col=2)
-    table, (valley, peak) = load_measurement("analytical_table2_periods"), measured_band()
-    for name, symbol, slow, fast in (
-        ("valleys", "diamond", table["valley_N"], valley),
-        ("peaks", "triangle-up", table["peak_N"], peak),
-    ):
-        x = np.append(np.full(len(slow), SLOW * _MN), FAST * _MN)
-        points(figure, x, np.append(slow, fast) * _MN, f"measured {name}", symbol, row=1, col=2)

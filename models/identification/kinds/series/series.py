@@ -118,7 +118,7 @@ class SeriesKind(Kind):
 
     @property
     def _runs(self) -> Callable[..., list[Array]]:
-        return Runner(self.surface, self.drive, self.quantity, self.catalogue).runs
+        return Runner(self.surface, self.drive, self.catalogue).runs
 
     def _from_the_start(self, record: Record, output: Array) -> Array:
         """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""

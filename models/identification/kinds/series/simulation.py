@@ -45,11 +45,10 @@ def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
 
 @dataclass(frozen=True)
 class Runner:
-    """The models of one surface and drive; `quantity` is the measured column."""
+    """The models of one surface and drive."""
 
     surface: Surface
     drive: Drive
-    quantity: str
     catalogue: Catalogue
 
     def runs(
@@ -60,28 +59,22 @@ class Runner:
         for i, theta in enumerate(thetas):
             alike.setdefault((tuple(sorted(theta.effects)), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
         outputs: dict[int, Array] = {}
-        for (active, delay), members in alike.items():
+        for members in alike.values():
             for k in range(0, len(members), LANES):
                 some = members[k : k + LANES]
-                shown = self._side_by_side(record, [thetas[i] for i in some], active, delay, memory, measured, fine)
+                shown = self._side_by_side(record, [thetas[i] for i in some], memory, measured, fine)
                 outputs.update(zip(some, shown, strict=True))
         return [outputs[i] for i in range(len(thetas))]
 
     def _side_by_side(
-        self,
-        record: Record,
-        thetas: Sequence[Theta],
-        active: tuple[str, ...],
-        delay: float,
-        memory: float | None,
-        measured: Array | None,
-        fine: bool,
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool
     ) -> list[Array]:
-        assembly, kernel = _model(self.surface, self.drive, tuple(self.catalogue[name] for name in active))
-        rigid = self.drive.imposed and "string_compliance" not in active
-        even = evenly(record, (self.drive.commanded, self.quantity, USED))
-        measured = None if measured is None else even[self.quantity]
-        fed = feed(self.drive, even, rigid, delay, fine)
+        active = tuple(self.catalogue[name] for name in sorted(thetas[0].effects))
+        assembly, kernel = _model(self.surface, self.drive, active)
+        rigid = self.drive.imposed and not any(effect.answers("link") for effect in active)
+        even = evenly(record, (self.drive.commanded, self.drive.measured, USED))
+        measured = None if measured is None else even[self.drive.measured]
+        fed = feed(self.drive, even, rigid, thetas[0].get(SWITCH_DELAY, 0.0), fine)
         shown = np.empty((len(fed.commands), LANES))
         filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
         parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()

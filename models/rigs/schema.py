@@ -2,7 +2,7 @@
 
 import math
 import typing
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache, partial
 from types import MappingProxyType
@@ -24,7 +24,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from models.files.tables import INTEGER, LARGEST_INTEGER, check_magnitude, shown
+from models.files.tables import INTEGER, LARGEST_INTEGER, check_magnitude, is_number, shown
 from models.files.units import unit_at_end, unit_of
 from models.parameter import nearest
 
@@ -98,13 +98,20 @@ class NamedTable(Table):
     """
 
     where: ClassVar[str]
+    weighed: ClassVar[bool] = True
+    """Whether numbers that nothing in their unit can have are refused as it is made."""
 
     def __init__(self, /, **values: Any) -> None:
         try:
             super().__init__(**values)
         except ValidationError as error:
             raise _refused(type(self), values, error) from None
-        for name in values:
+        if self.weighed:
+            self.weigh(values)
+
+    def weigh(self, names: Iterable[str]) -> None:
+        """Raises ValueError for a number that nothing in its unit can have."""
+        for name in names:
             check_magnitude(getattr(self, name), f"{self.where}.{name}")
 
     @classmethod
@@ -127,7 +134,9 @@ def from_table(cls: type[R], content: Mapping[str, Any], where: str, skip: Colle
     if skip and isinstance(content, Mapping):
         content = {name: value for name, value in content.items() if name not in skip}
     made = _table_of(cls, where).read({where: content})  # type: ignore[arg-type]
-    return cls(**{name: getattr(made, name) for name in content})
+    built = cls(**{name: getattr(made, name) for name in content})
+    made.weigh(content)
+    return built
 
 
 @cache
@@ -140,7 +149,7 @@ def _table_of(cls: type[Any], where: str) -> type[NamedTable]:
         if one.name != "folder"
     }
     made = create_model(cls.__name__, __base__=NamedTable, **keys)
-    made.where = where
+    made.where, made.weighed = where, False
     return made
 
 
@@ -328,7 +337,8 @@ def _refused(table: type[NamedTable], content: Mapping[str, Any], error: Validat
         must = "be zero or more" if lower == 0 else f"be at least {lower:g}"
     else:
         must = f"lie in [{lower:g}, {upper:g}]"
-    return ValueError(f"{where}.{name} must {must}; got {first['input']:g}")
+    given = first["input"]
+    return ValueError(f"{where}.{name} must {must}; got {f'{given:g}' if is_number(given) else got}")
 
 
 def ends(table: type[Table], key: str) -> tuple[float, float]:

@@ -10,14 +10,14 @@ from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from hil.app.console import note
 from hil.report.quantities import DASH, quantity
-from models.effects import Catalogue
+from models.effects import CATALOGUE, Catalogue
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.theta import Theta
 
 
-def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue) -> tuple[Theta, str]:
+def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue = CATALOGUE) -> tuple[Theta, str]:
     """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
     if stage is not None:
         check_word(stage, "--stage", STAGES)

@@ -1,14 +1,39 @@
 """What holds the body, over one step: set-valued friction of gut or plate, the wall's stick and slip."""
 
+import math
 from typing import Final
 
 from plant.compiling import compiled
-from plant.hidden.wall import rate_tension, recovery_speed, stiffening
+from plant.hidden.registry import ROW
 from plant.layout import GUT, P_MU, P_MU_STATIC, P_RECOVERY, P_SURFACE, P_WEIGHT, S_PRESSING, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, resistance, tension
 
 _MOST: Final = 200  # iterations for the stretch of a stiffened wall
 _SETTLED_M: Final = 1e-9  # change of the stretch that ends them
+
+
+@compiled
+def stiffening(u: float, h: Floats) -> float:
+    """Factor on T(u): `1 + a/(1 + (|u|/u_0)^1.2)`."""
+    if h[ROW.small_strain_stiffening, 0] == 0.0:
+        return 1.0
+    return float(1 + h[ROW.small_strain_stiffening, 0] / (1 + (abs(u) / h[ROW.small_strain_stiffening, 1]) ** 1.2))
+
+
+@compiled
+def rate_tension(rate: float, h: Floats) -> float:
+    """Tension in N that the stretch rate `u'` in m/s adds: `a sgn(u') (|u'|/10 mm/s)^0.9`."""
+    if h[ROW.wall_viscosity, 0] == 0.0 or rate == 0.0:
+        return 0.0
+    return float(math.copysign(h[ROW.wall_viscosity, 0] * (abs(rate) * 100.0) ** 0.9, rate))
+
+
+@compiled
+def recovery_speed(u: float, u_c: float, t_r: float, h: Floats) -> float:
+    """Speed in m/s at which a slipping wall draws back: `u_c/t_r`, or the hidden exponential one."""
+    if h[ROW.exponential_recovery, 0] == 0.0:
+        return u_c / t_r
+    return float(h[ROW.exponential_recovery, 0] * u_c * (0.15 + (abs(u) / u_c) ** 0.8) / t_r)
 
 
 @compiled

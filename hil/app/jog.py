@@ -14,7 +14,7 @@ from typing import Annotated, Final
 
 from hil.app.console import answer, note
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.loop import Signals
+from hil.app.run.loop import StopSignals
 from hil.app.run.run import open_bus
 from hil.app.scenario.deployment import read_operator
 from hil.app.scenario.jog_script import Step, steps
@@ -60,7 +60,7 @@ def jog(
     planned = [] if script is None else _planned(script)
     with in_file(path):
         bus = ClockedBus(open_bus(table, path.parent), Clock())
-    with bus, Signals().caught() as signals:
+    with bus, StopSignals().caught() as signals:
         sender = OperatorSender(bus, source, life_ms)
         time.sleep(QUIET_S)
         sender.listen()
@@ -89,7 +89,7 @@ def _planned(script: str) -> list[Step]:
         raise ValueError(f"{script}: script must be a text file that can be read; got: {error}") from None
 
 
-def _cycles(signals: Signals, seconds: float = math.inf) -> Iterator[float]:
+def _cycles(signals: StopSignals, seconds: float = math.inf) -> Iterator[float]:
     """The time in s of `time.monotonic`, once a cycle, for `seconds` or until a signal."""
     begin, cycle = time.monotonic(), 0
     while cycle * CYCLE_S < seconds and not signals.wanted:
@@ -100,14 +100,14 @@ def _cycles(signals: Signals, seconds: float = math.inf) -> Iterator[float]:
         cycle += 1
 
 
-def _send(sender: OperatorSender, planned: Iterable[Step], signals: Signals) -> None:
+def _send(sender: OperatorSender, planned: Iterable[Step], signals: StopSignals) -> None:
     for step in planned:
         for _ in _cycles(signals, step.seconds):
             sender.steer(step.mode, step.value)
             sender.listen()
 
 
-def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: Signals) -> None:
+def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: StopSignals) -> None:
     speed, direction, until, shown = limits.speed_m_s, 0.0, -math.inf, -math.inf
     for now in _cycles(signals):
         for key in keys(sys.stdin.fileno()):

@@ -75,7 +75,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Catalogue:
+class FrameCatalogue:
     """All frames by name, the bit rate in bit/s, and the `fingerprint` of what they mean, which heartbeats carry."""
 
     frames: Mapping[str, Frame]
@@ -95,7 +95,7 @@ class Catalogue:
 
 
 @cache
-def load_catalogue(path: Path = DBC) -> Catalogue:
+def load_catalogue(path: Path = DBC) -> FrameCatalogue:
     """Read a DBC file. Raises ValueError of one sentence where it cannot be read, or a frame is not protected: 11-bit
     identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, a data id of its own.
     """
@@ -122,7 +122,7 @@ def load_catalogue(path: Path = DBC) -> Catalogue:
         raise ValueError(
             f"{path}: attribute Baudrate must be a rate of classic CAN, 10000 to 1000000 bit/s; got {rate}"
         )
-    return Catalogue(MappingProxyType(frames), rate, fingerprint_of(frames, rate), str(path))
+    return FrameCatalogue(MappingProxyType(frames), rate, fingerprint_of(frames, rate), str(path))
 
 
 def fingerprint_of(frames: Mapping[str, Frame], bit_rate: int) -> int:

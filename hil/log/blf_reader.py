@@ -32,18 +32,16 @@ Tell = Callable[[str], None]
 
 
 def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
-    """The frames of `path`; of one that is cut off what is whole, with a sentence for `tell`. Raises ValueError with
-    the place.
-    """
+    """The frames of `path`, up to where a file is cut off: `tell` gets a sentence. ValueError names the place."""
     with opened(path, "log") as file:
-        yield from _Reading(path, file).frames(tell)
+        yield from _BlfReading(path, file).frames(tell)
 
 
 def whole(path: Path) -> bool:
     """Whether the file holds one object after the other from its header to the end that the header states."""
     try:
         with path.open("rb") as file:
-            reading = _Reading(path, file)
+            reading = _BlfReading(path, file)
             for _ in reading.containers():
                 pass
             return reading.place >= reading.size == reading.stated
@@ -51,7 +49,7 @@ def whole(path: Path) -> bool:
         return False
 
 
-class _Reading:
+class _BlfReading:
     """One file; `place` is the offset of the object of the file that is being read."""
 
     def __init__(self, path: Path, file: BinaryIO) -> None:

@@ -15,7 +15,7 @@ import can
 
 from controller.limits import Limits
 from controller.signals import Action
-from hil.bus.catalogue import Catalogue
+from hil.bus.catalogue import FrameCatalogue
 from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, Logged
 from hil.log.log import NodeLog
 from models.theta import Theta
@@ -117,7 +117,7 @@ class _Entry(NamedTuple):
 
 
 def log_record(
-    described: Mapping[str, str], controller: str, values: Theta, limits: Limits, catalogue: Catalogue, **more: Any
+    described: Mapping[str, str], controller: str, values: Theta, limits: Limits, catalogue: FrameCatalogue, **more: Any
 ) -> dict[str, Any]:
     """The record beside a log, by which `capsule replay` builds the same controller; `described`: a file's text."""
     return {

@@ -11,7 +11,7 @@ from typing import Final
 import can
 
 from controller.drives import CARRIAGE, COIL, INNER_MASS, Driven
-from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from models.parameter import nearest
 
 Observer = Callable[[can.Message], object]
@@ -125,6 +125,6 @@ def controllers_frames() -> dict[int, str]:
 
 
 @cache
-def frames() -> Catalogue:
+def frames() -> FrameCatalogue:
     """The project's own catalogue, read once."""
     return load_catalogue()

@@ -25,9 +25,10 @@ a third of the whole library, which a browser takes over a second to read.
 
 
 @cache
-def _environment() -> Environment:
+def environment(folder: Path = TEMPLATES) -> Environment:
+    """What makes text of the templates in `folder`, with the words and quantities of all pages."""
     made = Environment(
-        loader=FileSystemLoader(TEMPLATES),
+        loader=FileSystemLoader(folder),
         autoescape=lambda name: name is None or ".html" in name,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -93,11 +94,6 @@ def page(template: str, **records: Any) -> str:
     """The page that `template` makes of plain `records`, complete in itself."""
     parts = _Parts()
     own = {"header": parts.header, "section": parts.section, "figure": parts.figure}
-    _environment().get_template(template).render(**own, **records)
-    frame = _environment().get_template("page.html.j2")
+    environment().get_template(template).render(**own, **records)
+    frame = environment().get_template("page.html.j2")
     return frame.render(**parts.head, sections=parts.sections, drawn=bool(parts.figures))
-
-
-def markdown(template: str, **records: Any) -> str:
-    """The Markdown that `template` makes of plain `records`, for the documentation."""
-    return _environment().get_template(template).render(**records).strip()

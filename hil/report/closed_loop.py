@@ -23,7 +23,7 @@ from models.effects.conformance import SIGNALS
 from models.effects.effect import Effect, Signals
 from models.effects.equation import ARGUMENTS, about_axis, equations_of
 from models.identification.confidence_map import confidence_map
-from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Estimate, Finding, FoundEffect
+from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
 
@@ -110,7 +110,7 @@ def _card(effect: FoundEffect, finding: Finding) -> dict[str, Any]:
     }
 
 
-def _part(name: str, estimates: dict[str, Estimate], finding: Finding) -> dict[str, Any]:
+def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str, Any]:
     """What an effect or an added curve of it is: its equations, and its numbers."""
     equations, summary = _equations(name, estimates, finding), effect_summary(name)[0]
     return {"name": name, "summary": summary, "equations": equations, "parameters": parameters(estimates)}

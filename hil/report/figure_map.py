@@ -12,9 +12,7 @@ from hil.report.theme import INK, MUTED, STAGE_COLOURS, axes, styled
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
-    """One map each for the measurement, the nominal model and the stage `last`: a dot a condition, coloured by its mean
-    speed.
-    """
+    """Maps of the measurement, the nominal model and the stage `last`: a dot a condition, coloured by speed."""
     drawn = [panel for panel in drawn if {"period_s", "duty"} <= set(panel.signals)]
     if not drawn:
         return None

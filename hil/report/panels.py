@@ -92,9 +92,7 @@ def closer(panel: Panel, share: float = 0.06) -> Panel:
 
 
 def binned(signal: Array, values: Array, bins: int = 72) -> tuple[Array, Array]:
-    """Mean of `values` over stretches of `signal` with equally many samples (each value of it, where few); NaN in
-    gaps.
-    """
+    """Mean of `values` over stretches of `signal` with equally many samples, or over each value; NaN in gaps."""
     good = np.isfinite(signal) & np.isfinite(values)
     signal, values = signal[good], values[good]
     levels = np.unique(signal)

@@ -25,9 +25,7 @@ PLAIN: Final = (1e-4, 1e6)
 
 
 def plain(value: Any) -> Any:
-    """A value of dicts, sequences, NumPy numbers and arrays as JSON knows them; numbers that are not finite become
-    None.
-    """
+    """Dicts, sequences, NumPy numbers and arrays as JSON has them; a number that is not finite becomes None."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
@@ -114,7 +112,7 @@ def unit_words(unit: str) -> str:
 
 
 @dataclass(frozen=True)
-class Told:
+class Interval:
     """A value and the ends of its interval as text, all with the places that the interval gives."""
 
     value: str
@@ -122,20 +120,20 @@ class Told:
     high: str
 
 
-def told(value: float, interval: tuple[float, float]) -> Told:
+def told(value: float, interval: tuple[float, float]) -> Interval:
     """`value` and `interval` with as many places as give half the interval's width two significant digits; four
     significant digits without an interval.
     """
     low, high = interval
     half = abs(high - low) / 2
     if not all(map(math.isfinite, (value, low, high))) or half == 0:
-        return Told(number(value), number(low), number(high))
+        return Interval(number(value), number(low), number(high))
     largest = max(abs(value), abs(low), abs(high))
     places = 1 - _exponent(half, 2)
     if places > 9 or not PLAIN[0] <= largest < PLAIN[1]:
         digits = min(max(2 + _exponent(largest, 2) - _exponent(half, 2), 2), 9)
-        return Told(number(value, digits), number(low, digits), number(high, digits))
-    return Told(*(fixed(v, places) for v in (value, low, high)))
+        return Interval(number(value, digits), number(low, digits), number(high, digits))
+    return Interval(*(fixed(v, places) for v in (value, low, high)))
 
 
 def _exponent(value: float, digits: int) -> int:

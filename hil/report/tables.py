@@ -9,7 +9,7 @@ import numpy as np
 from hil.report.mathml import symbol_html
 from hil.report.quantities import DASH, change, number, percent, quantity, scale, told
 from hil.report.words import PARTS, effect_words, error_cells, interpolation, parameter_words, scaled
-from models.identification.finding import Check, Estimate, Finding
+from models.identification.finding import Check, Finding, Fitted
 
 _LOG = "log10_"
 
@@ -27,7 +27,7 @@ def error_rows(finding: Finding) -> list[list[str]]:
     return rows
 
 
-def parameters(estimates: Mapping[str, Estimate], nominal: Mapping[str, float] | None = None) -> dict[str, Any]:
+def parameters(estimates: Mapping[str, Fitted], nominal: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Parameters with their 95 % intervals; against the nominal values where there are any. A logarithm is shown as
     what it is the logarithm of, one unit has one prefix in all rows.
     """
@@ -77,14 +77,14 @@ def smallest_rows(finding: Finding) -> list[list[str]]:
     return rows
 
 
-def _delogged(name: str, estimate: Estimate) -> Estimate:
+def _delogged(name: str, estimate: Fitted) -> Fitted:
     if not name.startswith(_LOG):
         return estimate
     low, high = (10**end for end in estimate.ci95)
-    return Estimate(10**estimate.value, (low, high), estimate.unit.removeprefix("log10 "), estimate.told)
+    return Fitted(10**estimate.value, (low, high), estimate.unit.removeprefix("log10 "), estimate.told)
 
 
-def _change_drawn(nominal: float | None, estimate: Estimate) -> dict[str, Any] | None:
+def _change_drawn(nominal: float | None, estimate: Fitted) -> dict[str, Any] | None:
     """Change from nominal with its interval as places on a small drawing of -50 to +50 %."""
     if not nominal or not math.isfinite(nominal) or not math.isfinite(estimate.value):
         return None

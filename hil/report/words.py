@@ -1,6 +1,4 @@
-"""Words and numbers as a reader wants them: names of stages, columns and effects, values with unit and prefix, the
-verdict.
-"""
+"""Words and numbers for readers: names of stages, columns and effects, values with unit, the verdict."""
 
 import math
 import re
@@ -62,9 +60,7 @@ def quantity_columns(finding: Finding) -> list[str]:
 
 
 def error_unit(finding: Finding) -> str:
-    """The unit of the reported error: per cent where the measure is relative, else the quantity's; none for a pure
-    number.
-    """
+    """The unit of the reported error: per cent for a relative measure, else the quantity's; "" for a pure number."""
     return "%" if "%" in finding.measure else finding.unit.removeprefix("1")
 
 

@@ -16,7 +16,7 @@ from hil.nodes.listening import waiting
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
-from hil.simulated.state_machine import Stage, Told
+from hil.simulated.state_machine import DriveFacts, Stage
 from hil.simulated.sync_clock import SyncClock
 
 HEARTBEAT_S: Final = 0.06  # without the controller's, after which a drive stops
@@ -95,7 +95,7 @@ class DriveNode:
         cause = self._cause(now)
         alive, stopped = now <= self._dies_at, now < self._stop_until
         hot = self.temperature_C > self.limits.derate_C
-        told = Told(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
+        told = DriveFacts(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
         before, self.stage, self._reset = self.stage, states.next_stage(self.stage, told, now), wire.NO_FAULT
         if self.stage.fault and not before.fault:
             self._tell = 2

@@ -21,7 +21,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class DriveFacts:
     """What a drive knows in one step: the newest command's `mode`, whether it is still `alive`, `safe_stop` while one
     is in force, codes of a `reset` and of a present `cause` (0: none), `hot` from its derating temperature on, whether
     it is `at_rest` in its safe state, and whether its challenge has been `answered`.
@@ -37,7 +37,7 @@ class Told:
     answered: bool = False
 
 
-def next_stage(stage: Stage, told: Told, now: float) -> Stage:
+def next_stage(stage: Stage, told: DriveFacts, now: float) -> Stage:
     """The stage after one step at `now` in s. A cause for a fault latches it from everywhere. It ends by a reset that
     names it, once its cause is gone, in standby; from there "off", "ready" and "enable" lead up one by one, each while
     its command lives, "ready" only once the challenge has been answered.
@@ -55,7 +55,7 @@ def next_stage(stage: Stage, told: Told, now: float) -> Stage:
     return stage if state == stage.state else Stage(state, now)
 
 
-def _next_state(stage: Stage, told: Told, now: float) -> int:
+def _next_state(stage: Stage, told: DriveFacts, now: float) -> int:
     if stage.state == wire.BOOT:
         return wire.SELF_TEST if now - stage.since_s >= BOOT_S else wire.BOOT
     if stage.state == wire.SELF_TEST:

@@ -143,9 +143,7 @@ def spikes(view: View, name: str) -> Mask:
 
 
 def beyond(values: Array) -> Mask:
-    """Where `values` lie ten times as far from their median as all the others do, shape (n,): at most a twentieth of
-    them.
-    """
+    """The values, shape (n,), ten times as far from the median as all others: at most a twentieth of them."""
     far = np.abs(values - np.median(values))
     last = np.sort(far)[-1 - round(SET.stray_most * len(far)) :]
     gaps = np.flatnonzero((last[1:] > SET.stray_apart * last[:-1]) & (last[:-1] > 0))

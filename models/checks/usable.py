@@ -143,9 +143,7 @@ def _starts_loaded(view: View) -> bool:
 
 
 def check_start(view: View) -> Findings:
-    """Whether the motion is on when the record starts, or a load of an earlier one; predictions start at rest and
-    free.
-    """
+    """Whether the record starts in motion or under load; predictions start at rest and free."""
     if rows := run_in(view):
         speed, moving = float(np.mean(view.speed[_first(view)])), _starts_in_motion(view)
         begins = f"in motion at {1e3 * speed:.3g} mm/s" if moving else "under the load that an earlier motion left"

@@ -18,9 +18,7 @@ LANES = 8
 """Parameter sets that a loop runs side by side: as many doubles as the widest vector units hold."""
 SLOW_S = 2.0  # time constant within which an observer leaves an error alone
 NEVER_S = 1e30
-"""`slow_s` of an observer that corrects all of the error: where nothing holds a place, a slow error is the model's own
-drift.
-"""
+"""`slow_s` of an observer that corrects the whole error: a slow error is then the model's own drift."""
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -30,7 +30,7 @@ _START = 1 << 16
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvTable:
     """Columns of numbers: `values` (rows, columns) under the `header`, the file's line number of each row, and the
     units that the file states by column.
     """
@@ -53,7 +53,7 @@ def read_table(
     clocks: Collection[str] = (),
     once: Collection[str] = (),
     gaps: Collection[str] = (),
-) -> Table:
+) -> CsvTable:
     """The table of a file; `check` gets the header and the units that the file states by column, and returns the names
     of the columns that must be finite. More than `most_rows` of `what` it is are refused while they are read.
 
@@ -80,7 +80,7 @@ def read_table(
                     f"{path}: {what} with {len(header)} columns must have at most {most} rows; got more: cut it into"
                     " several records, drop columns or sample it more slowly"
                 )
-        return Table(header, units, np.concatenate(rows.values), np.concatenate(rows.lines))
+        return CsvTable(header, units, np.concatenate(rows.values), np.concatenate(rows.lines))
 
 
 @contextmanager

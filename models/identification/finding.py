@@ -13,7 +13,7 @@ NEXT_TOML, NEXT_CSV = "next_experiment.toml", "next_experiment.csv"
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Fitted:
     """A fitted number with its 95 % interval; `told` is False where the data cannot tell it."""
 
     value: float
@@ -31,10 +31,10 @@ class FoundEffect:
 
     id: str
     equivalent: tuple[str, ...]
-    parameters: dict[str, Estimate]
+    parameters: dict[str, Fitted]
     evidence: float
     confidence: float
-    curves: dict[str, dict[str, Estimate]] = field(default_factory=dict)
+    curves: dict[str, dict[str, Fitted]] = field(default_factory=dict)
     score: float = float("nan")
     calibrated: bool = False
     meaning: str = ""
@@ -148,9 +148,9 @@ class Term:
     sized: bool
     form: str
     text: str
-    amplitude: Estimate
+    amplitude: Fitted
     offset: float
-    numbers: dict[str, Estimate]
+    numbers: dict[str, Fitted]
     given: dict[str, float | tuple[float, ...]]
     level: float
     left: float
@@ -191,7 +191,7 @@ class Finding:
     measure: str
     verdict: str
     effects: tuple[FoundEffect, ...]
-    calibration: dict[str, Estimate]
+    calibration: dict[str, Fitted]
     nominal: dict[str, float]
     error: dict[str, dict[str, float]]
     noise_floor: float

@@ -13,7 +13,7 @@ from models.checks.usable import lead_in_s
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
-from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
+from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import NOTHING_KNOWN, AnyKind, Known, kind_for, ready, report_of
 from models.identification.kinds.series.series import SeriesKind
@@ -168,7 +168,7 @@ def _next(findings: Sequence[RecordFinding], verdict: str, told: Sequence[str | 
     return "; ".join(dict.fromkeys(words for words in (*weak, *told) if words)) or None
 
 
-def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Estimate], verdict: str) -> FoundEffect:
+def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Fitted], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in kind.catalogue[name].refined_by}
     score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
     known, own = confidence_map(), _own(name, spread)
@@ -177,7 +177,7 @@ def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Estim
     return FoundEffect(name, found.equivalent[name], own, *told)
 
 
-def _own(name: str, spread: Mapping[Name, Estimate]) -> dict[str, Estimate]:
+def _own(name: str, spread: Mapping[Name, Fitted]) -> dict[str, Fitted]:
     return {key[1]: value for key, value in spread.items() if not isinstance(key, str) and key[0] == name}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from models.checks.finding import RecordFinding
-from models.identification.finding import STAGES, Check, Estimate
+from models.identification.finding import STAGES, Check, Fitted
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind
@@ -28,7 +28,7 @@ def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
 def model_checks(
     kind: Kind,
     found: Search,
-    spread: Mapping[Name, Estimate],
+    spread: Mapping[Name, Fitted],
     held_out: Mapping[str, float],
     findings: Sequence[RecordFinding],
     allowed: float = 0.0,
@@ -83,7 +83,7 @@ def _within_bounds(kind: Kind, found: Search) -> _Row:
 
 
 def _of_effects(
-    kind: Kind, found: Search, spread: Mapping[Name, Estimate], held_out: Mapping[str, float], longest_s: float
+    kind: Kind, found: Search, spread: Mapping[Name, Fitted], held_out: Mapping[str, float], longest_s: float
 ) -> Iterator[_Row]:
     amplitudes = [(name, kind.declared(name).amplitude().name) for name in found.effects]
     untold = sum(name not in spread or not spread[name].told for name in amplitudes)
@@ -107,7 +107,7 @@ def _of_none(findings: Sequence[RecordFinding], held_out: Mapping[str, float], c
         yield "held_out", "held-out error over chance", over, SET.beyond_chance, meaning
 
 
-def _information(spread: Mapping[Name, Estimate]) -> Iterator[_Row]:
+def _information(spread: Mapping[Name, Fitted]) -> Iterator[_Row]:
     base = [estimate.told for name, estimate in spread.items() if isinstance(name, str)]
     if base:
         share = float(np.mean([not told for told in base]))

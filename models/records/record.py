@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.csv_reader import Table, read_table
+from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
 from models.records.header import check_header, missing_in_layouts
 from models.records.proposal import proposed, to_scale, toml_lines
@@ -173,7 +173,7 @@ def record_of(
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
-    table = Table(header, units, values, np.arange(len(values)))
+    table = CsvTable(header, units, values, np.arange(len(values)))
     return replace(_record(name, where, rig, table, sources, driven_only), notes=notes)
 
 
@@ -232,7 +232,7 @@ def _record(
     name: str,
     where: str,
     rig: Rig,
-    table: Table,
+    table: CsvTable,
     sources: Mapping[str, MappedColumn],
     driven_only: bool,
     lenient: bool = False,

@@ -7,8 +7,7 @@ from models.drives.drive import Drive
 from models.rigs.columns import Columns
 from models.rigs.kind import IN_GUT, RigKind
 from models.rigs.rig import Head, Rig
-from models.rigs.tables import Clock, Surface
-from models.rigs.tables import Coil as CoilTable
+from models.rigs.tables import ClockTable, CoilTable, SurfaceTable
 
 
 class CoilHead(Head, CoilTable):
@@ -35,7 +34,7 @@ COIL = RigKind(
     layouts=(Columns((("coil_current_A", "coil_voltage_V"),), ("position_m",)),),
     head=CoilHead,
     tables=IN_GUT,
-    further={"surface": Surface, "clock": Clock},
+    further={"surface": SurfaceTable, "clock": ClockTable},
     nominal={
         "rig": {
             "force_constant_N_per_A": Coil().force_constant_N_per_A,

@@ -1,6 +1,4 @@
-"""What a kind of rig is: one declaration of its columns, tables, drive, template and of the properties that code asks
-for.
-"""
+"""A kind of rig: one declaration of its columns, tables, drive, template and the properties that code asks."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field

@@ -9,7 +9,7 @@ from models.rigs.kind import IN_GUT, Instead, RigKind
 from models.rigs.magnets import Magnet, Magnets, read_magnets
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import Positive
-from models.rigs.tables import Clock, Surface
+from models.rigs.tables import ClockTable, SurfaceTable
 
 
 class MagneticHead(Head, Magnet):
@@ -40,7 +40,7 @@ MAGNETIC = RigKind(
     head=MagneticHead,
     instead=Instead("magnet", Magnets, read_magnets, MagnetsHead),
     tables=IN_GUT,
-    further={"surface": Surface, "clock": Clock},
+    further={"surface": SurfaceTable, "clock": ClockTable},
     nominal={"rig": {"magnet_stiffness_N_per_m": Magnetic().stiffness_N_per_m, "magnet_range_m": Magnetic().range_m}},
     drive=_drive,
     longest_s=3600.0,

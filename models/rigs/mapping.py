@@ -1,6 +1,4 @@
-"""How the columns of another's file become ours: names, units, signs and offsets, as `[columns]` of a rig file states
-them.
-"""
+"""`[columns]` of a rig file: names, units, signs and offsets that make ours of another file's columns."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

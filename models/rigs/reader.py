@@ -17,12 +17,12 @@ from models.rigs.schema import Table, checked
 from models.rigs.tables import (
     BodyTable,
     CapsuleTable,
-    Checks,
+    ChecksTable,
     ColumnTable,
     Noise,
     PaperCapsuleTable,
     PaperTissueTable,
-    Surface,
+    SurfaceTable,
     TissueTable,
 )
 
@@ -66,7 +66,7 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
             parts[name] = file.read(name, model, optional=not must)
     parts |= {name: file.read(name, model) for name, model in kind.further.items() if name in raw}
     parts["capsule"], parts["tissue"] = file.body(parts.get("surface"))
-    parts["checks"] = file.read("checks", Checks, optional=True)
+    parts["checks"] = file.read("checks", ChecksTable, optional=True)
     if kind.switched and "clock" in parts and parts["clock"].drift:
         raise ValueError(
             f"{where}: [clock] drift must be left out for kind {kind.id}, whose drive switches and cannot be read"
@@ -117,7 +117,7 @@ class _File:
         owners = {key: kind.id for kind in reversed(KINDS.values()) for key in kind.head.model_fields}
         return checked(self.where, "rig", head, content, owners).parts(nested)
 
-    def body(self, surface: Surface | None) -> tuple[Capsule, Tissue]:
+    def body(self, surface: SurfaceTable | None) -> tuple[Capsule, Tissue]:
         """Body and gut of a rig whose body lies on `surface`, the gut where nothing is said."""
         paper, gut = self.kind.of_paper, surface is None or surface.is_gut
         body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable

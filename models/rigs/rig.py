@@ -8,7 +8,7 @@ from models.laws.geometry import Capsule, Tissue
 from models.rigs.magnets import Magnet, Magnets
 from models.rigs.mapping import ColumnMap
 from models.rigs.schema import Table
-from models.rigs.tables import Axis, Checks, Clock, Coil, Contact, Drive, Noise, Surface
+from models.rigs.tables import Axis, ChecksTable, ClockTable, CoilTable, Contact, DriveTable, Noise, SurfaceTable
 
 T = TypeVar("T")
 
@@ -25,13 +25,13 @@ class Rig:
     capsule: Capsule = field(default_factory=Capsule)
     tissue: Tissue = field(default_factory=Tissue)
     noise: Noise = field(default_factory=Noise)
-    checks: Checks = field(default_factory=Checks)
-    clock: Clock | None = None
+    checks: ChecksTable = field(default_factory=ChecksTable)
+    clock: ClockTable | None = None
     magnet: Magnet | None = None
     magnets: Magnets | None = None
-    coil: Coil | None = None
-    drive: Drive | None = None
-    surface: Surface | None = None
+    coil: CoilTable | None = None
+    drive: DriveTable | None = None
+    surface: SurfaceTable | None = None
     axis: Axis = field(default_factory=Axis)
     contact: Contact = field(default_factory=Contact)
     velocity_m_s: float | None = None

@@ -45,7 +45,7 @@ class Noise(Table):
     modulus_std_Pa: Positive | None = key("standard deviation of a modulus; left out: estimated", None)
 
 
-class Checks(Table):
+class ChecksTable(Table):
     """What is known of the records of this rig: findings of `capsule check` that no longer stop a fit, by id."""
 
     accept: list[str] = key(
@@ -58,7 +58,7 @@ MOST_DRIFT = 0.1
 """The largest `[clock] drift`, in seconds a second."""
 
 
-class Clock(Table):
+class ClockTable(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
     the standard deviation with which that is known: a calibration looks for it within four of these. With `drift` they
     come later by so many seconds in each second of a record, where the drive is a place.
@@ -106,7 +106,7 @@ class ColumnTable(Table):
     )
 
 
-class Drive(Table):
+class DriveTable(Table):
     """The inner mass of a vibro-impact drive: on a spring to the body, pushed by `force_N` while the coil is on.
 
     `reaction_on_body` false: an external field acts on the inner mass alone. A stop that is left out is out of reach.
@@ -132,7 +132,7 @@ class Drive(Table):
     current_limit_A: Positive | None = key("most current that the supply gives", None)
 
 
-class Surface(Table):
+class SurfaceTable(Table):
     """What the body lies on: a rigid plate with Coulomb friction, the gut of `[tissue]`, or nothing (in the air)."""
 
     purpose = "a plate under the capsule, or nothing but air, in place of the gut"
@@ -159,7 +159,7 @@ class Surface(Table):
         return self.kind == "air"
 
 
-class Coil(Table):
+class CoilTable(Table):
     """The coil's force `k_c i` on the capsule, falling with the distance from the coil's place where a range is
     given.
     """

@@ -8,8 +8,7 @@ from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
 from models.rigs.columns import Columns
 from models.rigs.kind import IN_GUT, RigKind
 from models.rigs.rig import Rig
-from models.rigs.tables import Clock, Surface
-from models.rigs.tables import Drive as DriveTable
+from models.rigs.tables import ClockTable, DriveTable, SurfaceTable
 
 
 def _drive(rig: Rig, by_voltage: bool) -> Drive:
@@ -35,8 +34,8 @@ def _drive(rig: Rig, by_voltage: bool) -> Drive:
 VIBRO = RigKind(
     id="vibro",
     layouts=(Columns((("drive_on", "coil_voltage_V"),), ("position_m",)),),
-    tables={**IN_GUT, "drive": DriveTable, "surface": Surface},
-    further={"clock": Clock},
+    tables={**IN_GUT, "drive": DriveTable, "surface": SurfaceTable},
+    further={"clock": ClockTable},
     nominal={
         "capsule": {"mass_kg": 0.193},
         "drive": {

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.rigs.columns import Columns
 from models.rigs.kind import Record, RigKind, Tables
-from models.rigs.tables import BodyTable, Drive, Surface
+from models.rigs.tables import BodyTable, DriveTable, SurfaceTable
 
 
 def _template(rng: np.random.Generator) -> tuple[Tables, Record]:
@@ -31,7 +31,7 @@ VIBRO_TABLE = RigKind(
     id="vibro_table",
     layouts=(Columns((("period_s",), ("duty",), ("cycles",)), ("mean_velocity_m_s",), time=False, minimum=4),),
     usual={"mean_velocity_m_s": (0.0, 1.0, "m/s")},
-    tables={"capsule": BodyTable, "drive": Drive, "surface": Surface},
+    tables={"capsule": BodyTable, "drive": DriveTable, "surface": SurfaceTable},
     template=_template,
     longest_s=1e5,
     wanted="runs at more pairs of period_s and duty",

@@ -1,6 +1,4 @@
-"""The base model: stick and slip of the wall that the capsule drags along (physics of papers A, C and V put
-together).
-"""
+"""The base model: stick and slip of the wall that the capsule drags along, from papers A, C and V."""
 
 from __future__ import annotations
 

@@ -13,10 +13,8 @@ from models.rigs.magnets import Magnet as MagnetTable
 from models.rigs.magnets import read_magnets
 from models.rigs.schema import Table as RigTable
 from models.rigs.schema import check_range, from_table
-from models.rigs.tables import BodyTable, CapsuleTable, TissueTable
-from models.rigs.tables import Drive as DriveTable
+from models.rigs.tables import BodyTable, CapsuleTable, DriveTable, SurfaceTable, TissueTable
 from models.rigs.tables import Noise as NoiseTable
-from models.rigs.tables import Surface as SurfaceTable
 from plant.anatomy import Anatomy, along, random_anatomy
 from plant.drives.kinds import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.experiments.profile import PROFILES, Profile, Recorded

@@ -21,7 +21,7 @@ SIGNED: Final = -1.0
 
 
 @dataclass(frozen=True)
-class Shape:
+class HiddenNumber:
     """One number of an effect, `unit` in its name; a random rig draws it from [`lower`, `upper`]."""
 
     name: str
@@ -46,7 +46,7 @@ class Hidden:
 
     id: str
     form: str
-    numbers: tuple[Shape, ...]
+    numbers: tuple[HiddenNumber, ...]
     drives: tuple[str, ...]
     published: bool
     answer: str
@@ -60,7 +60,7 @@ def _effect(
     published: bool = True,
 ) -> Hidden:
     """An effect with the `ranges` of its numbers; `called` is what the field calls it, where that is not its name."""
-    return Hidden("", form, tuple(Shape(n, *r) for n, r in ranges.items()), drives, published, called)
+    return Hidden("", form, tuple(HiddenNumber(n, *r) for n, r in ranges.items()), drives, published, called)
 
 
 _BY_NAME: Final = {

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from models.parameter import nearest
 from plant.compiling import compiled
-from plant.hidden.registry import HIDDEN, ONSET, ROW, ROWS, Shape, hidden
+from plant.hidden.registry import HIDDEN, ONSET, ROW, ROWS, HiddenNumber, hidden
 from plant.tables import Floats
 
 
@@ -78,7 +78,7 @@ def begun(table: Floats, time_s: float) -> Floats:
     return found
 
 
-def _possible(value: float, number: Shape, amplitude: bool, effect: str) -> float:
+def _possible(value: float, number: HiddenNumber, amplitude: bool, effect: str) -> float:
     """The number itself: lengths, times, compliances are not negative, a shape's numbers positive but for places and
     phases, and none is far from those that a random rig draws.
     """

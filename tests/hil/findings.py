@@ -5,8 +5,8 @@ import numpy as np
 from models.identification.finding import (
     CandidateRow,
     Check,
-    Estimate,
     Finding,
+    Fitted,
     FoundEffect,
     Proposal,
     Separation,
@@ -37,9 +37,9 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         "fold_periodic",
         ("peristaltic_wave",),
         {
-            "depth": Estimate(0.201, (0.18, 0.22)),
-            "wavelength_m": Estimate(0.0073, (0.0072, 0.0074), "m"),
-            "phase_rad": Estimate(0.1, (float("nan"), float("nan")), "rad", told=False),
+            "depth": Fitted(0.201, (0.18, 0.22)),
+            "wavelength_m": Fitted(0.0073, (0.0072, 0.0074), "m"),
+            "phase_rad": Fitted(0.1, (float("nan"), float("nan")), "rad", told=False),
         },
         41.2,
         0.993,
@@ -76,9 +76,9 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         verdict=verdict,
         effects=(folds,) if verdict == "named" else (),
         calibration={
-            "hoop_factor": Estimate(0.93, (0.91, 0.95)),
-            "friction_coefficient": Estimate(0.0764, (0.0741, 0.079)),
-            "recovery_time_s": Estimate(0.05, (0.01, 0.2), "s", told=False),
+            "hoop_factor": Fitted(0.93, (0.91, 0.95)),
+            "friction_coefficient": Fitted(0.0764, (0.0741, 0.079)),
+            "recovery_time_s": Fitted(0.05, (0.01, 0.2), "s", told=False),
         },
         nominal={"hoop_factor": 1.0, "friction_coefficient": 0.082, "recovery_time_s": 0.05},
         error={

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
-from hil.app.campaign.folders.answers import Answer, answer_of, lacking, verdicts, with_disagreements
+from hil.app.campaign.folders.answers import SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
 from hil.app.campaign.folders.answers import document as answers_document
 from hil.app.campaign.folders.page import page_html as answers_html
 from hil.app.campaign.folders.series import find_series
@@ -98,9 +98,7 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers) -> Outcome:
 
 
 def document(plan: Campaign, rows: list[Row], repeat: str) -> dict[str, Any]:
-    """The campaign's numbers: of all runs, of each combination, and its worst cases with the command that repeats
-    each.
-    """
+    """The campaign's numbers: all runs, each combination, and the worst cases with the command that repeats each."""
     metric = plan.head.metric
     return {
         "campaign": plan.name,
@@ -147,7 +145,7 @@ def _said(row: Row) -> str:
     return f"{row['point']['series']}: {told}"
 
 
-def _lines(answers: Sequence[Answer], resumed: int) -> list[str | Table]:
+def _lines(answers: Sequence[SeriesAnswer], resumed: int) -> list[str | Table]:
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts(answers).items() if count)
     lines: list[str | Table] = [f"{len(answers)} series, {resumed} of them done before: {counts}"]
     table = text_table("", ("", "named by", "a part in"), bare=True)

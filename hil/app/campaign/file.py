@@ -85,7 +85,7 @@ METRICS: Final = tuple(field.name for field in fields(Score) if field.type in (f
 ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
 
 
-class Head(NamedTable):
+class CampaignTable(NamedTable):
     """`[campaign]`."""
 
     where = "campaign"
@@ -108,7 +108,7 @@ class Campaign:
     """
 
     name: str
-    head: Head
+    head: CampaignTable
     raw: Table
     draws: Mapping[str, Distribution]
     combinations: Sequence[tuple[Table, Table]]
@@ -145,7 +145,7 @@ def load_campaign(path: Path) -> Campaign:
         for table in raw:
             if table not in TABLES:
                 raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}")
-        head = Head.read(raw)
+        head = CampaignTable.read(raw)
         scenario, _ = read_toml(path.parent / head.scenario, "scenario")
         kind = str(_table(scenario, "rig").get("kind", ""))
         values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else Theta()

@@ -35,9 +35,7 @@ def groups(rows: Sequence[Row], draws: Sequence[str]) -> dict[str, list[Row]]:
 
 
 def summary_of(rows: Sequence[Row], metric: str) -> dict[str, float]:
-    """Runs, failures, unsafe ones, violations of hard limits, and the metric's quantiles over the runs that have
-    one.
-    """
+    """Runs, failures, unsafe runs, violations of hard limits, and quantiles of the metric."""
     values = np.array([value_of(row, metric) for row in rows])
     good = values[np.isfinite(values)]
     results = [row.get("result", {}) for row in rows]

@@ -16,12 +16,12 @@ from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.log_task import task_of
-from hil.app.run.loop import Signals
+from hil.app.run.loop import StopSignals
 from hil.app.run.run import open_bus
 from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option
-from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.drives.makers import carriage_bus
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
@@ -58,7 +58,7 @@ def cockpit(
     from hil.app.cockpit.server import Cockpit, bind, serve
 
     listener = bind(host, port)
-    with listener, _source(path, watch) as (source, hands), Signals().caught() as signals:
+    with listener, _source(path, watch) as (source, hands), StopSignals().caught() as signals:
         page = Cockpit(source, hands=hands)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
@@ -122,7 +122,7 @@ def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
         bus.shutdown()
 
 
-def _log(path: Path, catalogue: Catalogue) -> LogSource:
+def _log(path: Path, catalogue: FrameCatalogue) -> LogSource:
     """The whole log, read, and what the record beside it says."""
 
     def tell(words: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from hil.app.cockpit.watch import grade_of, words
 from hil.app.scenario.model_use import model_facts
-from hil.bus.catalogue import Catalogue
+from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import without_absent
 from hil.nodes.controller.node import Task
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
@@ -54,7 +54,7 @@ class LivePanel:
         return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
 
-def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[LivePanel, ...]:
+def panels_of(wiring: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
     drive = wiring.drive
     word, unit, factor, _ = drive.shown
     seen = _signal(wiring.signal, factor)
@@ -155,7 +155,7 @@ class Facts:
     title: str
     about: str
     wiring: FrameMap
-    catalogue: Catalogue
+    catalogue: FrameCatalogue
     models: tuple[dict[str, Any], ...] = ()
 
     def document(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.cockpit.panels import Line, Values
-from hil.bus.catalogue import Catalogue
+from hil.bus.catalogue import FrameCatalogue
 
 Array = NDArray[np.float32]
 BIN_S: Final = 0.04
@@ -29,7 +29,7 @@ def packed(first: int, start_s: float, span_s: float, values: Array) -> bytes:
 class LineFeed:
     """Which lines a frame feeds, and for how long in s each line holds."""
 
-    def __init__(self, lines: Sequence[Line], catalogue: Catalogue) -> None:
+    def __init__(self, lines: Sequence[Line], catalogue: FrameCatalogue) -> None:
         self.lines = tuple(lines)
         self.holds = tuple(max(5 * catalogue[one.frame].cycle_s, 2 * BIN_S) for one in lines)
         self._by_frame: dict[str, list[int]] = {}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.bus.catalogue import Catalogue
+from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
@@ -46,7 +46,7 @@ class Occurrence:
 class FrameWatch:
     """Takes frames in order of time, never raises, in bounded memory; `last` are last good values by frame."""
 
-    def __init__(self, catalogue: Catalogue, kept: int = KEPT) -> None:
+    def __init__(self, catalogue: FrameCatalogue, kept: int = KEPT) -> None:
         self.catalogue = catalogue
         self.reception = Reception(catalogue.frames.values())
         self.last: dict[str, dict[str, float]] = {}

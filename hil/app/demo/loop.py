@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
-from hil.app.demo.story import RIG, Learned, Mission, Progress, Told, found_in
+from hil.app.demo.story import RIG, Learned, Mission, Progress, StoryResult, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.sil.loop import learning_of
@@ -39,7 +39,7 @@ Tables = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Excitation:
+class TrainingRun:
     """A run that is there to be learnt from: the table `[reference]` and how long it takes."""
 
     reference: Mapping[str, Any]
@@ -56,8 +56,8 @@ class LoopStory:
     name: str
     title: str
     scenario: Path
-    training: tuple[Excitation, ...]
-    holdout: Excitation
+    training: tuple[TrainingRun, ...]
+    holdout: TrainingRun
 
     def runs(self, seed: int) -> dict[str, Tables]:
         """The scenario's tables by name of the run."""
@@ -70,7 +70,7 @@ class LoopStory:
             runs[name] = {**mission, "scenario": run, "reference": dict(one.reference)}
         return runs
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
         """The whole loop; `folder` gets each run's scenario and log, the rig file and what close-loop writes."""
         runs = self.runs(seed)
         belief = toml_text(runs[MISSION]["belief"])
@@ -97,13 +97,11 @@ class LoopStory:
             )[0]
         report("done", 1.0)
         truth = runs[MISSION].get("effects", {})
-        return Told(finding, gate, missions, tuple(truth), truth=truth)
+        return StoryResult(finding, gate, missions, tuple(truth), truth=truth)
 
 
 def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Acceptance]]:
-    """The gate's verdict on each stage in turn, against the last that it let in; at first the nominal model is in
-    use.
-    """
+    """The gate's verdict on each stage against the last accepted one; the nominal model is in use first."""
     current = STAGES[0]
     for stage in STAGES[1:]:
         verdict = judge(report_json(finding), model, rig, stage=stage, current=current)
@@ -144,20 +142,20 @@ LOOPS = (
         "simulated magnetic rig over the bus",
         SCENARIOS / "demo_magnetic.toml",
         (
-            Excitation(_waypoints([0.5, 6.0, 7.0, 12.0, 13.0], [0.0, 9.0, 9.0, 22.0, 16.0]), 13.0),
-            Excitation(_waypoints([0.5, 4.0, 8.0, 12.0, 13.0], [0.0, 16.0, 6.0, 18.0, 18.0]), 13.0),
+            TrainingRun(_waypoints([0.5, 6.0, 7.0, 12.0, 13.0], [0.0, 9.0, 9.0, 22.0, 16.0]), 13.0),
+            TrainingRun(_waypoints([0.5, 4.0, 8.0, 12.0, 13.0], [0.0, 16.0, 6.0, 18.0, 18.0]), 13.0),
         ),
-        Excitation({"kind": "sine", "amplitude_mm": 18.0, "frequency_Hz": 0.09}, 12.0),
+        TrainingRun({"kind": "sine", "amplitude_mm": 18.0, "frequency_Hz": 0.09}, 12.0),
     ),
     LoopStory(
         "vibro",
         "simulated vibro rig over the bus",
         SCENARIOS / "demo_vibro.toml",
         (
-            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, 18.0, -2.0, 4.0, -5.0, 1.0]), 8.0),
-            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, -16.0, 2.0, -3.0, 8.0, -8.0]), 8.0),
+            TrainingRun(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, 18.0, -2.0, 4.0, -5.0, 1.0]), 8.0),
+            TrainingRun(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, -16.0, 2.0, -3.0, 8.0, -8.0]), 8.0),
         ),
-        Excitation(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
+        TrainingRun(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
     ),
 )
 

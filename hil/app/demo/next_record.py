@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hil.app.demo.loop import HOLDOUT, SCENARIOS, SEEDS
-from hil.app.demo.story import BEFORE, RIG, Progress, Told, found_in
+from hil.app.demo.story import BEFORE, RIG, Progress, StoryResult, found_in
 from hil.app.simulate import write_simulated
 from hil.app.write import write_files
 from models.files.toml import toml_text
@@ -35,7 +35,7 @@ class NextRecordStory:
     further: Tables
     further_s: float
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
         """Both loops. `folder` gets scenario and record of every run, the rig file and what the second writes, its
         folder `before` what the first does.
         """
@@ -65,7 +65,7 @@ class NextRecordStory:
         held = record(HOLDOUT, len(POOR) + 1, profile=self.further, scenario=length)
         finding, _ = found_in(records, [held], rig, folder, seed, part(_SEARCHED, 1.0))
         truth = raw["effects"]
-        return Told(finding, hidden=tuple(truth), truth=truth, before=unsure)
+        return StoryResult(finding, hidden=tuple(truth), truth=truth, before=unsure)
 
 
 def _as_proposed(proposal: Proposal) -> dict[str, Tables]:

@@ -1,6 +1,4 @@
-"""The demo's report: one self-contained page with every loop from residual and effect to prediction and tracking,
-before and after.
-"""
+"""The demo's report: one self-contained page; for every loop residual, effect, prediction and tracking."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +7,7 @@ from typing import Any, Final
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, Told
+from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, StoryResult
 from hil.app.identify.close_loop import MODEL, REPORT
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.sil.story import error_figure
@@ -34,12 +32,12 @@ from models.identification.finding import NEXT_TOML, STAGES, Finding
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
-Line = tuple[Story, Told]
+Line = tuple[Story, StoryResult]
 
 
 def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
     """The page for all stories, driven ones first and in full, then those that learned while they ran."""
-    lines = [(story, one) for story, one in ends if isinstance(one, Told)]
+    lines = [(story, one) for story, one in ends if isinstance(one, StoryResult)]
     learned = [(story, one) for story, one in ends if isinstance(one, Learned)]
     loops = [line for line in lines if line[1].missions]
     return page(
@@ -53,7 +51,7 @@ def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
     )
 
 
-def _line(story: Story, one: Told) -> dict[str, Any]:
+def _line(story: Story, one: StoryResult) -> dict[str, Any]:
     """A story's numbers in words, and its figures: of all printed ones none, of driven ones the missions, of one that
     proposed a record the motion.
     """
@@ -81,7 +79,7 @@ def _tracked(mission: Mission) -> dict[str, str]:
     return {"rms": rms, "largest": largest, "stopped": mission.numbers["stopped_because"]}
 
 
-def truth_rows(one: Told) -> list[list[str]]:
+def truth_rows(one: StoryResult) -> list[list[str]]:
     """What the simulated rig kept to itself beside what was found, a row a number."""
     rows: dict[tuple[str, str], list[str]] = {}
     for name, numbers in one.truth.items():

@@ -27,9 +27,7 @@ RIG, BEFORE = "rig.toml", "before"
 
 @dataclass(frozen=True)
 class Mission:
-    """The last run of a loop under one stage of the model: its numbers as `capsule sil` prints them, and the true
-    path.
-    """
+    """The last run of a loop with one stage of the model: what `capsule sil` prints, and the true path."""
 
     numbers: Mapping[str, Any]
     time_s: Array
@@ -38,7 +36,7 @@ class Mission:
 
 
 @dataclass(frozen=True)
-class Told:
+class StoryResult:
     """What came of a story. `gate` holds the verdict on each stage that asked to be let in, `missions` the runs of
     those that were, and `hidden` what the simulated plant kept to itself; all three are empty where nothing was
     driven. `caution` is what the error must not be taken for, `truth` the numbers of what was hidden, by effect.
@@ -77,7 +75,7 @@ class Learned:
     hidden: tuple[str, ...]
 
 
-End = Told | Learned
+End = StoryResult | Learned
 
 
 class Story(Protocol):
@@ -105,13 +103,13 @@ class PrintedStory:
     rig: str
     caution: Callable[[Finding], str] | None = None
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
         """Records and rig file, then the loop."""
         record = folder / f"{self.measured}.csv"
         write_files({folder / RIG: self.rig, record: measured_path(self.measured).read_bytes()})
         rig = read_rig(folder / RIG)
         finding = found_in([record], [], rig, folder, seed, report)[0]
-        return Told(finding, caution=self.caution(finding) if self.caution else "")
+        return StoryResult(finding, caution=self.caution(finding) if self.caution else "")
 
 
 def found_in(

@@ -71,9 +71,7 @@ def design(
 
 
 def _driven(belief: Rig) -> str:
-    """The column that track, sil and run command: a coil's voltage where the rig file has its resistance, else the
-    current.
-    """
+    """The column that is commanded: a coil's voltage where the rig file has its resistance, else its current."""
     known = belief.coil is not None and belief.coil.coil_resistance_Ohm is not None
     return "coil_voltage_V" if known else ""
 

@@ -1,6 +1,4 @@
-"""`capsule design` for an inner-mass drive: resonances, gears, what a speed costs by impact, the slow loop's
-margins.
-"""
+"""`capsule design` for an inner-mass drive: resonances, gears, impact at each speed, the slow loop's margins."""
 
 import math
 from dataclasses import asdict

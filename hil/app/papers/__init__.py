@@ -1,3 +1,1 @@
-"""The seed papers' numbers: what each paper states, what its equations give here, what was measured, and the
-verdict.
-"""
+"""The seed papers' numbers: stated by the paper, computed from its equations, measured; and the verdict."""

@@ -32,7 +32,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedSpectrum:
     """A fitted spectrum; call it with omega in rad/s for the complex modulus in Pa."""
 
     law: Spectrum
@@ -62,7 +62,7 @@ FIVE_ELEMENTS = Spectrum("five elements", _five_basis, tuple(itertools.combinati
 SPRINGPOT = Spectrum("springpot", _springpot_basis, tuple((order,) for order in (0.1, 0.3, 0.5, 0.7, 0.9)))
 
 
-def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> Fit:
+def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> FittedSpectrum:
     """The law that minimises `||Y - Y_law||` over samples and frequencies; `omega` in rad/s and `target` in Pa, same
     shape (n,).
 
@@ -75,7 +75,7 @@ def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> Fit:
     best = min(law.starts, key=lambda start: cost(np.array(start)))
     found = minimize(cost, np.array(best), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10})
     shape = np.asarray(found.x)
-    return Fit(law, shape, law.weights(shape, omega, target)[0])
+    return FittedSpectrum(law, shape, law.weights(shape, omega, target)[0])
 
 
 def relative_error(model: Complex, target: Complex) -> float:

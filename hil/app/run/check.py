@@ -14,7 +14,7 @@ from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
 from hil.bus.authenticated import AuthenticatedBus
-from hil.bus.catalogue import Catalogue
+from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
@@ -36,7 +36,7 @@ class Point:
     words: str
 
 
-def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalogue) -> list[Point]:
+def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: FrameCatalogue) -> list[Point]:
     """All points. Nothing is sent: sensors that sample at SYNC alone are heard only while something else sends it."""
     return [
         *_listen(deployment, bus, catalogue),
@@ -48,7 +48,7 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalo
     ]
 
 
-def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> list[Point]:
+def _listen(deployment: Deployment, bus: ClockedBus, catalogue: FrameCatalogue) -> list[Point]:
     clock, began = bus.clock, bus.clock.now()
     receiver = FrameReceiver(bus, frame_map_of(deployment.rig.kind), deployment.control.tick_s)
     while clock.now() - began < LISTEN_S:
@@ -73,7 +73,7 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]
 
 
-def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
+def limits_point(limits: Limits, kind: str, catalogue: FrameCatalogue) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
     wiring = frame_map_of(kind)
     frame = catalogue[wiring.command]
@@ -101,7 +101,7 @@ def _model(deployment: Deployment) -> Point:
     return Point("model", deployment.verdict.passed, deployment.verdict.sentence)
 
 
-def _time(task: Task, catalogue: Catalogue) -> Point:
+def _time(task: Task, catalogue: FrameCatalogue) -> Point:
     took = rehearse(task, catalogue)
     p99 = took.quantile(0.99)
     words = f"p99 {1e3 * p99:.2f} ms, max {1e3 * took.longest_s:.2f} ms of a tick of {1e3 * task.model.tick_s:g} ms"
@@ -122,7 +122,7 @@ def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
     return Point("machine", not faults, "; ".join(told))
 
 
-def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histogram:
+def rehearse(task: Task, catalogue: FrameCatalogue, ticks: int = REHEARSED) -> Histogram:
     """How long a tick takes on a made-up drive that obeys; the first half only warms up."""
     took = Histogram()
     with Tape() as tape:
@@ -141,7 +141,7 @@ def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histog
     return took
 
 
-def _made_up(node: ControllerNode, tape: Tape, catalogue: Catalogue) -> Callable[[int, float], None]:
+def _made_up(node: ControllerNode, tape: Tape, catalogue: FrameCatalogue) -> Callable[[int, float], None]:
     """Frames of a drive that follows at once and of a localisation every 10 ms around 0."""
     wiring = node.wiring
     names = (wiring.feedback, wiring.heartbeat, "CapsuleLocalisation")

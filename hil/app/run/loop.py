@@ -39,13 +39,13 @@ _MCL_CURRENT_AND_FUTURE: Final = 3  # of mlockall(2)
 
 
 @dataclass
-class Signals:
+class StopSignals:
     """`wanted` names the first Ctrl-C, SIGTERM or SIGHUP; a second one ends the program; what was ignored stays so."""
 
     wanted: str = ""
 
     @contextmanager
-    def caught(self) -> Iterator[Signals]:
+    def caught(self) -> Iterator[StopSignals]:
         """Within it these signals only ask for a controlled stop."""
         before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
         before = {number: handler for number, handler in before.items() if handler != signal.SIG_IGN}
@@ -86,7 +86,7 @@ def lead(
     clock: Clock,
     duration_s: float,
     recorder: Recorder,
-    signals: Signals,
+    signals: StopSignals,
     give_up_s: float = GIVE_UP_S,
     learner: Learner | None = None,
 ) -> Outcome:
@@ -113,7 +113,7 @@ def lead(
     return outcome
 
 
-def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: Signals) -> Outcome:
+def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: StopSignals) -> Outcome:
     """Listen until the drive is heard and acknowledge its latched fault; nothing is enabled."""
     outcome = Outcome(Grid(clock, node.tick_s))
     now = _listen(node, outcome, recorder, signals, faulty=True)
@@ -135,7 +135,7 @@ def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: Signa
 
 
 def _listen(
-    node: ControllerNode, outcome: Outcome, recorder: Recorder, signals: Signals, *, faulty: bool = False
+    node: ControllerNode, outcome: Outcome, recorder: Recorder, signals: StopSignals, *, faulty: bool = False
 ) -> float:
     """Tick until there is a drive to lead (or, `faulty`, with a named fault), 2 s at most; the time then."""
 
@@ -150,7 +150,7 @@ def _listen(
     return now
 
 
-def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals) -> bool:
+def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: StopSignals) -> bool:
     """Whether there is a drive to lead; else why not, in `outcome`."""
     doubt = _doubt(node, now)
     if signals.wanted:
@@ -173,7 +173,7 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals)
 
 
 def _ended(
-    node: ControllerNode, now: float, outcome: Outcome, signals: Signals, enabled: bool, give_up_s: float
+    node: ControllerNode, now: float, outcome: Outcome, signals: StopSignals, enabled: bool, give_up_s: float
 ) -> tuple[str, str]:
     """How a run ended that had a drive to lead, and in words."""
     if node.state == FAULTY:

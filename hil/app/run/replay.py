@@ -14,7 +14,7 @@ import models.effects
 from hil.app.console import answer, note, output_to_notes
 from hil.app.run.log_task import task_of
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
-from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
@@ -69,7 +69,7 @@ class Difference:
     logged: tuple[tuple[int, bytes], ...]
     computed: tuple[tuple[int, bytes], ...]
 
-    def words(self, catalogue: Catalogue) -> str:
+    def words(self, catalogue: FrameCatalogue) -> str:
         names = catalogue.by_id()
 
         def shown(frames: tuple[tuple[int, bytes], ...], k: int) -> str:
@@ -152,7 +152,7 @@ def _cut_off(held: int, entries: int | None) -> str:
 
 
 def _say(
-    path: Path, found: Replay, catalogue: Catalogue, cut_off: str, code: tuple[str, str], json_output: bool
+    path: Path, found: Replay, catalogue: FrameCatalogue, cut_off: str, code: tuple[str, str], json_output: bool
 ) -> None:
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
     document = {
@@ -174,14 +174,14 @@ def _say(
     answer(json_output, document, f"{found.ticks} ticks, {found.frames} frames: {said}", *lines)
 
 
-def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:
+def _fits(record: Mapping[str, Any], catalogue: FrameCatalogue) -> None:
     """Raises ValueError for a record of another format, and for frames of another DBC."""
     for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
         if record.get(key) != own:
             raise ValueError(f"{key} must be {own}, as this program has it; got {shown(record.get(key))}")
 
 
-def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:
+def replayed(frames: Iterable[Logged], task: Task, catalogue: FrameCatalogue, dry_run: bool = False) -> Replay:
     """The controller of `task` on the `frames` of a log; of a last tick cut off the begin is compared."""
     tape = Tape()
     sent: list[tuple[int, bytes]] = tape.sent

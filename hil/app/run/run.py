@@ -20,7 +20,7 @@ from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.loop import Outcome, Signals, lead, prepare_process, reset
+from hil.app.run.loop import Outcome, StopSignals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_offer import offer_words, told
 from hil.app.scenario.model_use import health_of, health_words
@@ -295,7 +295,11 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
         clock_origin_ns=bus.clock.origin_ns,
     )
     rehearse(task, catalogue)
-    with FrameLog(path, record, note, asked.mcap) as frames_log, Signals().caught() as signals, ExitStack() as beside:
+    with (
+        FrameLog(path, record, note, asked.mcap) as frames_log,
+        StopSignals().caught() as signals,
+        ExitStack() as beside,
+    ):
         if frames_log.kept is not None:
             note(f"older log kept as {frames_log.kept}")
         if frames_log.path != path:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
-from hil.app.run.loop import Signals, prepare_process
+from hil.app.run.loop import StopSignals, prepare_process
 from hil.app.run.run import open_bus
 from hil.app.scenario.deployment import DeployedPlant, read_plant
 from hil.app.scenario.scenario import load_track_scenario
@@ -62,7 +62,7 @@ def run_plant(
     ready()
     grid, slots = Grid(clock, SLOT_S), 0
     states: dict[int, int] = {}
-    with Signals().caught() as signals:
+    with StopSignals().caught() as signals:
         while slots * SLOT_S < seconds and not signals.wanted:
             now = grid.wait()
             while slots * SLOT_S <= now:

@@ -36,7 +36,7 @@ from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
 
-class BusTable(NamedTable):
+class SimulatedBusTable(NamedTable):
     """`[bus]` of a scenario: every node begins with the same epoch, which is not kept."""
 
     where = "bus"
@@ -89,7 +89,7 @@ class SilScenario:
     """
 
     loop: TrackScenario
-    bus: BusTable = BusTable()
+    bus: SimulatedBusTable = SimulatedBusTable()
     faults: tuple[Fault, ...] = ()
     drive: ActuatorTable | None = None
     plant: FmuTable | None = None
@@ -144,7 +144,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
     check_tick(loop.control.tick_s, loop.kind, loop.limits)
-    bus, faults = BusTable.read(raw), read_faults(raw.get("faults", []), loop.duration_s)
+    bus, faults = SimulatedBusTable.read(raw), read_faults(raw.get("faults", []), loop.duration_s)
     drive = read_actuator(raw, loop.kind, loop.limits)
     check_no_key(drive, bus.key_file)
     plant = FmuTable.read(raw) if "plant" in raw else None

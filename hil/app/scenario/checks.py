@@ -23,7 +23,7 @@ _AT_REST: Final = 1e-7  # m/s
 Bound = Annotated[float, Field(ge=0)] | None
 
 
-class Checks(NamedTable):
+class TrackChecks(NamedTable):
     """Upper limits on what `capsule track` finds, None: not judged. Errors are those of the true position, judged as
     `[control]` says.
 
@@ -56,10 +56,10 @@ class Checks(NamedTable):
 class CheckTable:
     """`common` limits hold for a controller without a table of its `own`, which has them in it."""
 
-    common: Checks = Checks()
-    own: Mapping[str, Checks] = field(default_factory=dict)
+    common: TrackChecks = TrackChecks()
+    own: Mapping[str, TrackChecks] = field(default_factory=dict)
 
-    def of(self, controller: str) -> Checks:
+    def of(self, controller: str) -> TrackChecks:
         return self.own.get(controller, self.common)
 
 
@@ -76,9 +76,9 @@ def read_checks(
                 f"tables of [checks] must be controllers of a {kind} rig; got {name!r}; {nearest(name, able)}"
             )
 
-    def read(numbers: Table, where: str) -> Checks:
+    def read(numbers: Table, where: str) -> TrackChecks:
         try:
-            checks = Checks(**numbers)
+            checks = TrackChecks(**numbers)
         except ValueError as error:
             raise ValueError(str(error).replace("checks", where, 1)) from None
         _judgeable(checks, where, reference, last_fault_s(instruments), judged_from_s, duration_s)
@@ -123,7 +123,12 @@ def _stretches(flags: NDArray[np.bool_]) -> list[tuple[Span, bool]]:
 
 
 def _judgeable(
-    checks: Checks, where: str, reference: Trajectory, fault_s: float | None, judged_from_s: float, duration_s: float
+    checks: TrackChecks,
+    where: str,
+    reference: Trajectory,
+    fault_s: float | None,
+    judged_from_s: float,
+    duration_s: float,
 ) -> None:
     for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
         if (getattr(checks, within) is None) != (getattr(checks, size) is None):

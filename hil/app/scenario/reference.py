@@ -24,7 +24,7 @@ Places = Annotated[tuple[Mm, ...], Strict(False)]
 START: Final = "time at which the move begins"
 
 
-class Shape(NamedTable):
+class ReferenceTable(NamedTable):
     """`[reference]` of one kind."""
 
     where = "reference"
@@ -34,7 +34,7 @@ class Shape(NamedTable):
         raise NotImplementedError
 
 
-class Ramp(Shape):
+class Ramp(ReferenceTable):
     """From `start_s` on at `speed_mm_s`."""
 
     speed_mm_s: Mm = key("speed of the move")
@@ -44,7 +44,7 @@ class Ramp(Shape):
         return by_speeds([0.0, self.speed_mm_s * MM], [max(self.start_s, STEP_S), duration_s])
 
 
-class Sine(Shape):
+class Sine(ReferenceTable):
     """`amplitude (1 - cos(2 pi f t))/2` from `start_s` on: out and back, at rest at both ends."""
 
     amplitude_mm: Mm = key("distance out and back")
@@ -60,7 +60,7 @@ class Sine(Shape):
         return Trajectory(0.5 * self.amplitude_mm * MM * (1 - np.cos(2 * np.pi * self.frequency_Hz * t)))
 
 
-class Steps(Shape):
+class Steps(ReferenceTable):
     """To one of `positions_mm` after the other at `speed_mm_s`, a rest of `dwell_s` at each."""
 
     positions_mm: Places = key("positions to visit in turn")
@@ -75,7 +75,7 @@ class Steps(Shape):
         return through([MM * p for p in self.positions_mm], MM * self.speed_mm_s, self.dwell_s, self.start_s)
 
 
-class Hold(Shape):
+class Hold(ReferenceTable):
     """To `position_mm` at `speed_mm_s`, then stay there."""
 
     position_mm: Mm = key("position to hold", 0.0)
@@ -87,7 +87,7 @@ class Hold(Shape):
         return through([MM * self.position_mm], MM * self.speed_mm_s, 0.0, self.start_s)
 
 
-class Waypoints(Shape):
+class Waypoints(ReferenceTable):
     """`positions_mm` at `times_s`, straight lines between; corners are rounded over 50 ms."""
 
     times_s: Numbers = key("time of each position")
@@ -105,7 +105,7 @@ class Waypoints(Shape):
         return by_places(times.tolist(), places.tolist())
 
 
-REFERENCES: Final[Mapping[str, type[Shape]]] = {
+REFERENCES: Final[Mapping[str, type[ReferenceTable]]] = {
     "ramp": Ramp,
     "sine": Sine,
     "steps": Steps,

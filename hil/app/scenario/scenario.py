@@ -1,7 +1,7 @@
 """SCENARIO.toml of a closed loop: true plant, instruments, reference, and what the controller believes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -11,14 +11,17 @@ from controller.registry import CONTROLLERS, ESTIMATORS, leads
 from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_offer import OfferTable
-from hil.app.scenario.nominal_rig import read_belief
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
 from models.files.tables import converted
 from models.files.toml import in_file, read_toml
+from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.rigs.kinds import KINDS
+from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, from_table, key
+from models.surfaces.plate import Plate
 from plant.experiments.scenario import parse_truth
 from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument
@@ -32,6 +35,9 @@ BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
 """Tables that a scenario on the bus may have beside these."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""
+_CAPSULE: Final = asdict(Capsule())
+_TISSUE: Final = {"preset": "jejunum", **asdict(Tissue())}
+_PLATE: Final = Plate(0.0)
 
 
 Estimator = Annotated[str, Among(ESTIMATORS)]
@@ -129,6 +135,37 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         checks=read_checks(raw.get("checks", {}), kind, reference, instruments, control.judged_from_s, run.duration_s),
         offer=OfferTable.read(raw) if "offer" in raw else None,
     )
+
+
+def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
+    """The rig file that the experimenter would have written: `[belief.*]` over nominal values. Raises ValueError."""
+    for name, content in table.items():
+        if name not in table_names():
+            raise ValueError(
+                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, table_names())}"
+            )
+        if not isinstance(content, Mapping):
+            raise ValueError(f"belief.{name} must be a table; got {content!r}")
+    if "noise" in table:
+        raise ValueError(
+            "belief must have no table [belief.noise]: the filter has the noise it counts on from its drive"
+        )
+    own = KINDS[kind]
+    told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
+    nominal: dict[str, Table] = {**own.nominal, "capsule": {**_CAPSULE, **own.nominal.get("capsule", {})}}
+    nominal["rig"] = {"kind": kind, **(own.nominal.get("rig", {}) if told is None else {"magnet": told})}
+    if surface == "gut":
+        nominal["tissue"] = _TISSUE
+    else:
+        nominal["surface"] = {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
+    if surface == "gut" and "surface" in own.tables:
+        nominal["surface"] = {"kind": "gut"}
+    if "lumen_diameter_m" in table.get("tissue", {}) and "tissue" in nominal:
+        nominal["tissue"] = {key: value for key, value in nominal["tissue"].items() if key != "contact_angle_deg"}
+    merged = {name: {**nominal.get(name, {}), **table.get(name, {})} for name in {**nominal, **table}}
+    if merged["rig"]["kind"] != kind:
+        raise ValueError(f"belief.rig.kind must be the plant's, {kind!r}; got {merged['rig']['kind']!r}")
+    return parse_rig(merged, "belief")
 
 
 def _buildable(truth: Truth, raw: Table) -> None:

@@ -95,7 +95,7 @@ ROUNDING_S: Final = 1e-9  # of simulated time
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FaultOutcome:
     """What came of `faults` that began within a tick: s from the first's begin, and from the last good command, to the
     safe state (nan: ridden through); `unsafe`: a limit broke, or the drive stopped too late, or moved again. Of lies,
     the largest distance from the wanted place, and `why` it was unsafe.
@@ -120,7 +120,7 @@ class Outcome:
         return found if math.isnan(self.distance_m) else {**found, "distance_mm": 1e3 * self.distance_m}
 
 
-def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
+def outcomes(scenario: SilScenario, trace: SilTrace) -> list[FaultOutcome]:
     """The outcome of each set of faults that began within a tick, until the next one begins."""
     sets: list[list[Fault]] = []
     for fault in scenario.faults:
@@ -143,11 +143,11 @@ def limit_of(scenario: SilScenario, fault: Fault) -> float:
     return makers_limit_s(scenario.drive, scenario.loop.limits, fault)
 
 
-def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> Outcome:
+def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> FaultOutcome:
     fault = faults[0]
     if any(one.kind in LIES for one in faults):
         after_s, distance_m, why = lied(scenario, trace, faults, end)
-        return Outcome(faults, after_s, math.nan, bool(why), distance_m, why)
+        return FaultOutcome(faults, after_s, math.nan, bool(why), distance_m, why)
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))
@@ -169,7 +169,7 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit
         again = reached.size > 0 and not safe[first:].all() and not _pressed_after(scenario, trace, float(t[first]))
         unsafe = unsafe or late or again
-    return Outcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
+    return FaultOutcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
 
 
 def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:

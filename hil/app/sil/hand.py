@@ -9,7 +9,7 @@ import can
 
 from hil.app.scenario.bus_scenario import JogTable
 from hil.app.scenario.jog_script import Step
-from hil.bus.catalogue import Catalogue
+from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
@@ -52,7 +52,7 @@ class Hand:
 class SecondOperator:
     """Another operator: released for two cycles, then as fast backwards as a frame can say."""
 
-    def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: Catalogue) -> None:
+    def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: FrameCatalogue) -> None:
         names = catalogue[SETPOINT].field("Source").names.values()
         other = next(name for name in names if name != jog.source)
         self._now = 0.0

@@ -24,7 +24,7 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
-from hil.app.track.loop import Array, Progress, Trace
+from hil.app.track.loop import Array, LoopTrace, Progress
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
@@ -53,7 +53,7 @@ def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
 
 
 @dataclass
-class SilTrace(Trace):
+class SilTrace(LoopTrace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3): end of each drive slot in s, whether safe, when
     the last good command had come; `steered` (ticks, 4) is `Bench.steered`; `led_at` the last tick led, in s (-inf:
     none); `experiments_at` in s of the reference; `learned` as a log's record has it.

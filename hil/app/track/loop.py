@@ -36,7 +36,7 @@ _REPORTS = 50  # of the progress
 
 
 @dataclass
-class Trace:
+class LoopTrace:
     """What a run leaves, an entry a tick; `rows` is the truth (`plant.layout`), `health` the monitor's last word,
     `truth` the rig that it was, `halted` why the supervisor stopped, `first` who was to lead.
     """
@@ -92,7 +92,7 @@ def _contradiction(
     command: float,
     now: float,
     scenario: TrackScenario,
-    trace: Trace,
+    trace: LoopTrace,
 ) -> str:
     """Why sensor and drive cannot both be right at `now`, from what has arrived and the commands so far."""
     tick_s, reference = scenario.control.tick_s, scenario.reference
@@ -146,7 +146,7 @@ def run_loop(
     report: Progress | None = None,
     *,
     offer: Offer | None = None,
-) -> Trace:
+) -> LoopTrace:
     """Run `scenario`: each tick estimate, command through supervisor and limits, plant. A model on `offer` takes over
     at a rest. Raises ValueError for a controller that cannot lead this rig.
     """
@@ -158,7 +158,7 @@ def run_loop(
     truth = _lifted(scenario, model)
     session = Session(truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
-    trace = Trace.empty(ticks)
+    trace = LoopTrace.empty(ticks)
     wall = model.index("u") if "u" in model.states else None
     arrived: list[Measurement] = []
     places: list[tuple[float, float]] = []

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from controller.drives import DRIVES
 from hil.app.scenario.scenario import TrackScenario
-from hil.app.track.loop import Trace
+from hil.app.track.loop import LoopTrace
 from hil.app.track.summary import not_ok, times, tracking, verdict
 from hil.report.builder import page
 from hil.report.quantities import fixed, quantity
@@ -18,7 +18,7 @@ from hil.report.theme import INK, MUTED, POINTS, Array, axes, line, line_look, s
 from plant import layout as at
 
 Found = dict[str, Any]
-Run = tuple[Found, Trace]
+Run = tuple[Found, LoopTrace]
 ACROSS = 2
 """Small multiples side by side."""
 
@@ -48,12 +48,12 @@ def _numbers(found: Found) -> Found:
     }
 
 
-def _error_mm(scenario: TrackScenario, trace: Trace) -> Array:
+def _error_mm(scenario: TrackScenario, trace: LoopTrace) -> Array:
     rows = trace.rows
     return np.asarray(1e3 * (rows[:, at.O_X] - scenario.reference.position(rows[:, at.O_T])))
 
 
-def _path(scenario: TrackScenario, found: Found, trace: Trace) -> go.Figure:
+def _path(scenario: TrackScenario, found: Found, trace: LoopTrace) -> go.Figure:
     """The path of one run over its reference, and its error."""
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
     figure = axes("time in s", ("position in mm", "error in mm"), 620)

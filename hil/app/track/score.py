@@ -12,16 +12,14 @@ from controller.limits import Limits
 from controller.signals import Status
 from hil.app.scenario.model_use import health_of
 from hil.app.scenario.scenario import TrackScenario
-from hil.app.track.loop import Trace
+from hil.app.track.loop import LoopTrace
 from plant import layout as at
 from plant.drives.kinds import Carriage, TrueCoil, TrueMagnetPair, TrueVibro
 from plant.rig import Truth
 
 Array = NDArray[np.float64]
 HARD: Final = ("speed", "force", "gap", "current")
-"""Limits of the true state, those of `shares`; the others are the command's, which the last step before the drive
-holds.
-"""
+"""Limits of the true state, those of `shares`; the other limits are the command's."""
 _SELDOM = 100  # rows between those at which a magnet's attraction is looked at
 
 
@@ -50,7 +48,7 @@ class Score:
     monitor: dict[str, Any]
 
 
-def score(scenario: TrackScenario, trace: Trace) -> Score:
+def score(scenario: TrackScenario, trace: LoopTrace) -> Score:
     """The numbers of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
     rows, truth = trace.rows, trace.truth or scenario.truth
     t, x = rows[:, at.O_T], rows[:, at.O_X]
@@ -109,7 +107,7 @@ def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
     return found
 
 
-def limit_use(scenario: TrackScenario, trace: Trace) -> dict[str, float]:
+def limit_use(scenario: TrackScenario, trace: LoopTrace) -> dict[str, float]:
     """The largest of `shares`; a carriage's speed, acceleration and travel beside them, as commanded."""
     limits, tick, truth = scenario.limits, scenario.control.tick_s, trace.truth or scenario.truth
     used = {name: float(np.max(share)) for name, share in shares(truth, limits, trace.rows).items()}

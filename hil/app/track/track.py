@@ -25,7 +25,7 @@ from hil.app.shared_options import (
     argument,
     option,
 )
-from hil.app.track.loop import Progress, Trace, believed_model, run_loop
+from hil.app.track.loop import LoopTrace, Progress, believed_model, run_loop
 from hil.app.track.page import page_html
 from hil.app.track.score import document, score
 from hil.app.track.summary import say
@@ -79,7 +79,7 @@ def track(
 
 def _runs(
     scenario: TrackScenario, folder: Path, values: Theta, used: str, names: Sequence[str], seed: int, out: Path | None
-) -> list[tuple[dict[str, Any], Trace]]:
+) -> list[tuple[dict[str, Any], LoopTrace]]:
     """A run under each of the controllers `names`: its JSON object and its trace."""
     believed = believed_model(scenario, values)
     offered = read_offer(scenario.offer, folder, scenario.belief, values)
@@ -87,7 +87,7 @@ def _runs(
     late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
     if late >= latest:
         note(f"localisation comes {late:g} s late and is not used: limits.age_s is {latest:g} s")
-    runs: list[tuple[dict[str, Any], Trace]] = []
+    runs: list[tuple[dict[str, Any], LoopTrace]] = []
     with progress_bar(scenario.name, even=True) as report:
         for k, name in enumerate(names):
             trace = run_loop(scenario, believed, name, seed, partial(_part, report, k, len(names)), offer=offer)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.scenario.checks import Checks, last_fault_s, legs, rests
+from hil.app.scenario.checks import TrackChecks, last_fault_s, legs, rests
 from hil.app.scenario.scenario import TrackScenario
-from hil.app.track.loop import Trace
+from hil.app.track.loop import LoopTrace
 from hil.app.track.score import Score
 from plant import layout as at
 
@@ -19,7 +19,7 @@ STAYING_S = 1.0
 """
 
 
-def verdicts(scenario: TrackScenario, controller: str, trace: Trace, found: Score) -> list[dict[str, Any]]:
+def verdicts(scenario: TrackScenario, controller: str, trace: LoopTrace, found: Score) -> list[dict[str, Any]]:
     """Each check of `controller`: name, `value` in its unit (inf: never), `limit`, whether passed."""
     checks = scenario.checks.of(controller)
     values = dict(_scored(found)) | dict(_traced(scenario, checks, trace))
@@ -41,7 +41,7 @@ def _scored(found: Score) -> Iterator[tuple[str, float]]:
     yield "failed_ticks", found.solve_ms["failed"]
 
 
-def _traced(scenario: TrackScenario, checks: Checks, trace: Trace) -> Iterator[tuple[str, float]]:
+def _traced(scenario: TrackScenario, checks: TrackChecks, trace: LoopTrace) -> Iterator[tuple[str, float]]:
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
     error = 1e3 * np.abs(x - scenario.reference.position(t))
     reference, duration = scenario.reference, scenario.duration_s

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from models.identification.finding import Estimate
+from models.identification.finding import Fitted
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
@@ -15,7 +15,7 @@ Part = tuple[float, Theta]
 """Share of the records' rows that a fit was made on, and its values."""
 
 
-def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[Name, Estimate]:
+def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[Name, Fitted]:
     """95 % intervals: the widest of least squares' own from the Jacobian, widened for the residual beyond chance and
     for residuals that are not independent, of the sandwich with the scores' scatter from block to block, which holds
     for a model that is not quite right, and of the jackknife, by which the fits on `parts` of the records differ from
@@ -33,7 +33,7 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
         moved = jackknife(value, [(share, theta[axis.name]) for share, theta in parts if axis.name in theta], p.unit)
         half = float(np.hypot(SET.z95 * max(deviation, moved), SET.accuracy * abs(value)))
         told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
-        out[axis.name] = Estimate(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
+        out[axis.name] = Fitted(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
     return out
 
 

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from models.effects import shapes
 from models.effects.formula import Formula, written
-from models.identification.finding import Estimate, ResidualCurve, Term
+from models.identification.finding import Fitted, ResidualCurve, Term
 from models.identification.kind import Array
 from models.identification.settings import SET
 
@@ -162,7 +162,7 @@ class _Fitted:
         amplitude, constant, *_ = self.values
         text = written(Formula.of(self.at(z)), 4)
         estimates = [
-            Estimate(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
+            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
             for v, d, u in zip(self.values, self.deviations, self._units(unit), strict=True)
         ]
         return Term(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import hil
 from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
-from hil.app.track.loop import Trace, believed_model, run_loop
+from hil.app.track.loop import LoopTrace, believed_model, run_loop
 from models.theta import Theta
 from plant import layout as at
 
@@ -17,7 +17,7 @@ RAMP = (SCENARIOS / "track_magnetic_ramp.toml").read_text().replace("duration_s 
 PUSH = "\n[effects.peristaltic_wave]\nforce_N = 0.08\nperiod_s = 7.0\n"
 
 
-def estimate_error(trace: Trace) -> NDArray[np.float64]:
+def estimate_error(trace: LoopTrace) -> NDArray[np.float64]:
     """Estimated less true position in m, once the belief has been proven."""
     truth = np.interp(trace.time_s, trace.rows[:, at.O_T], trace.rows[:, at.O_X])
     return (trace.position_m - truth)[trace.time_s > 1.0]

@@ -10,7 +10,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from hil.bus.catalogue import Catalogue, Frame
+from hil.bus.catalogue import Frame, FrameCatalogue
 
 _OVERHEAD = 44  # bits of a frame without data
 _GAP = 3  # bits between two frames
@@ -40,7 +40,7 @@ class Share:
     delay_s: float
 
 
-def bus_load(catalogue: Catalogue, nodes: Collection[str] | None = None) -> tuple[Share, ...]:
+def bus_load(catalogue: FrameCatalogue, nodes: Collection[str] | None = None) -> tuple[Share, ...]:
     """Every frame of `nodes` (all where None) in order of priority, all cyclic at their cycle and one event frame of
     each a second.
 

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from hil.bus.catalogue import Catalogue, Field, Frame, load_catalogue
+from hil.bus.catalogue import Field, Frame, FrameCatalogue, load_catalogue
 from tests.hil.bus.bus_load import bus_load
 
 ONE_DRIVE = ("Controller", "Carriage", "Localiser", "ForceSensor")
 
 
-def frames_table(catalogue: Catalogue) -> str:
+def frames_table(catalogue: FrameCatalogue) -> str:
     """Every frame in order of priority: identifier, sender, cycle, load and longest delay with all drives at 500 Hz,
     and its signals.
     """
@@ -26,7 +26,7 @@ def frames_table(catalogue: Catalogue) -> str:
     return "\n".join(lines)
 
 
-def load_table(catalogue: Catalogue) -> str:
+def load_table(catalogue: FrameCatalogue) -> str:
     """What all frames take of the bus, by what is on it."""
     rows = (
         ("all three drives, localisation and force sensor", ()),
@@ -43,7 +43,7 @@ def load_table(catalogue: Catalogue) -> str:
     return "\n".join(lines)
 
 
-def _between(catalogue: Catalogue, nodes: tuple[str, ...]) -> Catalogue:
+def _between(catalogue: FrameCatalogue, nodes: tuple[str, ...]) -> FrameCatalogue:
     """The frames from `nodes` to `nodes`, all where there are none."""
     kept = {n: f for n, f in catalogue.frames.items() if not nodes or (f.sender in nodes and {*nodes} & {*f.receivers})}
     return replace(catalogue, frames=kept)

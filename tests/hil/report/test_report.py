@@ -21,7 +21,7 @@ from hil.report.panels import binned, panels
 from hil.report.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
 from hil.report.theme import thinned
 from hil.report.words import column_words, error_story, headline, interpolation, tidy
-from models.identification.finding import Check, Estimate, Finding
+from models.identification.finding import Check, Finding, Fitted
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
 PLOTLY_BYTES = 700_000
@@ -255,7 +255,7 @@ def test_headlines() -> None:
     assert headline(partly).endswith(
         "A part looks like fold periodic or peristaltic wave: 89 % of the error goes with it."
     )
-    assert not Estimate(1.0, (0.0, 2.0), told=False).told
+    assert not Fitted(1.0, (0.0, 2.0), told=False).told
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from hil.nodes.frame_map import (
     TIME_TO_LIVE,
     WAITING,
 )
-from hil.simulated.state_machine import BOOT_S, SELF_TEST_S, Stage, Told, may_move, next_stage
+from hil.simulated.state_machine import BOOT_S, SELF_TEST_S, DriveFacts, Stage, may_move, next_stage
 from tests.hil.ticks import SLOT
 
 LEAD = (OFF, READY, ENABLE)
@@ -29,14 +29,14 @@ def led(*modes: int, start: Stage | None = None, **more: object) -> Stage:
     """A drive that has been told `modes` one after the other, from standby."""
     stage = start or Stage(STANDBY)
     for mode in modes:
-        stage = next_stage(stage, Told(mode, **{"alive": True, "answered": True, **more}), 1.0)  # type: ignore[arg-type]
+        stage = next_stage(stage, DriveFacts(mode, **{"alive": True, "answered": True, **more}), 1.0)  # type: ignore[arg-type]
     return stage
 
 
 def test_boot_and_self_test_take_their_time() -> None:
     stage, states = Stage(), []
     for k in range(60):
-        stage = next_stage(stage, Told(ENABLE, alive=True), k * SLOT)
+        stage = next_stage(stage, DriveFacts(ENABLE, alive=True), k * SLOT)
         states.append(stage.state)
     assert states.index(SELF_TEST) == round(BOOT_S / SLOT)
     assert states.index(STANDBY) == round((BOOT_S + SELF_TEST_S) / SLOT)
@@ -54,41 +54,47 @@ def test_only_off_ready_enable_in_turn_leads_up() -> None:
 @pytest.mark.parametrize(
     ("told", "state"),
     [
-        (Told(ENABLE, True), ENABLED),
-        (Told(ENABLE, True, hot=True), DERATED),
-        (Told(OFF, True, at_rest=False), STOPPING),
-        (Told(READY, True), STOPPING),
-        (Told(QUICK_STOP, True), STOPPING),
-        (Told(ENABLE, True, safe_stop=True), STOPPING),
-        (Told(ENABLE, False), FAULT),
-        (Told(ENABLE, True, cause=OVER_CURRENT), FAULT),
+        (DriveFacts(ENABLE, True), ENABLED),
+        (DriveFacts(ENABLE, True, hot=True), DERATED),
+        (DriveFacts(OFF, True, at_rest=False), STOPPING),
+        (DriveFacts(READY, True), STOPPING),
+        (DriveFacts(QUICK_STOP, True), STOPPING),
+        (DriveFacts(ENABLE, True, safe_stop=True), STOPPING),
+        (DriveFacts(ENABLE, False), FAULT),
+        (DriveFacts(ENABLE, True, cause=OVER_CURRENT), FAULT),
     ],
 )
-def test_leaving_operation(told: Told, state: int) -> None:
+def test_leaving_operation(told: DriveFacts, state: int) -> None:
     assert next_stage(led(*LEAD), told, 2.0).state == state
     assert next_stage(Stage(DERATED), told, 2.0).state == state
 
 
 def test_a_stop_ends_in_standby_at_rest_and_needs_the_whole_way_up_again() -> None:
-    stopping = next_stage(led(*LEAD), Told(QUICK_STOP, True, at_rest=False), 2.0)
-    assert next_stage(stopping, Told(ENABLE, True, at_rest=False), 2.0).state == STOPPING
-    rested = next_stage(stopping, Told(ENABLE, True), 2.0)
+    stopping = next_stage(led(*LEAD), DriveFacts(QUICK_STOP, True, at_rest=False), 2.0)
+    assert next_stage(stopping, DriveFacts(ENABLE, True, at_rest=False), 2.0).state == STOPPING
+    rested = next_stage(stopping, DriveFacts(ENABLE, True), 2.0)
     assert rested == Stage(STANDBY, 2.0)
     assert led(READY, ENABLE, start=rested).state == STANDBY
     assert led(*LEAD, start=rested).state == ENABLED
 
 
 @pytest.mark.parametrize(
-    "told", [Told(OFF, True), Told(READY, False), Told(READY, True, safe_stop=True), Told(QUICK_STOP, True)]
+    "told",
+    [
+        DriveFacts(OFF, True),
+        DriveFacts(READY, False),
+        DriveFacts(READY, True, safe_stop=True),
+        DriveFacts(QUICK_STOP, True),
+    ],
 )
-def test_ready_falls_back_to_standby(told: Told) -> None:
+def test_ready_falls_back_to_standby(told: DriveFacts) -> None:
     assert next_stage(led(OFF, READY), told, 2.0) == Stage(STANDBY, 2.0)
 
 
 @given(
     told=st.lists(
         st.builds(
-            Told,
+            DriveFacts,
             mode=st.integers(0, 3),
             alive=st.booleans(),
             safe_stop=st.booleans(),
@@ -101,7 +107,7 @@ def test_ready_falls_back_to_standby(told: Told) -> None:
         max_size=40,
     )
 )
-def test_no_way_around_the_order(told: list[Told]) -> None:
+def test_no_way_around_the_order(told: list[DriveFacts]) -> None:
     """A latched fault ends only by its own reset with its cause gone, in standby; operation begins only from ready by a
     live enable.
     """

@@ -10,7 +10,7 @@ from models.effects.force.respiration import Respiration
 from models.effects.force.stress_relaxation import StressRelaxation
 from models.effects.friction.fold_periodic import FoldPeriodic
 from models.effects.friction.stribeck import Stribeck
-from models.identification.finding import Check, Estimate
+from models.identification.finding import Check, Fitted
 from models.identification.fitting.fit import Fit
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
@@ -24,9 +24,9 @@ from tests.models.identification.kinds.axes import axis_kind
 
 KIND = axis_kind(1.0, 2.0, 3.0, 0.1)
 THETA = KIND.nominal()
-TOLD = {name: Estimate(value, (0.9 * value, 1.1 * value)) for name, value in THETA.items()}
+TOLD = {name: Fitted(value, (0.9 * value, 1.1 * value)) for name, value in THETA.items()}
 FOUND = THETA.with_(Stribeck.id, Stribeck.start()) | {("stribeck", "excess"): 0.5}
-AMPLITUDE = Theta.of({("stribeck", "excess"): Estimate(0.5, (0.4, 0.6))})
+AMPLITUDE = Theta.of({("stribeck", "excess"): Fitted(0.5, (0.4, 0.6))})
 HELD = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1}
 
 
@@ -79,7 +79,7 @@ def test_motion_that_is_sensitive_to_the_told_parameters_excuses_what_is_left() 
 
 
 def test_an_effect_whose_size_is_not_told_or_that_helps_no_held_out_record_is_not_named() -> None:
-    vague = Theta.of({**TOLD, ("stribeck", "excess"): Estimate(0.5, (0.0, 3.0), told=False)})
+    vague = Theta.of({**TOLD, ("stribeck", "excess"): Fitted(0.5, (0.0, 3.0), told=False)})
     assert said(1.0, effect=Stribeck, spread=vague) == ("unknown", {"effects_told"})
     worse = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.67}
     assert said(1.0, effect=Stribeck, held_out=worse) == ("unknown", {"held_out"})
@@ -95,8 +95,8 @@ def test_the_size_of_an_effect_about_an_axis_must_be_told_too() -> None:
     theta = Theta.of({**kind.nominal(), size: 0.3, ("viscous_drag", "exponent"): 0.5})
     whole = fit(theta)
     for told in (True, False):
-        spread = {name: Estimate(value, (0.0, 1.0)) for name, value in theta.items()} | {
-            size: Estimate(0.3, (-3.0, 3.0), told=told)
+        spread = {name: Fitted(value, (0.0, 1.0)) for name, value in theta.items()} | {
+            size: Fitted(0.3, (-3.0, 3.0), told=told)
         }
         found = Search(whole, whole, effects=["viscous_drag"], after=1.0, null_cost=1.0)
         assert failed(*model_checks(kind, found, spread, {}, ())) == (set() if told else {"effects_told"})
@@ -105,7 +105,7 @@ def test_the_size_of_an_effect_about_an_axis_must_be_told_too() -> None:
 def test_records_that_weaken_a_verdict_or_tell_no_parameter_never_end_in_none() -> None:
     finding = RecordFinding("clipping", "weakens", "a.csv", "force_N", "clips", "equal values", "a smaller gain")
     assert said(1.0, findings=(finding,)) == ("unknown", {"records"})
-    vague = {name: Estimate(value, (0.0, 1e3), told=False) for name, value in THETA.items()}
+    vague = {name: Fitted(value, (0.0, 1e3), told=False) for name, value in THETA.items()}
     assert said(1.0, spread=vague) == ("unknown", {"information"})
 
 
@@ -138,7 +138,7 @@ def test_a_curve_that_mends_a_shape_may_end_at_its_bound() -> None:
     curve = Theta.of({("level_at_onset", "kept"): 1.5, ("level_at_onset", "spared"): 0.0})
     theta = pull.nominal().with_(FoldPeriodic.id, FoldPeriodic.start()) | {("fold_periodic", "depth"): 0.3, **curve}
     found = Search(fit(theta), fit(theta), effects=["fold_periodic"], refinements=["level_at_onset"], after=1.0)
-    depth = Theta.of({("fold_periodic", "depth"): Estimate(0.3, (0.2, 0.4))})
+    depth = Theta.of({("fold_periodic", "depth"): Fitted(0.3, (0.2, 0.4))})
     checks = model_checks(pull, found, depth, HELD, ())
     assert next(check.value for check in checks if check.id == "bounds") == 0
     assert at_bounds(pull, found.augmented, found.model) == ["level_at_onset.kept"]
@@ -171,7 +171,7 @@ def test_a_period_that_no_record_shows_twice_is_not_named() -> None:
         ("respiration", "frequency_Hz"): 0.1,
     }
     found = Search(fit(theta), fit(theta), effects=["respiration"], after=1.0)
-    size = Theta.of({("respiration", "force_N"): Estimate(0.01, (0.009, 0.011))})
+    size = Theta.of({("respiration", "force_N"): Fitted(0.01, (0.009, 0.011))})
     assert failed(*model_checks(pull, found, size, HELD, (), longest_s=12.0)) == {"periods"}
     assert not failed(*model_checks(pull, found, size, HELD, (), longest_s=25.0))
 

@@ -14,7 +14,6 @@ LEFT: Final[Mapping[str, str]] = {
     "hil/app/demo/loop.py": "names of the demo's own stories",
     "hil/app/demo/next_record.py": "the rig file that the demo writes",
     "hil/app/demo/story.py": "the rig files that the demo writes",
-    "tests/hil/app/docs/effects.py": "a folder of effects",
     "models/drives/coil.py": "a drive's own name",
     "models/drives/magnetic.py": "a drive's own name",
     "models/drives/pull.py": "a drive's own name",

@@ -13,8 +13,7 @@ from models.rigs.columns import Columns, Range
 from models.rigs.kind import Array, RigKind, Tables
 from models.rigs.kind import Record as Rows
 from models.rigs.schema import Positive, Table, key
-from models.rigs.tables import BodyTable
-from models.rigs.tables import Surface as SurfaceTable
+from models.rigs.tables import BodyTable, SurfaceTable
 from models.surfaces.surface import Levels, Surface, Values
 
 MASS_KG, THRUST, MU, NOISE_M = 0.02, 0.8, 0.3, 1e-5

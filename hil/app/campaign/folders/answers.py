@@ -26,7 +26,7 @@ FALSE_ALARMS: Final = 0.01
 
 
 @dataclass(frozen=True)
-class Answer:
+class SeriesAnswer:
     """One series: `report` is the folder of its report, seen from the page, `error` why it could not be used."""
 
     name: str
@@ -98,16 +98,14 @@ class Answer:
         return {found["id"] for found in self.result.get("findings", []) if found["severity"] == "weakens"}
 
 
-def answer_of(name: str, row: Row, report: str) -> Answer:
+def answer_of(name: str, row: Row, report: str) -> SeriesAnswer:
     """The answer in a row of the results."""
     error = str(row.get("error", "")).removeprefix("ValueError: ")
-    return Answer(name, row.get("result", {}), "" if error else report, error)
+    return SeriesAnswer(name, row.get("result", {}), "" if error else report, error)
 
 
-def lacking(answers: Iterable[Answer]) -> list[tuple[str, int, int]]:
-    """Every class of effects with how many series name it and for how many it is but a part, the most frequent
-    first.
-    """
+def lacking(answers: Iterable[SeriesAnswer]) -> list[tuple[str, int, int]]:
+    """Every class of effects: how many series name it, and how many in part; the most frequent first."""
     named: Counter[str] = Counter()
     part: Counter[str] = Counter()
     for answer in answers:
@@ -116,12 +114,12 @@ def lacking(answers: Iterable[Answer]) -> list[tuple[str, int, int]]:
     return sorted(((e, named[e], part[e]) for e in {*named, *part}), key=lambda row: (-row[1], -row[2], row[0]))
 
 
-def verdicts(answers: Sequence[Answer]) -> dict[str, int]:
+def verdicts(answers: Sequence[SeriesAnswer]) -> dict[str, int]:
     """How many series have each verdict, and how many were refused."""
     return {verdict: sum(answer.verdict == verdict for answer in answers) for verdict in ORDER}
 
 
-def document(answers: Sequence[Answer]) -> dict[str, Any]:
+def document(answers: Sequence[SeriesAnswer]) -> dict[str, Any]:
     """The campaign's numbers as JSON has them."""
     return {
         "campaign": "close-loop",
@@ -141,7 +139,7 @@ def _number(value: Any) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def with_disagreements(answers: Sequence[Answer]) -> list[Answer]:
+def with_disagreements(answers: Sequence[SeriesAnswer]) -> list[SeriesAnswer]:
     """The answers, each with what it disagrees in, as sentences."""
     said: dict[str, list[str]] = {answer.name: [] for answer in answers}
     for kind in {answer.kind for answer in answers if answer.kind}:
@@ -155,7 +153,7 @@ def with_disagreements(answers: Sequence[Answer]) -> list[Answer]:
     return [replace(answer, disagrees=tuple(said[answer.name])) for answer in answers]
 
 
-def _lacks(alike: Sequence[Answer]) -> Iterator[tuple[str, str]]:
+def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
     """Where more than half of the series with a verdict, and at least three, have one answer: those with another, of
     which no class holds an effect of it.
     """
@@ -174,11 +172,11 @@ def _lacks(alike: Sequence[Answer]) -> Iterator[tuple[str, str]]:
             yield answer.name, f"the others of its kind: it {what}, {count} of {len(decided)} {others}"
 
 
-def _members(answer: Answer) -> set[str]:
+def _members(answer: SeriesAnswer) -> set[str]:
     return {name for e in answer.effects for name in (e["id"], *e["equivalent"])}
 
 
-def _numbers(alike: Sequence[Answer]) -> Iterator[tuple[str, str]]:
+def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
     """Parameters outside the prediction interval (Student's t) of the others' values, each at least as uncertain as
     its own interval says; over all numbers of the kind `FALSE_ALARMS`.
     """
@@ -198,7 +196,7 @@ def _numbers(alike: Sequence[Answer]) -> Iterator[tuple[str, str]]:
                 )
 
 
-def _values(alike: Sequence[Answer]) -> dict[str, dict[str, tuple[float, float]]]:
+def _values(alike: Sequence[SeriesAnswer]) -> dict[str, dict[str, tuple[float, float]]]:
     """Value and standard deviation of every parameter that is told, by parameter and series."""
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for answer in alike:

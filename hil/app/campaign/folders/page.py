@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any, Final
 
-from hil.app.campaign.folders.answers import ORDER, Answer, lacking, verdicts
+from hil.app.campaign.folders.answers import ORDER, SeriesAnswer, lacking, verdicts
 from hil.report.builder import page
 from hil.report.quantities import number
 from hil.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
@@ -22,7 +22,7 @@ _WORDS: Final = {
 }
 
 
-def page_html(answers: Sequence[Answer]) -> str:
+def page_html(answers: Sequence[SeriesAnswer]) -> str:
     """One self-contained page without scripts; links to each series' own report beside it."""
     lacks = lacking(answers)
     most = _decades(answers)
@@ -43,13 +43,13 @@ def page_html(answers: Sequence[Answer]) -> str:
     )
 
 
-def headline(answers: Sequence[Answer]) -> str:
+def headline(answers: Sequence[SeriesAnswer]) -> str:
     """How many series, and how many of each verdict."""
     counts = verdicts(answers)
     return f"{len(answers)} series: {listed(f'{counts[v]} {what}' for v, what in _WORDS.items() if counts[v])}"
 
 
-def _story(answers: Sequence[Answer]) -> str:
+def _story(answers: Sequence[SeriesAnswer]) -> str:
     told = [answer for answer in answers if math.isfinite(answer.better)]
     if not told:
         return "No series has an error before and after."
@@ -61,22 +61,22 @@ def _story(answers: Sequence[Answer]) -> str:
     return f"At the median the error on {where} is {middle} times smaller than that of the nominal model."
 
 
-def _alike(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
+def _alike(answers: Sequence[SeriesAnswer]) -> dict[str, list[SeriesAnswer]]:
     """What is disagreed in, with the series that do."""
-    alike: dict[str, list[Answer]] = {}
+    alike: dict[str, list[SeriesAnswer]] = {}
     for answer in answers:
         for said in answer.disagrees:
             alike.setdefault(said, []).append(answer)
     return alike
 
 
-def _decades(answers: Sequence[Answer]) -> int:
+def _decades(answers: Sequence[SeriesAnswer]) -> int:
     """The power of ten of the noise floor that every error of a page lies below."""
     shares = [error / a.floor for a in answers if a.floor > 0 for error in a.errors.values() if error > 0]
     return max(1, math.ceil(math.log10(max([s for s in shares if math.isfinite(s)], default=1.0))))
 
 
-def _drawing(most: int) -> Callable[[Answer], dict[str, Any] | None]:
+def _drawing(most: int) -> Callable[[SeriesAnswer], dict[str, Any] | None]:
     """What is drawn of a series on an axis from a half to 10^`most` noise floors: the places in px and the shares of
     its stages, the augmented one only where it has an effect, and of the axis' marks. None without a noise floor.
     """
@@ -85,7 +85,7 @@ def _drawing(most: int) -> Callable[[Answer], dict[str, Any] | None]:
         shown = math.log(2 * share) / math.log(2 * 10.0**most)
         return EDGE + (WIDTH - 2 * EDGE) * min(max(shown, 0.0), 1.0)
 
-    def drawn(answer: Answer) -> dict[str, Any] | None:
+    def drawn(answer: SeriesAnswer) -> dict[str, Any] | None:
         if not answer.floor > 0:
             return None
         shown = [stage for stage in STAGE_COLOURS if stage != "augmented" or answer.effects]

@@ -5,7 +5,7 @@ from typing import Final
 
 import casadi as ca
 
-from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
+from hil.app.export.fmu.package import FmuUnit, Variable, c_array, reference, start_values
 from hil.app.export.found import Found
 from models.assembly.model import Assembly, followed_by
 from models.files.units import unit_at_end
@@ -20,7 +20,7 @@ _STATES: Final = {
 }
 
 
-def model_unit(name: str, found: Found) -> Unit:
+def model_unit(name: str, found: Found) -> FmuUnit:
     """The FMU of a found model, at rest; a magnet's capsule below its magnet, a pull's where the pull begins."""
     assembly, drive = found.assembled(), found.drive
     values = found.numbers
@@ -38,7 +38,7 @@ def model_unit(name: str, found: Found) -> Unit:
     step = internal_step(drive, drive.imposed and "string_compliance" not in {e.id for e in found.effects})
     header = _header(found, assembly, variables, {s: told[0] for s, told in shown.items()}, step)
     about = f"{found.stage} model of a {found.rig.kind} rig, found by capsule close-loop"
-    return Unit(name, about, variables, header, _CORE, step, 20.0, 2e-3)
+    return FmuUnit(name, about, variables, header, _CORE, step, 20.0, 2e-3)
 
 
 def _unit(column: str) -> str:

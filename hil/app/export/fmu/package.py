@@ -36,7 +36,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Unit:
+class FmuUnit:
     """What an FMU is made of: `header` is C with the numbers of `core`; `objects` are linked to it, without any the C
     sources travel, too; `step_s` is the step inside (0: the communication step).
     """
@@ -66,7 +66,7 @@ def start_values(variables: Sequence[Variable]) -> list[float]:
     return [0.0, *(v.start for v in variables)]
 
 
-def fmu(unit: Unit) -> bytes:
+def fmu(unit: FmuUnit) -> bytes:
     """The archive. Raises ValueError of one sentence where there is no C compiler, or one that fails."""
     digest = hashlib.sha256(unit.header.encode() + b"".join(unit.objects.values())).hexdigest()
     token = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, digest)) + "}"
@@ -86,7 +86,7 @@ def fmu(unit: Unit) -> bytes:
     return archive.getvalue()
 
 
-def model_description(unit: Unit, token: str) -> str:
+def model_description(unit: FmuUnit, token: str) -> str:
     """`modelDescription.xml` of FMI 3.0."""
     units = sorted({v.unit for v in unit.variables} | {"s"})
     outputs = [k for k, v in enumerate(unit.variables, 1) if v.causality == "output"]
@@ -129,7 +129,7 @@ def _variable(number: int, v: Variable) -> str:
     )
 
 
-def _build_description(unit: Unit) -> str:
+def _build_description(unit: FmuUnit) -> str:
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',

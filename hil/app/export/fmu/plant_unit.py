@@ -8,7 +8,7 @@ from typing import Any, Final
 import llvmlite.binding as llvm
 from numba import njit, types
 
-from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
+from hil.app.export.fmu.package import FmuUnit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.drives.makers import ACTUATORS
 from hil.simulated.fmu_plant import FORCE, input_of, outputs_of
@@ -37,7 +37,7 @@ _PROCESSORS: Final = {"x86_64": "x86-64-v2", "amd64": "x86-64-v2"}
 """The least processor that the code is to run on, by machine; elsewhere any."""
 
 
-def plant_unit(name: str, rig: Truth, duration_s: float) -> Unit:
+def plant_unit(name: str, rig: Truth, duration_s: float) -> FmuUnit:
     """The FMU of `rig` at rest at 0. Raises ValueError where its drive changes its kind when a hidden effect begins."""
     plant = Plant(rig)
     stages = plant.stages()
@@ -56,7 +56,7 @@ def plant_unit(name: str, rig: Truth, duration_s: float) -> Unit:
         "play.o": object_code(carriage.rounded_play, (VECTOR, REAL, VECTOR), "capsule_play"),
     }
     header = _header(plant, stages, kinds.pop(), variables)
-    return Unit(name, f"simulated plant {name}", variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
+    return FmuUnit(name, f"simulated plant {name}", variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
 
 
 def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables: list[Variable]) -> str:

@@ -12,7 +12,7 @@ from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.kinds import KINDS
-from models.rigs.tables import Clock
+from models.rigs.tables import ClockTable
 
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
@@ -146,7 +146,7 @@ def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ..
     return (Parameter(SWITCH_DELAY, 0.5 * dt, "s", 0.0, dt, why, fit=whole),)
 
 
-def clock_offset(clock: Clock | None) -> tuple[Parameter, ...]:
+def clock_offset(clock: ClockTable | None) -> tuple[Parameter, ...]:
     """By how much the measured columns are stamped late, where the rig file states it, held to that value."""
     if clock is None:
         return ()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.campaign.folders.answers import Answer, answer_of, document, lacking, with_disagreements
+from hil.app.campaign.folders.answers import SeriesAnswer, answer_of, document, lacking, with_disagreements
 from hil.app.campaign.folders.page import headline, page_html
 from hil.app.campaign.folders.series import find_series
 from hil.app.main import run
@@ -140,7 +140,7 @@ def test_what_cannot_be_used_is_one_sentence(
     assert said.count("\n") == 1
 
 
-def answer(name: str, effects: dict[str, float], held_out: float = 1.0, friction: float = 1.0) -> Answer:
+def answer(name: str, effects: dict[str, float], held_out: float = 1.0, friction: float = 1.0) -> SeriesAnswer:
     """A made-up one: effects with their amplitudes, the held-out error of the last model."""
     row: dict[str, Any] = {
         "verdict": "named" if effects else "none",

@@ -20,10 +20,10 @@ import hil.app.demo.demo as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Acceptance
 from hil.app.demo.demo import demo
-from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, Excitation, LearningStory, LoopStory, admitted
+from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, LearningStory, LoopStory, TrainingRun, admitted
 from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import PRINTED, Mission, Progress, Told
+from hil.app.demo.story import PRINTED, Mission, Progress, StoryResult
 from hil.app.demo.worker import told
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer
@@ -57,7 +57,7 @@ def short_story(folder: Path) -> LoopStory:
     (folder / "scenario.toml").write_text(toml_text(raw))
     ramp = {"kind": "ramp", "speed_mm_s": 3.0}
     return LoopStory(
-        "magnetic", "a short loop", folder / "scenario.toml", (Excitation(ramp, 1.2),), Excitation(ramp, 1.2)
+        "magnetic", "a short loop", folder / "scenario.toml", (TrainingRun(ramp, 1.2),), TrainingRun(ramp, 1.2)
     )
 
 
@@ -70,7 +70,7 @@ def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Told, list[tuple[str, float]], list[Any]]:
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, StoryResult, list[tuple[str, float]], list[Any]]:
     """A loop whose search is answered beforehand: its folder, what came of it, what it said, and what the search was
     given.
     """
@@ -87,7 +87,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Told, list[t
     return folder, one, said, seen
 
 
-Driven = tuple[Path, Told, list[tuple[str, float]], list[Any]]
+Driven = tuple[Path, StoryResult, list[tuple[str, float]], list[Any]]
 
 
 def test_a_loop_is_driven_logged_judged_and_driven_again(driven: Driven) -> None:
@@ -180,7 +180,7 @@ class Quick:
     title: str = "a quick story"
     fault: str = ""
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
         report("begun", 0.1)
         (folder / "report.html").write_text(self.title)
         if self.fault == "refused":
@@ -193,7 +193,7 @@ class Quick:
         numbers = {"tracking_rmse_m": 1e-3, "tracking_max_m": 2e-3, "stopped_because": "", "log": "mission.blf"}
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
-        return Told(finding, {stage: Acceptance() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+        return StoryResult(finding, {stage: Acceptance() for stage in STAGES[1:]}, missions, ("fold_periodic",))
 
 
 def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ import inspect
 from collections.abc import Mapping
 from typing import Any, Final
 
-from hil.report.builder import markdown
 from models.effects import EFFECTS, REFINEMENTS
 from models.effects.effect import Effect
 from models.effects.equation import equations_of
+from tests.hil.app.docs.markdown import markdown
 
 GROUPS: Final[Mapping[str, str]] = {
     "friction": "Friction along the lumen",

@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from controller.limits import Limits
-from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
-from hil.app.scenario.bus_scenario import FmuTable, JogTable
+from hil.app.scenario.bus_scenario import FmuTable, JogTable, SimulatedBusTable
 from hil.app.scenario.deployment import BusTable, ControlTable, Pace, PlantTable
 from hil.app.scenario.model_offer import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
@@ -14,17 +13,17 @@ from hil.app.scenario.scenario import Control
 from hil.drives.makers import ACTUATORS
 from hil.formats.table import FORMATS
 from hil.nodes.controller.operator import OperatorLimits
-from hil.report.builder import markdown
 from models.rigs.columns import RANGES, TIME, Columns
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
 from models.rigs.schema import NamedTable, Table, field_of, key_unit, span
-from models.rigs.tables import BodyTable, CapsuleTable, Checks, ColumnTable, Noise, TissueTable
+from models.rigs.tables import BodyTable, CapsuleTable, ChecksTable, ColumnTable, Noise, TissueTable
+from tests.hil.app.docs.markdown import markdown
 
 _COMMON: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[noise]": (Noise,),
     "[columns], a column of ours": (ColumnTable,),
-    "[checks]": (Checks,),
+    "[checks]": (ChecksTable,),
 }
 
 

@@ -3,9 +3,9 @@
 from dataclasses import fields
 from typing import Any
 
-from hil.report.builder import markdown
 from models.checks.settings import SET as CHECKS
 from models.identification.settings import SET as IDENTIFICATION
+from tests.hil.app.docs.markdown import markdown
 
 
 def _shown(value: Any) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import can
 
 from hil.app.ends import RUN_ENDS
-from hil.app.run.loop import Signals
+from hil.app.run.loop import StopSignals
 from hil.bus.protection import Sender
 from hil.nodes.controller.receive import FrameReceiver, Twins
 from hil.nodes.frame_map import frame_map_of, frames
@@ -29,7 +29,7 @@ class Second:
         self.plant: PlantNode | None = None
         self.clock = -AGO_S
 
-    def each(self, node: Rig, signals: Signals, now: float) -> None:
+    def each(self, node: Rig, signals: StopSignals, now: float) -> None:
         """Go on to `now`; it is heard from `since` on."""
         if self.plant is None:
             self.plant = self._made(node)

@@ -18,7 +18,7 @@ import pytest
 from hil.app.ends import RUN_ENDS
 from hil.app.main import run
 from hil.app.run.clock import Clock
-from hil.app.run.loop import Outcome, Signals, lead, reset
+from hil.app.run.loop import Outcome, StopSignals, lead, reset
 from hil.app.run.replay import replayed
 from hil.app.sil.testbed import Bench
 from hil.bus.catalogue import load_catalogue
@@ -83,12 +83,12 @@ def rig_of(
 def led(
     folder: Path,
     *faults: Mapping[str, Any],
-    each: Callable[[Rig, Signals, float], None] | None = None,
+    each: Callable[[Rig, StopSignals, float], None] | None = None,
     seconds: float = 1.0,
     **more: Any,
 ) -> tuple[Outcome, Rig]:
     """A run of one second (or `seconds`), and its log replayed: identical."""
-    signals = Signals()
+    signals = StopSignals()
     task = None
     with LockstepLog(folder / "run.blf", {}) as log:
         recorder = Recorder(log)
@@ -145,10 +145,10 @@ def test_a_localisation_that_never_comes_is_given_up(tmp_path: Path) -> None:
 
 
 def test_signals_before_and_after_the_drive_is_enabled(tmp_path: Path) -> None:
-    def soon(node: Rig, signals: Signals, now: float) -> None:
+    def soon(node: Rig, signals: StopSignals, now: float) -> None:
         signals.wanted = "SIGTERM"
 
-    def later(node: Rig, signals: Signals, now: float) -> None:
+    def later(node: Rig, signals: StopSignals, now: float) -> None:
         signals.wanted = "SIGHUP" if node.receiver.state == ENABLED else ""
 
     assert led(tmp_path, each=soon)[0].end == "cancelled"
@@ -170,24 +170,24 @@ def test_a_fault_is_not_led_and_reset_only_resets(tmp_path: Path) -> None:
     node, clock = rig_of(None)
     with LockstepLog(tmp_path / "a.blf", {}) as log:
         recorder = Recorder(log)
-        healthy = reset(node, clock, recorder, Signals())
+        healthy = reset(node, clock, recorder, StopSignals())
         assert (healthy.end, healthy.ended) == ("reset", "the drive has no fault to acknowledge")
-        assert lead(node, clock, 0.2, recorder, Signals()).end == "done"
+        assert lead(node, clock, 0.2, recorder, StopSignals()).end == "done"
         node.bench.plant.drive.stage = type(node.bench.plant.drive.stage)(FAULT, node.bench.time_s, 4)
         node.bench.plant.drive._tell = 2
-        refused = lead(node, clock, 0.2, recorder, Signals())
+        refused = lead(node, clock, 0.2, recorder, StopSignals())
         assert (refused.end, refused.led) == ("drive_fault", False)
         assert refused.ended == "nothing to lead: drive fault 4; 'capsule run RIG.toml reset' acknowledges it"
         states = set[int]()
         node.each = lambda now: states.add(node.receiver.state)
-        done = reset(node, clock, recorder, Signals())
+        done = reset(node, clock, recorder, StopSignals())
         assert (done.end, done.ended) == ("reset", "drive fault 4 is acknowledged; the drive stands by")
         assert states <= {FAULT, STANDBY}
         node.bench.plant.drive.heated_to_C = 60.0
         until = node.bench.time_s + 0.5
         while node.bench.time_s < until:
             node.tick(node.bench.time_s)
-        stays = reset(node, clock, recorder, Signals())
+        stays = reset(node, clock, recorder, StopSignals())
         assert (stays.end, RUN_ENDS[stays.end].status) == ("not_reset", 1)
         assert stays.ended == "drive fault 2 stays: its cause is still there"
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.run.loop import Signals
+from hil.app.run.loop import StopSignals
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.reader import read_log_record
@@ -107,7 +107,7 @@ def test_a_controller_that_is_stopped_for_a_while_says_for_how_long(
 
 def test_the_second_signal_ends_the_program_as_ever() -> None:
     before = signal.getsignal(signal.SIGTERM)
-    with Signals().caught() as signals:
+    with StopSignals().caught() as signals:
         os.kill(os.getpid(), signal.SIGTERM)
         assert signals.wanted == "SIGTERM"
         assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
@@ -119,11 +119,11 @@ def test_signals_ask_for_a_controlled_stop_and_ignored_ones_stay_so(number: sign
     before = signal.getsignal(number)
     try:
         signal.signal(number, signal.SIG_DFL)
-        with Signals().caught() as signals:
+        with StopSignals().caught() as signals:
             os.kill(os.getpid(), number)
             assert signals.wanted == number.name
         signal.signal(number, signal.SIG_IGN)
-        with Signals().caught() as signals:
+        with StopSignals().caught() as signals:
             os.kill(os.getpid(), number)
             assert signals.wanted == ""
     finally:

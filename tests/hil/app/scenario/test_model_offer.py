@@ -16,7 +16,7 @@ from hil.app.main import run
 from hil.app.scenario.deployment import load_deployment
 from hil.app.scenario.model_offer import read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
-from hil.app.track.loop import Trace, believed_model, run_loop
+from hil.app.track.loop import LoopTrace, believed_model, run_loop
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.theta import Theta
@@ -73,7 +73,7 @@ def offered(folder: Path, text: str, better: float = 0.5) -> Path:
     return path
 
 
-def tracked(scenario: TrackScenario, offer: Offer | None, controller: str) -> Trace:
+def tracked(scenario: TrackScenario, offer: Offer | None, controller: str) -> LoopTrace:
     return run_loop(scenario, believed_model(scenario, Theta()), controller, 1, offer=offer)
 
 
@@ -97,7 +97,7 @@ def test_a_better_model_takes_over_at_a_rest_without_a_jump_and_tracks_better(tm
         <= 1.01 * scenario.limits.carriage_acceleration_m_s2 * scenario.control.tick_s**2
     )
 
-    def error(trace: Trace) -> float:
+    def error(trace: LoopTrace) -> float:
         t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
         later = t > taken + 0.5
         return float(np.sqrt(np.mean((x - scenario.reference.position(t))[later] ** 2)))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil.app.scenario.nominal_rig import read_belief
+from hil.app.scenario.scenario import read_belief
 
 
 def test_belief_may_give_the_lumen_in_place_of_the_nominal_angle() -> None:

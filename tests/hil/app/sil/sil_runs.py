@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.model.control_model import ControlModel
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
-from hil.app.sil.fault_outcomes import Outcome, outcomes
+from hil.app.sil.fault_outcomes import FaultOutcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.simulated.faults.table import KEY, OPERATOR, Fault
@@ -96,7 +96,7 @@ def model_of(kind: str) -> ControlModel:
 
 def run(
     kind: str, duration_s: float, *faults: Mapping[str, Any], seed: int = 1, **tables: Any
-) -> tuple[SilTrace, list[Outcome]]:
+) -> tuple[SilTrace, list[FaultOutcome]]:
     """Run it, and what came of its faults."""
     scenario = scenario_of(kind, duration_s, *faults, **tables)
     trace = run_sil(scenario, model_of(kind), scenario.loop.control.controller, seed)

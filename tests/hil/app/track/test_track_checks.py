@@ -9,7 +9,7 @@ import pytest
 
 from hil.app.main import run
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario, parse_track_scenario
-from hil.app.track.loop import Trace, believed_model, run_loop
+from hil.app.track.loop import LoopTrace, believed_model, run_loop
 from hil.app.track.score import score
 from hil.app.track.verdicts import verdicts
 from models.theta import Theta
@@ -24,7 +24,7 @@ SHIPPED = sorted(FOLDER.glob("track_*.toml"))
 def led(scenario: TrackScenario, error_mm: list[tuple[float, float]]) -> dict[str, tuple[float, bool]]:
     """Verdicts on a run whose position is off the reference by `error_mm`, (from when, how far)."""
     t = 2e-4 * np.arange(round(scenario.duration_s / 2e-4))
-    trace = Trace.empty(round(scenario.duration_s / scenario.control.tick_s))
+    trace = LoopTrace.empty(round(scenario.duration_s / scenario.control.tick_s))
     trace.rows = np.zeros((t.size, at.O_COUNT))
     off = np.zeros_like(t)
     for begin, error in error_mm:

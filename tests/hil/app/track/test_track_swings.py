@@ -5,14 +5,14 @@ from typing import Any
 import pytest
 
 from hil.app.scenario.scenario import parse_track_scenario
-from hil.app.track.loop import Trace, believed_model, run_loop
+from hil.app.track.loop import LoopTrace, believed_model, run_loop
 from hil.app.track.score import score
 from models.theta import Theta
 
 RAMP = {"kind": "ramp", "speed_mm_s": 5.0, "start_s": 0.5}
 
 
-def led(lag_s: float, controller: str, seconds: float = 6.0) -> tuple[Trace, Any]:
+def led(lag_s: float, controller: str, seconds: float = 6.0) -> tuple[LoopTrace, Any]:
     scenario = parse_track_scenario(
         {
             "scenario": {"duration_s": seconds, "seed": 3},

@@ -10,7 +10,7 @@ import can
 import numpy as np
 import pytest
 
-from hil.app.run.loop import Outcome, Signals
+from hil.app.run.loop import Outcome, StopSignals
 from hil.bus.catalogue import load_catalogue
 from hil.bus.protection import Sender
 from hil.nodes.controller.operator import AHEAD_M, Operator, OperatorLimits
@@ -38,7 +38,7 @@ class Hands:
         self.wanted: list[tuple[float, float, int]] = []
         self.ticks, self.now = 0, 0.0
 
-    def each(self, node: Rig, signals: Signals, now: float) -> None:
+    def each(self, node: Rig, signals: StopSignals, now: float) -> None:
         self.now = now
         if not self.senders:
             self.senders = [
@@ -167,7 +167,7 @@ def test_never_past_the_limits_of_the_deployment(tmp_path: Path) -> None:
 
 
 def test_not_asked_for_it_is_not_listened_to(tmp_path: Path) -> None:
-    def each(node: Rig, signals: Signals, now: float) -> None:
+    def each(node: Rig, signals: StopSignals, now: float) -> None:
         hands.each(node, signals, now)
 
     hands = Hands(("ros", pressed(0.6, 2.0)))

@@ -9,7 +9,7 @@ import can
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.sil.fault_outcomes import Outcome, limit_of
+from hil.app.sil.fault_outcomes import FaultOutcome, limit_of
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.bus.authenticated import AuthenticatedBus, inside
 from hil.bus.protection import Receiver
@@ -27,7 +27,7 @@ REASONS = {
 WAYS = ("commands", "feedback", "localisation")
 
 
-def spoiled(kind: str, target: str) -> tuple[SilTrace, Outcome]:
+def spoiled(kind: str, target: str) -> tuple[SilTrace, FaultOutcome]:
     """A run over an authenticated bus on which something goes wrong."""
     trace, found = run("magnetic", AT_S + 0.25, {"kind": kind, "at_s": AT_S, "target": target})
     return trace, found[0]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from controller.drives import envelope_of
-from hil.app.sil.fault_outcomes import Outcome, outcomes
+from hil.app.sil.fault_outcomes import FaultOutcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.bus.local import LocalBus
 from hil.bus.protection import Receiver
@@ -33,7 +33,7 @@ class Heard:
         wire: list[can.Message] = []
         controller = scenario.loop.control.controller
         self.trace: SilTrace = run_sil(scenario, model_of(rig), controller, 1, shown=wire.append)
-        self.outcomes: list[Outcome] = outcomes(scenario, self.trace)
+        self.outcomes: list[FaultOutcome] = outcomes(scenario, self.trace)
         self.report = frame_map_of(rig).feedback
         self._receivers = {
             frames()[name].id: Receiver(frames()[name])

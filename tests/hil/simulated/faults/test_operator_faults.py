@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.sil.fault_outcomes import PRESSED, SOURCE, WANTED, Outcome, hold_s, outcomes
+from hil.app.sil.fault_outcomes import PRESSED, SOURCE, WANTED, FaultOutcome, hold_s, outcomes
 from hil.app.sil.loop import SilTrace
 from hil.bus.protection import Receiver
 from hil.nodes.controller.lateness import Lateness
@@ -23,7 +23,7 @@ AT_S, DURATION_S = 0.305, 0.2
 TICK_S = 2e-3
 
 
-def spoiled(kind: str, target: str = "", *more: dict[str, Any], **tables: Any) -> tuple[SilTrace, Outcome]:
+def spoiled(kind: str, target: str = "", *more: dict[str, Any], **tables: Any) -> tuple[SilTrace, FaultOutcome]:
     """A run in which an operator steers and something goes wrong."""
     fault = {"kind": kind, "at_s": AT_S, "duration_s": DURATION_S, "target": target}
     trace, found = run("magnetic", AT_S + DURATION_S + 0.1, fault, *more, **tables)

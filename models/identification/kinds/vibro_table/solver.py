@@ -1,10 +1,12 @@
 """Body and inner mass on a plate under a periodic on/off drive, compiled: forces, exact stick and slip, mean velocity.
 
-All of it is one file on purpose: code that was compiled once is found again by the file's own date.
+All of it is one file on purpose: code that was compiled once is found again by this file's hash.
 """
 
+import hashlib
 import math
-from typing import Any, Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numba as nb
 import numpy as np
@@ -13,13 +15,26 @@ from numpy.typing import NDArray
 from models.effects.inner_mass.spring_hardening import AT_M, TRAVEL_M
 
 Array = NDArray[np.float64]
+F = TypeVar("F")
 GRAVITY: Final = 9.81  # m/s2
 STEP_S = 2.0e-3  # longest step of a run's integration; the solver goes finer by itself
 _DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
 _SHORTEST_LAG_S = 1.0e-3  # of a lag shorter than this only the mean over a step is right
 _FASTEST = 0.2  # m/s that a body may gain in one step
 _EVENTS = 8  # stick and slip changes that one step may hold; the rest of it is a rest
+_HASH: Final = nb.__version__ + hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
 _PERIODIC = 1.0e-6  # change of the state over a period, in m and m/s, below which the motion is periodic
+
+
+def _compiled(function: F, inline: str = "never") -> F:
+    """Compiled on first use and kept; numba reads the classes of an older file's index before it compares dates."""
+    dispatcher: Any = nb.njit(cache=True, nogil=True, inline=inline)(function)
+    dispatcher._cache._cache_file._version = _HASH
+    return cast(F, dispatcher)
+
+
+def _inlined(function: F) -> F:
+    return _compiled(function, "always")
 
 
 class VibroCycle(NamedTuple):
@@ -68,7 +83,7 @@ class PulseShare(NamedTuple):
     end: float
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
     """Pull of the suspension on the inner mass towards the body in N: spring, damping, guide, stops."""
     inside = min(abs(stretch), TRAVEL_M)
@@ -85,7 +100,7 @@ def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
     return force
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def drive_force(on: float, stretch: float, q: VibroCycle) -> float:
     """The coil's force on the inner mass in N; `on` is its share of the full one."""
     if q.reach_per_m == 0.0:
@@ -93,7 +108,7 @@ def drive_force(on: float, stretch: float, q: VibroCycle) -> float:
     return q.force_N * on * math.exp(q.reach_per_m * min(max(stretch, -TRAVEL_M), TRAVEL_M))
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def friction(speed: float, direction: int, q: VibroCycle) -> float:
     """Coulomb friction in N of a body that moves, or would move, in `direction` (+1, -1) at `speed` >= 0."""
     level = 1.0 + q.asymmetry * direction
@@ -102,7 +117,7 @@ def friction(speed: float, direction: int, q: VibroCycle) -> float:
     return q.coulomb_N * max(level, 0.0)
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def resistance(v: float, q: VibroCycle) -> float:
     """Resistance in N that grows with the body's speed, along -v."""
     if q.drag_N == 0.0:
@@ -112,7 +127,7 @@ def resistance(v: float, q: VibroCycle) -> float:
     return q.drag_N * math.copysign((abs(v) / 0.01) ** q.drag_power, v)
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def _accelerations(mode: int, v: float, stretch: float, rate: float, on: float, q: VibroCycle) -> tuple[float, float]:
     """Accelerations of the body and of the inner mass against it."""
     spring = suspension_force(stretch, rate, q)
@@ -124,13 +139,13 @@ def _accelerations(mode: int, v: float, stretch: float, rate: float, on: float, 
     return body, (push - spring) / q.inner_kg - body
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def _on_body(s: BodyState, on: float, q: VibroCycle) -> float:
     """What moves a resting body, against its Coulomb friction, in N."""
     return suspension_force(s.stretch, s.rate, q) - q.reaction * drive_force(on, s.stretch, q) + q.incline_N
 
 
-@nb.njit(cache=True)
+@_compiled
 def _runge_kutta(
     s: BodyState, on: PulseShare, begin: float, end: float, h: float, q: VibroCycle
 ) -> tuple[BodyState, float]:
@@ -150,14 +165,14 @@ def _runge_kutta(
     return BodyState(x, v, stretch, w, s.mode), a0
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def _push(on: PulseShare, at: float) -> float:
     """The drive's share at the share `at` of a step: the parabola with the right ends and the right mean."""
     bend = 3.0 * (on.begin + on.end - 2.0 * on.mean)
     return on.begin + at * (on.end - on.begin - bend * (1.0 - at))
 
 
-@nb.njit(cache=True, inline="always")
+@_inlined
 def _break_away(force: float, q: VibroCycle) -> int:
     """The direction in which a resting body starts to slide under `force`, 0 while friction holds it."""
     if force > friction(0.0, 1, q):
@@ -165,7 +180,7 @@ def _break_away(force: float, q: VibroCycle) -> int:
     return -1 if force < -friction(0.0, -1, q) else 0
 
 
-@nb.njit(cache=True)
+@_compiled
 def _stop(
     s: BodyState, new: BodyState, a0: float, on: PulseShare, begin: float, until: float, h: float, q: VibroCycle
 ) -> tuple[BodyState, float]:
@@ -188,7 +203,7 @@ def _stop(
     return BodyState(new.x, 0.0, new.stretch, new.rate, 0), end
 
 
-@nb.njit(cache=True)
+@_compiled
 def _start(
     s: BodyState,
     mode: int,
@@ -215,7 +230,7 @@ def _start(
     return BodyState(new.x, 0.0, new.stretch, new.rate, mode), end
 
 
-@nb.njit(cache=True)
+@_compiled
 def _share(s: BodyState, on: PulseShare, begin: float, until: float, h: float, q: VibroCycle) -> BodyState:
     """The step's share from `begin` to `until` with its changes between stick and slip located in it."""
     for _ in range(_EVENTS):
@@ -240,7 +255,7 @@ def _share(s: BodyState, on: PulseShare, begin: float, until: float, h: float, q
     return new
 
 
-@nb.njit(cache=True)
+@_compiled
 def _step(s: BodyState, on: PulseShare, h: float, q: VibroCycle) -> BodyState:
     """One step, in equal parts where dry friction turns round or a stop is near."""
     fine = h
@@ -261,7 +276,7 @@ def _step(s: BodyState, on: PulseShare, h: float, q: VibroCycle) -> BodyState:
     return s
 
 
-@nb.njit(cache=True)
+@_compiled
 def _phase(
     s: BodyState, current: float, pull: float, on: float, length: float, step: float, q: VibroCycle
 ) -> tuple[BodyState, float, float]:
@@ -290,7 +305,7 @@ def _phase(
     return s, on + (current - on) * f1**n, on + a1 + a2 + a3
 
 
-@nb.njit(cache=True)
+@_compiled
 def _longest(step: float, q: VibroCycle) -> float:
     """The step that the drive's lags allow, in s."""
     for lag in (q.current_lag_s, q.force_lag_s):
@@ -299,12 +314,12 @@ def _longest(step: float, q: VibroCycle) -> float:
     return step
 
 
-@nb.njit(cache=True)
+@_compiled
 def _change(a: BodyState, b: BodyState) -> float:
     return max(abs(a.v - b.v), abs(a.stretch - b.stretch), abs(a.rate - b.rate))
 
 
-@nb.njit(cache=True)
+@_compiled
 def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: float, q: VibroCycle) -> float:
     """Mean speed of the body in m/s over `cycles` periods after `settle` periods from rest.
 
@@ -330,7 +345,7 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
     return (s.x - begin) / (cycles * period_s)
 
 
-@nb.njit(cache=True, nogil=True)
+@_compiled
 def table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float, q: VibroCycle) -> Array:
     """Mean speeds in m/s (n,) at periods in s, duties and numbers of cycles (n,), each after `settle` cycles."""
     speeds = np.empty(period_s.size)

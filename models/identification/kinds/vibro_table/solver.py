@@ -6,7 +6,7 @@ All of it is one file on purpose: code that was compiled once is found again by 
 import hashlib
 import math
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar, cast
+from typing import Any, Final, Literal, NamedTuple, TypeVar, cast
 
 import numba as nb
 import numpy as np
@@ -26,7 +26,7 @@ _HASH: Final = nb.__version__ + hashlib.sha256(Path(__file__).read_bytes()).hexd
 _PERIODIC = 1.0e-6  # change of the state over a period, in m and m/s, below which the motion is periodic
 
 
-def _compiled(function: F, inline: str = "never") -> F:
+def _compiled(function: F, inline: Literal["never", "always"] = "never") -> F:
     """Compiled on first use and kept; numba reads the classes of an older file's index before it compares dates."""
     dispatcher: Any = nb.njit(cache=True, nogil=True, inline=inline)(function)
     dispatcher._cache._cache_file._version = _HASH

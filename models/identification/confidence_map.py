@@ -41,7 +41,8 @@ class ConfidenceMap:
         """What `probability` means, in a sentence."""
         if not self.calibrated:
             return "How often such a finding is right is not calibrated."
-        return f"Of 100 series of which this was said, about {100 * probability:.0f} were right."
+        percent = f"{100 * probability:.0f}"
+        return f"Confidence {percent} %: of simulated series with this score, {percent} in 100 were named correctly."
 
     @property
     def origin(self) -> str:

@@ -106,6 +106,6 @@ def _say(ends: Sequence[tuple[Story, End]], out: Path, seconds: float) -> None:
         if one.before is not None:
             lines.append(f"  before the proposed record: {headline(one.before)} {folder / BEFORE / REPORT}")
         if one.hidden:
-            lines.append(f"  what the simulated rig kept to itself: {listed(map(effect_words, one.hidden))}")
+            lines.append(f"  hidden in the simulated rig: {listed(map(effect_words, one.hidden))}")
     console.print(table)
     say(*lines, f"all: {out / PAGE}", f"{seconds:.0f} s")

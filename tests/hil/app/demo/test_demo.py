@@ -218,7 +218,7 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     assert "with the proposed one: named: tissue drying" in page
     assert "next_record/before/report.html" in page
     nothing = replace(one, before=replace(one.before, proposal=None, verdict="unknown", effects=()))
-    assert "was “unknown” on the first records" in demo_html([(NEXT_RECORD, nothing)], 1.0)
+    assert "Verdict on the first records: unknown;" in demo_html([(NEXT_RECORD, nothing)], 1.0)
 
 
 def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import signal
+import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -78,10 +79,8 @@ class Background:
             assert isinstance(found, LearningAnswer)
             return found
         except Exception as error:  # noqa: BLE001 - whatever a broken pipe holds
-            gone = isinstance(
-                error, EOFError | ConnectionError
-            )  # the kernel closes the pipe before the process has ended
-            ended = self._end(CLOSED_S if gone else 0.0)
+            # the kernel closes the pipe of a process that dies before it says how that ended
+            ended = self._end(CLOSED_S if isinstance(error, EOFError | ConnectionError) else 0.0)
             return _failed(f"the learner's process {ended or f'gave no answer: {_words(error)}'}")
 
     def _renewed(self) -> Connection:
@@ -93,7 +92,9 @@ class Background:
         process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
         ended = ""
         if process is not None and process.pid is not None:
-            process.join(wait_s)
+            end = time.monotonic() + wait_s
+            while process.exitcode is None and time.monotonic() < end:
+                process.join(wait_s)  # another thread that waits for it may have its status, and not noted it yet
             ended = "" if process.exitcode is None else _end_words(process.exitcode)
             process.kill()
             process.join(CLOSED_S)

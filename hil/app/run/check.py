@@ -14,7 +14,7 @@ from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
 from hil.bus.authenticated import AuthenticatedBus
-from hil.bus.catalogue import FrameCatalogue
+from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
@@ -36,19 +36,19 @@ class Point:
     words: str
 
 
-def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: FrameCatalogue) -> list[Point]:
+def check(deployment: Deployment, task: Task, bus: ClockedBus) -> list[Point]:
     """All points. Nothing is sent: sensors that sample at SYNC alone are heard only while something else sends it."""
     return [
-        *_listen(deployment, bus, catalogue),
+        *_listen(deployment, bus),
         *_authentication(bus),
-        limits_point(deployment.limits, deployment.rig.kind, catalogue),
+        limits_point(deployment.limits, deployment.rig.kind),
         _model(deployment),
-        _time(task, catalogue),
+        _time(task),
         _machine(deployment, bus),
     ]
 
 
-def _listen(deployment: Deployment, bus: ClockedBus, catalogue: FrameCatalogue) -> list[Point]:
+def _listen(deployment: Deployment, bus: ClockedBus) -> list[Point]:
     clock, began = bus.clock, bus.clock.now()
     receiver = FrameReceiver(bus, frame_map_of(deployment.rig.kind), deployment.control.tick_s)
     while clock.now() - began < LISTEN_S:
@@ -73,10 +73,10 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: FrameCatalogue) 
     return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]
 
 
-def limits_point(limits: Limits, kind: str, catalogue: FrameCatalogue) -> Point:
+def limits_point(limits: Limits, kind: str) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
     wiring = frame_map_of(kind)
-    frame = catalogue[wiring.command]
+    frame = load_catalogue()[wiring.command]
     for signal, name in wiring.bounds:
         field, most = frame.field(signal), float(getattr(limits, name))
         if most > field.upper:
@@ -101,8 +101,8 @@ def _model(deployment: Deployment) -> Point:
     return Point("model", deployment.verdict.passed, deployment.verdict.sentence)
 
 
-def _time(task: Task, catalogue: FrameCatalogue) -> Point:
-    took = rehearse(task, catalogue)
+def _time(task: Task) -> Point:
+    took = rehearse(task)
     p99 = took.quantile(0.99)
     words = f"p99 {1e3 * p99:.2f} ms, max {1e3 * took.longest_s:.2f} ms of a tick of {1e3 * task.model.tick_s:g} ms"
     late = machine.lateness()
@@ -122,12 +122,12 @@ def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
     return Point("machine", not faults, "; ".join(told))
 
 
-def rehearse(task: Task, catalogue: FrameCatalogue, ticks: int = REHEARSED) -> Histogram:
+def rehearse(task: Task, ticks: int = REHEARSED) -> Histogram:
     """How long a tick takes on a made-up drive that obeys; the first half only warms up."""
     took = Histogram()
     with Tape() as tape:
         node = ControllerNode(replace(task, probe=False), tape, dry_run=True)
-        speak = _made_up(node, tape, catalogue)
+        speak = _made_up(node, tape)
         tick_s = task.model.tick_s
         for k in range(ticks):
             now = round(k * tick_s, 9)
@@ -141,9 +141,9 @@ def rehearse(task: Task, catalogue: FrameCatalogue, ticks: int = REHEARSED) -> H
     return took
 
 
-def _made_up(node: ControllerNode, tape: Tape, catalogue: FrameCatalogue) -> Callable[[int, float], None]:
+def _made_up(node: ControllerNode, tape: Tape) -> Callable[[int, float], None]:
     """Frames of a drive that follows at once and of a localisation every 10 ms around 0."""
-    wiring = node.wiring
+    wiring, catalogue = node.wiring, load_catalogue()
     names = (wiring.feedback, wiring.heartbeat, "CapsuleLocalisation")
     senders = {name: Sender(catalogue[name]) for name in names}
     rest = {field.name: 0.0 for field in catalogue[wiring.feedback].fields}

@@ -85,7 +85,7 @@ def run(
     """Lead, check or reset the drive: 0 where it went as asked, else 1 (`RUN_ENDS`). Raises ValueError."""
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path, reference, Catalogue.read(effects)), load_catalogue()
+    deployment = load_deployment(path, reference, Catalogue.read(effects))
     log = log or Path(f"{deployment.name}.blf")
     if move and (action != "check" or dry_run):
         raise ValueError("--move must go with check; got it with leading, reset or --dry-run")
@@ -102,7 +102,7 @@ def run(
         raise ValueError("--dry-run must go with leading; got 'reset', which does nothing but send")
     if action == "lead" and verdict is not None and not verdict.passed and not dry_run:
         raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
-    limits = limits_point(deployment.limits, deployment.rig.kind, catalogue)
+    limits = limits_point(deployment.limits, deployment.rig.kind)
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
     asked = _Asked(path, deployment, action, dry_run, log, mcap, learn)
@@ -141,7 +141,7 @@ class _Asked:
 def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
     """Look, move the drive where that is asked for, and say what was found."""
     with asked.begun() as (task, bus):
-        points = check(asked.deployment, task, bus, load_catalogue())
+        points = check(asked.deployment, task, bus)
     if move:
         points.append(_moved(asked, all(p.good for p in points)))
     good = all(p.good for p in points)
@@ -294,7 +294,7 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
         offered=deployment.offered and deployment.offered.document(),
         clock_origin_ns=bus.clock.origin_ns,
     )
-    rehearse(task, catalogue)
+    rehearse(task)
     with (
         FrameLog(path, record, note, asked.mcap) as frames_log,
         StopSignals().caught() as signals,

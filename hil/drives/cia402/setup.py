@@ -23,7 +23,7 @@ _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640
 _BY_VELOCITY: Final = (0x60400010, 0x60FF0020)  # the same of a drive led by velocity
 _LOOK_S: Final = 0.1  # for how long a drive is looked at to see that it rests
 ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)
-"""Objects, beside the table's options, that a drive may hold rounded: off by one, or by a thousandth."""
+"""Objects, beside the table's options, that a drive may hold rounded: off by one count, or by 0.1 %."""
 
 
 @dataclass(frozen=True, slots=True)

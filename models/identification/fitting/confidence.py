@@ -58,7 +58,7 @@ def drawn(
     kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[Name] | None = None
 ) -> Theta:
     """The fit's values, or `only` those named while the others stay, moved as far as noise leaves them uncertain and by
-    the models' own numerics (a thousandth of each); within the bounds. What the fit leaves beyond chance does not widen
+    the models' own numerics (0.1 % of each); within the bounds. What the fit leaves beyond chance does not widen
     this: a misfit would excuse itself.
     """
     every = axes(kind, effects)
@@ -89,7 +89,7 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
 
 
 def near(value: float, bound: float, p: Parameter) -> bool:
-    """Whether `value` stands at the `bound` of `p`: to a thousandth of itself, or a millionth of the range."""
+    """Whether `value` stands at the `bound` of `p`: within 0.1 % of itself, or 1e-6 of the range."""
     spread = p.upper - p.lower
     margin = max(SET.at_bound * min(spread, max(abs(value), abs(bound))) * (bound != 0), 1e-6 * spread)
     return bool(np.isfinite(bound) and abs(value - bound) <= (margin if np.isfinite(margin) else 0.0))

@@ -137,7 +137,7 @@ def warm(folder: Path) -> None:
     """Generate and compile here what the guest would take minutes for."""
     scenario = load_track_scenario(folder / "plant.toml")
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, 1e-3)
-    rehearse(load_deployment(folder / "rig.toml").task(), load_catalogue(), 20)
+    rehearse(load_deployment(folder / "rig.toml").task(), 20)
 
 
 if __name__ == "__main__":

@@ -68,7 +68,7 @@ def _there(records: Sequence[Record]) -> str:
 
 
 def _travels(record: Record) -> str:
-    """Between which places each position lies, to a thousandth of the way between them."""
+    """Between which places each position lies, to 0.1 % of the way between them."""
     told = []
     for name, x in record.columns.items():
         if name.endswith("position_m"):

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from hil.app.run.check import rehearse
 from hil.app.run.clock import Clock, ClockedBus, Grid, Histogram
 from hil.app.scenario.deployment import parse_deployment
-from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.simulated.medium import Medium, SimulatedBus
 from models.theta import Theta
@@ -21,7 +20,7 @@ from tests.hil.scripted_bus import ScriptedBus
 def test_rehearsal_runs_every_controller_of_the_rig() -> None:
     for name in ("feedforward", "mpc"):
         task = parse_deployment(deployment(control=f'controller = "{name}"'), Theta()).task()
-        took = rehearse(task, load_catalogue(), 120)
+        took = rehearse(task, 120)
         assert 0 < took.quantile(0.5) <= took.longest_s
 
 

@@ -50,7 +50,7 @@ class Background:
         self._keeper.shutdown(wait=False, cancel_futures=True)
         if (process := self._process) is not None:
             process.kill()
-            process.join(CLOSED_S)
+            _status(process, CLOSED_S)
 
     def _start(self) -> Connection:
         """A process that is ready. Raises OSError or EOFError where there is none."""
@@ -92,16 +92,22 @@ class Background:
         process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
         ended = ""
         if process is not None and process.pid is not None:
-            end = time.monotonic() + wait_s
-            while process.exitcode is None and time.monotonic() < end:
-                process.join(wait_s)  # another thread that waits for it may have its status, and not noted it yet
-            ended = "" if process.exitcode is None else _end_words(process.exitcode)
+            code = _status(process, wait_s)
+            ended = "" if code is None else _end_words(code)
             process.kill()
-            process.join(CLOSED_S)
+            _status(process, CLOSED_S)
         if pipe is not None:
             with contextlib.suppress(OSError):
                 pipe.close()
         return ended
+
+
+def _status(process: SpawnProcess, wait_s: float) -> int | None:
+    """The exit status within `wait_s`; another thread that waits, too, may have it first, and not noted it yet."""
+    end = time.monotonic() + wait_s
+    while process.exitcode is None and (left := end - time.monotonic()) > 0:
+        process.join(left)
+    return process.exitcode
 
 
 def _failed(sentence: str) -> LearningAnswer:

@@ -202,7 +202,8 @@ def _reason(node: ControllerNode, outcome: Outcome) -> str:
 def _cause(node: ControllerNode, now: float, outcome: Outcome) -> None:
     """Put the cause first that became known only while the drive came to rest, or from the clock of this loop."""
     twins = node.receiver.twins(now)
-    if twins and twins not in outcome.ended and outcome.end in ("stopped", "gave_up", "no_drive"):
+    if twins and twins not in outcome.ended and outcome.end in ("stopped", "gave_up", "no_drive", "sensor_or_drive"):
+        outcome.end = "stopped" if outcome.end == "sensor_or_drive" else outcome.end
         outcome.ended = f"{twins}: {outcome.ended}"
 
 

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 from rich.text import Text
 
-from hil.report.quantities import plain
+from models.words.quantities import plain
 
 WIDTH = 110  # characters, where the terminal tells none
 QUIET_S = 10.0

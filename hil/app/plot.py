@@ -17,9 +17,10 @@ from hil.formats.clock import by_clock, one_table
 from hil.log.channels import file_channels
 from hil.report import builder
 from hil.report.theme import axes, line, line_look
-from hil.report.words import column_words, listed
+from hil.report.words import column_words
 from models.records.record import Record, as_measured
 from models.rigs.columns import TIME
+from models.words.sentences import listed
 
 
 def plot(

@@ -14,8 +14,9 @@ import plotly.io as pio
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from hil.report import quantities, words
+from hil.report import words
 from hil.report.mathml import equations_html, symbol_html
+from models.words import quantities, sentences
 
 TEMPLATES = Path(__file__).with_name("templates")
 PLOTLY = Path(__file__).parent / "plotly" / "plotly-cartesian.min.js.gz"
@@ -36,7 +37,8 @@ def environment(folder: Path = TEMPLATES) -> Environment:
     )
     for room, names in (
         (quantities, ("number", "fixed", "percent", "amount", "quantity", "unit_words")),
-        (words, ("column_words", "effect_words", "parameter_words", "listed", "sentence", "signed", "tidy")),
+        (words, ("column_words", "effect_words", "parameter_words", "signed", "tidy")),
+        (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}
     made.filters |= {"indexed": _indexed, "equations": equations_html, "symbol": symbol_html}

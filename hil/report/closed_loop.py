@@ -16,7 +16,6 @@ from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html
 from hil.report.panels import Panel, closer, panels
-from hil.report.quantities import number
 from hil.report.tables import error_rows, limit_share, parameters, record_rows, smallest_rows
 from hil.report.words import PARTS, effect_summary, error_story, grouped, headline, interpolation, quantities_words
 from models.effects.conformance import SIGNALS
@@ -26,6 +25,7 @@ from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
+from models.words.quantities import number
 
 POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 VERDICTS: Final = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}

@@ -4,10 +4,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.report.quantities import number, percent, scale
 from hil.report.theme import STAGE_COLOURS, styled
-from hil.report.words import column_words, listed
+from hil.report.words import column_words
 from models.identification.finding import Dependence, ResidualCurve
+from models.words.quantities import number, percent, scale
+from models.words.sentences import listed
 
 _SHOWN = 4  # curves in the list
 _TELLS = 0.01  # share of the residual from which a curve is in it

@@ -7,8 +7,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.report.panels import Panel, pooled
-from hil.report.quantities import scale
 from hil.report.theme import INK, MUTED, STAGE_COLOURS, axes, styled
+from models.words.quantities import scale
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:

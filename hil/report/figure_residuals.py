@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil.report.panels import Panel, binned, pooled
-from hil.report.quantities import scale
 from hil.report.theme import STAGE_COLOURS, Array, line_colour, styled
 from hil.report.words import column_words
+from models.words.quantities import scale
 
 MOST_POINTS = 900  # of a panel
 SPEED = "v_m_s"

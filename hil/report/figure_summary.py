@@ -6,10 +6,10 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.report.quantities import number
 from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
 from hil.report.words import PARTS, effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
+from models.words.quantities import number
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _GAIN = "gain on data left out, fitted"

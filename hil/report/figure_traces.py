@@ -7,10 +7,10 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.report.panels import Array, Panel
-from hil.report.quantities import scale
 from hil.report.theme import INK, STAGE_COLOURS, axes, styled, thinned
 from hil.report.words import column_words
 from models.identification.finding import Proposal
+from models.words.quantities import scale
 
 
 def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:

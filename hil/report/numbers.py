@@ -3,9 +3,9 @@
 from dataclasses import asdict
 from typing import Any
 
-from hil.report.quantities import plain
 from hil.report.words import error_unit
 from models.identification.finding import NEXT_TOML, STAGES, Finding, FoundEffect
+from models.words.quantities import plain
 
 
 def report_json(finding: Finding) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from hil.report.mathml import symbol_html
-from hil.report.quantities import DASH, change, number, percent, quantity, scale, told
 from hil.report.words import PARTS, effect_words, error_cells, interpolation, parameter_words, scaled
 from models.identification.finding import Check, Finding, Fitted
+from models.words.quantities import DASH, change, number, percent, quantity, scale, told
 
 _LOG = "log10_"
 

@@ -2,17 +2,18 @@
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
-from hil.report.quantities import amount, number, percent, scale
 from models.checks.finding import RecordFinding
 from models.effects import CATALOGUE
 from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding
 from models.rigs.kinds import KINDS
+from models.words.quantities import amount, number, percent, scale
+from models.words.sentences import listed
 
 PARTS = {"train": "training", "holdout": "held out"}  # of the data
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
@@ -122,21 +123,10 @@ def _prefixed(text: str) -> str:
     return _POWER.sub(lambda match: number(float(match.group()), 3), _SMALL.sub(told, text))
 
 
-def sentence(text: str) -> str:
-    """`text` from a capital to a full stop."""
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""
-
-
 def effect_summary(effect: str) -> tuple[str, str]:
     """What the catalogue says an effect is, and what would tell it from its confounded effects."""
     declared = CATALOGUE.get(effect)
     return (declared.summary, declared.separated_by) if declared else ("", "")
-
-
-def listed(words: Iterable[str], last_word: str = "and") -> str:
-    """`a, b and c`."""
-    *first, last = list(words) or [""]
-    return f"{', '.join(first)} {last_word} {last}" if first else last
 
 
 def grouped(findings: Sequence[RecordFinding]) -> Iterator[list[RecordFinding]]:

@@ -16,6 +16,9 @@ from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record
 from models.theta import spelled
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
@@ -127,10 +130,7 @@ def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
         better = min(known[:place], key=lambda name: error[name], default=stage)
         least = SET.near_floor * floor if np.isfinite(floor) else 0.0
         if error[stage] > max(SET.clearly_worse * error[better], least):
-            said[stage] = (
-                f"the {stage} model predicts held-out records worse than the {better} one"
-                f" ({error[stage]:.3g} against {error[better]:.3g})"
-            )
+            said[stage] = TEXT("worse", stage=stage, better=better, error=error[stage], least=error[better])
     return said
 
 
@@ -145,14 +145,14 @@ def setback_findings(
     """`setbacks` as findings that head a report; `bounds` are the parameters that ran to theirs. Only that of the stage
     `weakened` weakens the verdict: the last one's, where it errs beyond chance.
     """
-    at = f" (at their bounds: {', '.join(bounds)})" if bounds else ""
+    at = TEXT("at_bounds", parameters=bounds) if bounds else ""
     return tuple(
         RecordFinding(
             WORSE,
             "weakens" if stage == weakened else "note",
             ", ".join(record.name for record in holdout),
             f"stage [{stage}] of model.toml",
-            f"{sentence[:1].upper()}{sentence[1:]}{at}",
+            f"{sentence}{at}",
             "error of the free-running prediction of records that no fit has seen",
             "state how well the nominal values are known as [prior] NAME_std = ... in the rig file, record more, or use"
             " the better stage (--stage)",

@@ -21,8 +21,8 @@ from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
 from hil.app.write import own_folder, write_files
-from hil.report.quantities import number
 from models.effects import Catalogue
+from models.words.quantities import number
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5  # worst cases that the terminal shows

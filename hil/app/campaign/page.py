@@ -7,9 +7,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from hil.report.builder import page
-from hil.report.quantities import number, scale
 from hil.report.theme import axes, line_colour, styled, symbol
 from hil.report.words import column_words
+from models.words.quantities import number, scale
 
 Row = Mapping[str, Any]
 WORST: Final = 12  # cases on the page

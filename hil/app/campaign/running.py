@@ -13,7 +13,7 @@ from typing import Any, Self
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.worker import Job, Row, pooled
 from hil.app.console import InterruptionError, output_to_notes, progress_bar
-from hil.report.quantities import plain
+from models.words.quantities import plain
 
 Key = int | str
 

@@ -12,7 +12,7 @@ from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
-from hil.report.quantities import DASH, fixed, quantity
+from models.words.quantities import DASH, fixed, quantity
 
 KEPT: Final = 200
 """Events that are kept while a bus is watched, and kinds of refusals that are told apart."""

@@ -20,8 +20,9 @@ from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
 from hil.report.numbers import report_json
-from hil.report.words import effect_words, headline, listed
+from hil.report.words import effect_words, headline
 from models.identification.finding import STAGES
+from models.words.sentences import listed
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
 STORIES: Final[tuple[Story, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)

@@ -16,7 +16,6 @@ from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import stage_bar
 from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.panels import panels
-from hil.report.quantities import DASH, quantity, scale, told, unit_words
 from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
     classes_words,
@@ -29,6 +28,7 @@ from hil.report.words import (
     tested_part,
 )  # fmt: skip
 from models.identification.finding import NEXT_TOML, STAGES, Finding
+from models.words.quantities import DASH, quantity, scale, told, unit_words
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar

@@ -12,13 +12,13 @@ from controller.supervision.acceptance import Acceptance
 from hil.app.identify.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.write import write_files
-from hil.report.quantities import DASH, change, quantity
 from hil.report.words import error_cells, tested_part
 from models.identification import Model, close
 from models.identification.finding import STAGES, Finding
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
 from models.sets import measured_path
+from models.words.quantities import DASH, change, quantity
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]

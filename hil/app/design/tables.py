@@ -13,8 +13,8 @@ from controller.drives import driven_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import linearise
 from hil.app.console import text_table
-from hil.report.quantities import number
 from models.theta import spelled
+from models.words.quantities import number
 
 MARGINS = ("gain", "phase in deg", "more delay in ms", "sensitivity")
 

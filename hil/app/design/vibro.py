@@ -14,8 +14,8 @@ from controller.vibro.design.study import VibroStudy, vibro_study
 from hil.app.console import text_table
 from hil.app.design.page import Drawn, loop_figures, page_html
 from hil.app.design.tables import MARGINS, margin_numbers
-from hil.report.quantities import number
 from hil.report.theme import axes, line, line_look
+from models.words.quantities import number
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:

@@ -13,7 +13,6 @@ from controller.supervision.acceptance import BETTER, judge
 from hil.app.learn.experiment import Motion, motion_of
 from hil.app.learn.left_over import LeftOver
 from hil.log.record import SOURCES
-from hil.report.quantities import quantity
 from models.assembly.model import effect_parameters
 from models.checks.usable import from_row
 from models.identification import close
@@ -28,6 +27,7 @@ from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.theta import Theta
+from models.words.quantities import quantity
 
 T = TypeVar("T")
 KNOWN: Final = 0.01

@@ -9,12 +9,12 @@ from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from hil.app.console import note
-from hil.report.quantities import DASH, quantity
 from models.effects import CATALOGUE, Catalogue
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.theta import Theta
+from models.words.quantities import DASH, quantity
 
 
 def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue = CATALOGUE) -> tuple[Theta, str]:

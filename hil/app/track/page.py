@@ -13,8 +13,8 @@ from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import LoopTrace
 from hil.app.track.summary import not_ok, times, tracking, verdict
 from hil.report.builder import page
-from hil.report.quantities import fixed, quantity
 from hil.report.theme import INK, MUTED, POINTS, Array, axes, line, line_look, styled, thinned
+from models.words.quantities import fixed, quantity
 from plant import layout as at
 
 Found = dict[str, Any]

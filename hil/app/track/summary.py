@@ -10,7 +10,7 @@ from hil.app.scenario.model_offer import offer_words
 from hil.app.scenario.model_use import health_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.score import HARD
-from hil.report.quantities import fixed, number
+from models.words.quantities import fixed, number
 
 Found = Mapping[str, Any]
 _WORDS: Final = ("controller", "check", "ticks not ok", "most of a hard limit")

@@ -18,10 +18,10 @@ from hil.report.closed_loop import report_html
 from hil.report.mathml import equations_html, math_html
 from hil.report.numbers import report_json
 from hil.report.panels import binned, panels
-from hil.report.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
 from hil.report.theme import thinned
 from hil.report.words import column_words, error_story, headline, interpolation, tidy
 from models.identification.finding import Check, Finding, Fitted
+from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
 PLOTLY_BYTES = 700_000

@@ -11,9 +11,10 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import t as student
 
-from hil.report.quantities import number
-from hil.report.words import effect_words, listed
+from hil.report.words import effect_words
 from models.identification.finding import STAGES
+from models.words.quantities import number
+from models.words.sentences import listed
 
 Row = Mapping[str, Any]
 ORDER: Final = ("refused", "unknown", "named", "none")

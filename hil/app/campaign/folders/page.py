@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from hil.app.campaign.folders.answers import ORDER, SeriesAnswer, lacking, verdicts
 from hil.report.builder import page
-from hil.report.quantities import number
 from hil.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
-from hil.report.words import listed
+from models.words.quantities import number
+from models.words.sentences import listed
 
 MARKS: Final = {"named": "●", "none": "○", "unknown": "?", "refused": "✕"}
 WIDTH, EDGE = 230, 9  # pixels of the drawing of a series

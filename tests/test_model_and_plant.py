@@ -103,9 +103,7 @@ def test_vibro_on_a_plate_moves_like_the_plant(reaction: bool, stops: bool) -> N
         Truth(TrueVibro(0.01, 150.0, 0.05, 0.5, reaction, *gaps), capsule=BODY, surface=TruePlate(0.29)), 0.5 * on
     )
     walls = (Stop(2e-3, 3000.0), Stop(1.5e-3, 3000.0)) if stops else (None, None)
-    x = run(assemble(Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[
-        : exact.size
-    ]
+    x = run(assemble(Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[: exact.size]
     assert np.max(np.abs(x - exact)) < 5e-3 * np.ptp(exact)
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from models.effects.effect import Effect, Value, Values, by_name, number
 from models.effects.formula import Formula
-from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
+from models.laws.five_elements import DynamicModulus, springpot_modulus
 
 REFERENCE_HZ = 10.0  # at which the stiffness is stated
 

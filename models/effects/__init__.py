@@ -85,3 +85,9 @@ class Catalogue(Mapping[str, type[Effect]]):
 
 CATALOGUE: Final = Catalogue()
 """The project's effects alone."""
+
+
+def effect_words(name: str, catalogue: Mapping[str, type[Effect]] = CATALOGUE) -> str:
+    """The name of an effect in words with an article; the id with blanks where the effect declares none."""
+    declared = catalogue.get(name)
+    return (declared.words if declared else "") or name.replace("_", " ")

@@ -9,6 +9,7 @@ class ActuatorDeadZone(Effect):
     """Command `sgn(u) max(|u| - d, 0)`."""
 
     id = "actuator_dead_zone"
+    words = "a dead zone of the drive"
     summary = "a dead zone of the drive"
     source = "tracing catalogue 17"
     kinds = frozenset({"coil"})

@@ -11,6 +11,7 @@ class ActuatorLag(Effect):
     """Lag `tau c' = command - c`, exact for a ramp within the step."""
 
     id = "actuator_lag"
+    words = "a lagging drive"
     summary = "first-order lag of the drive"
     source = "first-order drive"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

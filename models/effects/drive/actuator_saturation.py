@@ -7,6 +7,7 @@ class ActuatorSaturation(Effect):
     """Gain `1/(1 + a u^2)`, cubic loss at small drive."""
 
     id = "actuator_saturation"
+    words = "a saturating drive"
     summary = "saturation of the drive"
     source = "tracing catalogue 19"
     kinds = frozenset({"coil"})

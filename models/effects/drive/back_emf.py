@@ -7,6 +7,7 @@ class BackEmf(Effect):
     """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (K/R ampere of an asked-for current)."""
 
     id = "back_emf"
+    words = "a back-EMF of the coil"
     summary = "the moving magnet takes voltage from the coil that drives it"
     source = "tracing catalogue 21: i = (u - K v)/R"
     kinds = frozenset({"coil"})

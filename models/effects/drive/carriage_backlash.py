@@ -15,6 +15,7 @@ class CarriageBacklash(Effect):
     """
 
     id = "carriage_backlash"
+    words = "a drive with backlash"
     summary = "play in the drive"
     source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
     kinds = frozenset({"pull", "magnetic"})

@@ -14,6 +14,7 @@ class CoilLag(InnerMassEffect):
     """
 
     id = "coil_lag"
+    words = "a lagging coil current"
     summary = "the coil's current lags the switch; the force goes with its square"
     source = "reluctance coil F = i^2/2 dL/dx, literature 2.1"
     kinds = frozenset({"vibro", "vibro_table"})

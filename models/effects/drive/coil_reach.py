@@ -15,6 +15,7 @@ class CoilReach(InnerMassEffect):
     """
 
     id = "coil_reach"
+    words = "a coil force that depends on displacement"
     summary = "the coil's force changes with the inner mass's displacement"
     source = "reluctance coil, literature 1.2"
     kinds = frozenset({"vibro", "vibro_table"})

@@ -9,6 +9,7 @@ class CouplingDecay(Effect):
     """Drive gain `1 + g x + b x^2`."""
 
     id = "coupling_decay"
+    words = "a coupling that changes along the track"
     summary = "the magnet's grip changes along the track"
     source = "tracing catalogue 23"
     kinds = frozenset({"magnetic", "coil"})

@@ -8,6 +8,7 @@ class CouplingFade(DriftInTime):
     """Drive gain `1 + b s + c s^2` in a time s that settles."""
 
     id = "coupling_fade"
+    words = "a coupling that fades with time"
     summary = "the drive's grip changes with time"
     source = "tracing catalogue 20"
     kinds = frozenset({"magnetic", "coil", "vibro"})

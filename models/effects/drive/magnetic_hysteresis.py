@@ -13,6 +13,7 @@ class MagneticHysteresis(Effect):
     """
 
     id = "magnetic_hysteresis"
+    words = "a magnetic hysteresis"
     summary = "the drive's force depends on whether its current rose or fell"
     source = "tracing catalogue 22: play in the current (Prandtl's stop, one element of Preisach's model)"
     kinds = frozenset({"coil"})

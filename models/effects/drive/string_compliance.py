@@ -8,6 +8,7 @@ class StringCompliance(Effect):
     """The rig pulls through `models.drives.elastic_link.Link`; the model makes the capsule a free mass behind it."""
 
     id = "string_compliance"
+    words = "an elastic string"
     summary = "an elastic link between rig and capsule"
     source = "tracing catalogue 29"
     kinds = frozenset({"pull"})

@@ -7,6 +7,7 @@ class AddedMass(Effect):
     """Force `-m_a a`: fluid or rig mass moved along."""
 
     id = "added_mass"
+    words = "an added mass"
     summary = "inertia beyond the capsule's"
     source = "tracing catalogue 16"
     kinds = frozenset({"pull"})

@@ -11,6 +11,7 @@ class GravityOverAngle(Effect):
     """Torque `-m g l sin(x - x_0)`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
 
     id = "gravity_over_angle"
+    words = "a weight on a lever"
     summary = "the torque of a weight on a lever, over the angle"
     source = "m g l of a lever: statics"
     kinds = frozenset({"axis"})

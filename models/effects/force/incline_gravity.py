@@ -7,6 +7,7 @@ class InclineGravity(Effect):
     """Constant force along +x, `m g sin(alpha)` of a tilted lumen."""
 
     id = "incline_gravity"
+    words = "an inclined lumen"
     summary = "a constant force along the lumen"
     source = "tracing catalogue 13"
     kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})

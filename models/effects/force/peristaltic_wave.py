@@ -15,6 +15,7 @@ class PeristalticWave(ForceInTime):
     """
 
     id = "peristaltic_wave"
+    words = "a peristaltic wave"
     summary = "a force wave that travels along the lumen"
     source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

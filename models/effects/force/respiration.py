@@ -8,6 +8,7 @@ class Respiration(ForceInTime):
     """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
 
     id = "respiration"
+    words = "a breathing force"
     summary = "a force periodic in time, the same everywhere"
     source = "tracing catalogue 15: 0.2 to 0.3 Hz"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

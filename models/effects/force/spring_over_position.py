@@ -7,6 +7,7 @@ class SpringOverPosition(Effect):
     """Force `-k x`; where the spring is at rest goes into the axis' constant force."""
 
     id = "spring_over_position"
+    words = "a spring to the frame"
     summary = "a spring to the frame: a force proportional to the position"
     source = "Hooke's law; balancing springs, cables and hoses of machine axes"
     kinds = frozenset({"axis"})

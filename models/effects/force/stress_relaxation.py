@@ -13,6 +13,7 @@ class StressRelaxation(Effect):
     """
 
     id = "stress_relaxation"
+    words = "a stress relaxation of the wall"
     summary = "a force that builds up while moving and relaxes"
     source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

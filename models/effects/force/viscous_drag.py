@@ -11,6 +11,7 @@ class ViscousDrag(Effect):
     """Force `-c sgn(v) (|v|/10 mm/s)^n`, odd in speed, no memory."""
 
     id = "viscous_drag"
+    words = "a viscous drag"
     summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})

@@ -9,6 +9,7 @@ class AdhesiveContact(Effect):
     """
 
     id = "adhesive_contact"
+    words = "an adhesive contact"
     summary = "adhesion presses the surfaces together in addition to the load"
     source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
     kinds = frozenset({"friction"})

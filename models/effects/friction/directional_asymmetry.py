@@ -7,6 +7,7 @@ class DirectionalAsymmetry(Effect):
     """Level `1 + a sgn(v)`: constant while sliding, of either sign."""
 
     id = "directional_asymmetry"
+    words = "a directional asymmetry"
     summary = "resistance differs between forward and backward"
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})

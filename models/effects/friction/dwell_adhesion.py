@@ -9,6 +9,7 @@ class DwellAdhesion(Effect):
     """Level `1 + b th`: `th` grows at rest as `1 - exp(-t/t_a)` and fades over the slip length."""
 
     id = "dwell_adhesion"
+    words = "an adhesion that grows at rest"
     summary = "a break-away peak that grows with the time at rest"
     source = "rate and state ageing, Dillavou arXiv:1908.02676"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -11,6 +11,7 @@ class FoldPeriodic(Effect):
     """Level `1 + a (sin q + b sin 2q + c cos 2q + d sin 3q + e cos 3q)`, `q = 2 pi x/L + phi`, both ways."""
 
     id = "fold_periodic"
+    words = "folds of the gut"
     summary = "resistance varies periodically along the lumen"
     source = "folds up to 8 mm deep (Gray)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})

@@ -13,6 +13,7 @@ class HertzianContact(Effect):
     """
 
     id = "hertzian_contact"
+    words = "a Hertzian contact"
     summary = "the coefficient of friction is a power of the load, as the area of a soft contact is"
     source = "Bowden and Tabor: friction goes with the true area; Hertz 1882: N^(2/3), an exponent of -1/3 of the level"
     kinds = frozenset({"friction"})

@@ -9,6 +9,7 @@ class LoadDependentFriction(Effect):
     """Level `1 + c |load|` of the logged load, whichever its unit."""
 
     id = "load_dependent_friction"
+    words = "a load-dependent friction"
     summary = "friction that grows with the logged load"
     source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
     kinds = frozenset({"axis", "friction"})

@@ -11,6 +11,7 @@ class LumenTaper(Effect):
     """
 
     id = "lumen_taper"
+    words = "a taper of the lumen"
     summary = "resistance changes steadily along the lumen"
     source = "tracing catalogue 11, 12"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})

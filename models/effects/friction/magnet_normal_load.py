@@ -9,6 +9,7 @@ class MagnetNormalLoad(Effect):
     """
 
     id = "magnet_normal_load"
+    words = "a magnet that presses on the wall"
     summary = "the magnet presses the capsule on the wall, the more the nearer it is"
     source = "K. W. Yung et al., Magn. Electr. Sep. 9 (1998) 39: two dipoles attract each other across the gap"
     kinds = frozenset({"magnetic"})

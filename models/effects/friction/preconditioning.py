@@ -11,6 +11,7 @@ class Preconditioning(Effect):
     """
 
     id = "preconditioning"
+    words = "preconditioning of the tissue"
     summary = "resistance falls with distance travelled"
     source = "Terry 2014: 13 cycles; Mullins"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -15,6 +15,7 @@ class Stenosis(Effect):
     """
 
     id = "stenosis"
+    words = "a stenosis"
     summary = "one local place of higher resistance"
     source = "tracing catalogue 11"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -11,6 +11,7 @@ class Stribeck(Effect):
     """Level `1 + s exp(-(|v|/v_s)^k)`: excess at `|v| < v_s` only, no memory; k is 2 classically, measured 1/2 to 2."""
 
     id = "stribeck"
+    words = "a Stribeck effect"
     summary = "extra resistance at low speed that fades as speed grows"
     source = "Stribeck curve; Monatsh. Chem. 2016 for mucus"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})

@@ -8,6 +8,7 @@ class TissueDrying(DriftInTime):
     """Level `1 + b s + c s^2` in a clock time s that settles, also at rest."""
 
     id = "tissue_drying"
+    words = "drying tissue"
     summary = "resistance drifts with time"
     source = "paper C Section 2.2 (drying in air)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -11,6 +11,7 @@ class EndStopImpact(InnerMassEffect):
     """
 
     id = "end_stop_impact"
+    words = "an impact on the end stops"
     summary = "the inner mass hits a stop"
     source = "literature 1.1, stops k2 and k3"
     kinds = frozenset({"vibro", "vibro_table"})

@@ -11,6 +11,7 @@ class GuideFriction(InnerMassEffect):
     """Force `F_d xi'/sqrt(xi'^2 + v_0^2)`, `v_0` 2 mm/s: constant against the relative motion, hardly any at rest."""
 
     id = "guide_friction"
+    words = "a dry friction of the guide"
     summary = "dry friction of the inner mass in its guide"
     source = "Coulomb friction of a plain bearing"
     kinds = frozenset({"vibro", "vibro_table"})

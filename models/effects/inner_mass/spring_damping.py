@@ -7,6 +7,7 @@ class SpringDamping(InnerMassEffect):
     """Force `c xi'` against the relative motion; linear, so equal losses forward and backward."""
 
     id = "spring_damping"
+    words = "a damped suspension"
     summary = "damping of the inner mass's suspension"
     source = "literature 1.1, F_i = k1 r + c r'"
     kinds = frozenset({"vibro", "vibro_table"})

@@ -17,6 +17,7 @@ class SpringHardening(InnerMassEffect):
     """
 
     id = "spring_hardening"
+    words = "a hardening spring"
     summary = "the suspension stiffens with displacement"
     source = "Duffing spring"
     kinds = frozenset({"vibro", "vibro_table"})

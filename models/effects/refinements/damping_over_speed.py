@@ -15,6 +15,7 @@ class DampingOverSpeed(InnerMassEffect):
     """
 
     id = "damping_over_speed"
+    words = "a free curve of damping over speed"
     summary = "damping of the suspension as a free curve over speed"
     source = "no law: a curve through the speeds that the records contain"
     kinds = frozenset({"vibro"})

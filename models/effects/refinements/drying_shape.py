@@ -13,6 +13,7 @@ class DryingShape(Effect):
     """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/s(60 s)` the drying's own time over a minute's; never below 0.05."""
 
     id = "drying_shape"
+    words = "a free curve of the drying"
     summary = "the finer shape of a drift of the resistance"
     source = "no law: a drift settles as it likes"
     kinds = TissueDrying.kinds

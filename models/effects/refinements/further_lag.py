@@ -8,6 +8,7 @@ class FurtherLag(ActuatorLag):
     """`tau_2 c'' = c' - c''` of the command `c'` that the first lag lets through."""
 
     id = "further_lag"
+    words = "a second lag of the drive"
     summary = "a second lag of the drive"
     source = "a current loop under a position loop: drives are of second order or more"
     grid = by_name(time_s=(0.03,))

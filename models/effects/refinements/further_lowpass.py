@@ -8,6 +8,7 @@ class FurtherLowpass(SensorLowpass):
     """`tau_2 y'' + y' = x'` of the reading `x'` that the first low-pass lets through."""
 
     id = "further_lowpass"
+    words = "a second low-pass of the sensor"
     summary = "a second smoothing of the measurement"
     source = "an amplifier's filter before a digital one: smoothing is of second order or more"
     confounders = ("sensor_lowpass", "sensor_delay")

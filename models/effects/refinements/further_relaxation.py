@@ -8,6 +8,7 @@ class FurtherRelaxation(StressRelaxation):
     """A second branch that slips, `-k_2 q_2`, `q_2' = v - q_2/tau_2 - c_2 |v| q_2`."""
 
     id = "further_relaxation"
+    words = "a second relaxation time"
     summary = "a second relaxation time"
     source = "generalised Maxwell model: soft tissue relaxes with more than one time (Fung, Biomechanics, ch. 7)"
     grid = by_name(time_s=(0.3,))

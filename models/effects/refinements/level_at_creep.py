@@ -9,6 +9,7 @@ class LevelAtCreep(Effect):
     """Level `1 + (e + d o) exp(-|v|/v_c)`, d the (last) direction: a law's changed level comes with the speed."""
 
     id = "level_at_creep"
+    words = "a different friction at creep"
     summary = "resistance in creep and at rest that differs from the one in motion"
     source = "no law: friction of a body that creeps or rests need not be what it was in the last motion"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -18,6 +18,7 @@ class LevelAtOnset(Effect):
     """
 
     id = "level_at_onset"
+    words = "separate friction scales of nose and slip limit"
     summary = "a nose or a slip limit that a changed resistance leaves as it is"
     source = _SIDES
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

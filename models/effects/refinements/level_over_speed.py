@@ -21,6 +21,7 @@ class LevelOverSpeed(Effect):
     """
 
     id = "level_over_speed"
+    words = "a free curve of friction over speed"
     summary = "resistance as a free curve over speed"
     source = "no law: a curve through the speeds that the records contain"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

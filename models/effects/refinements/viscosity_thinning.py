@@ -8,6 +8,7 @@ class ViscosityThinning(Effect):
     """Wall force `c u' ((1 + (u'/u_0')^2)^(n/2) - 1)` beyond `c u'`: together Carreau's law, one plateau."""
 
     id = "viscosity_thinning"
+    words = "a shear-thinning wall"
     summary = "a viscous wall that thins with its rate"
     source = "Carreau's law of a viscosity that changes with the rate, Trans. Soc. Rheol. 16 (1972) 99"
     kinds = WallViscosity.kinds

@@ -14,6 +14,7 @@ class WaveHarmonics(Effect):
     """Force `A (sum of harmonics 5 to 8 of q)` along +x, with A and q of the peristaltic wave."""
 
     id = "wave_harmonics"
+    words = "higher harmonics of the wave"
     summary = "the fifth to eighth harmonics of a wave"
     source = "no law: contractions that begin and end sharply have harmonics that fall with the square of their order"
     kinds = PeristalticWave.kinds

@@ -11,6 +11,7 @@ class MainsHum(Effect):
     """Output `y + A sin(2 pi f t + phi)`."""
 
     id = "mains_hum"
+    words = "a mains hum"
     summary = "mains frequency on the signal"
     source = "paper C Section 2.3 (power frequency interference)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

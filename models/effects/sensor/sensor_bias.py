@@ -7,6 +7,7 @@ class SensorBias(Effect):
     """Output `y + b`."""
 
     id = "sensor_bias"
+    words = "an offset of the sensor"
     summary = "the sensor's zero is off"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -7,6 +7,7 @@ class SensorDelay(Effect):
     """Output `y(t - d)`."""
 
     id = "sensor_delay"
+    words = "a delayed sensor"
     summary = "the measurement is late"
     source = "tracing catalogue 25"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})

@@ -11,6 +11,7 @@ class SensorDrift(Effect):
     """Output `y + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much while the sensor warms."""
 
     id = "sensor_drift"
+    words = "a drifting sensor"
     summary = "the sensor's zero drifts"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

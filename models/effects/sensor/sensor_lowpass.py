@@ -11,6 +11,7 @@ class SensorLowpass(Effect):
     """Output `tau y' + y = x`."""
 
     id = "sensor_lowpass"
+    words = "a slow sensor"
     summary = "the measurement is smoothed"
     source = "tracing catalogue 26"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

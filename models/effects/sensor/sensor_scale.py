@@ -7,6 +7,7 @@ class SensorScale(Effect):
     """Output `(1 + e) y`."""
 
     id = "sensor_scale"
+    words = "a gain error of the sensor"
     summary = "the sensor's gain is off"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

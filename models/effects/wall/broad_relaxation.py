@@ -17,6 +17,7 @@ class BroadRelaxation(Effect):
     """
 
     id = "broad_relaxation"
+    words = "a broad relaxation spectrum"
     summary = "a relaxation spectrum broader than two Maxwell branches"
     source = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
     kinds = frozenset({"dma"})

@@ -9,6 +9,7 @@ class ExponentialRecovery(Effect):
     """Recovery at `v_i (1 - q + q m |u|/u_c)`: constant speed at q = 0, exponential in `t_r/m` at q = 1."""
 
     id = "exponential_recovery"
+    words = "an exponential recovery of the wall"
     summary = "the wall draws back exponentially"
     source = "paper A Section 3.2 (real contraction is nonlinear)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})

@@ -16,6 +16,7 @@ class SmallStrainStiffening(Effect):
     """
 
     id = "small_strain_stiffening"
+    words = "a wall stiffer at small strain"
     summary = "the wall is stiffer at small, fast stretch than its quasi-static law"
     source = "paper A Table 2 against A Eq. 1, 3, 12: eight periods, 2.6 times stiffer below 0.1 mm"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})

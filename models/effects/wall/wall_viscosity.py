@@ -7,6 +7,7 @@ class WallViscosity(Effect):
     """Extra wall force `c u'`; the wall slips by its elastic tension alone."""
 
     id = "wall_viscosity"
+    words = "a viscous wall"
     summary = "wall tension depends on the rate of stretch"
     source = "rat gut SLS, WJG 11:4974"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})

@@ -1,4 +1,4 @@
-"""What an effect is: parameters, hidden states, and what it adds to the base model. One subclass a file."""
+"""What an effect is: parameters, hidden states, and what it adds to the base model."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from models.checks.finding import RecordFinding
 from models.identification.finding import STAGES, Check, Fitted
@@ -70,7 +70,7 @@ def _validation(found: Search, held_out: Mapping[str, float], allowed: float, ch
     limit = SET.clean * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, SET.near))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
-    limit = max(limit, float(chi2.ppf(SET.chance_level, found.augmented.count)) / found.augmented.count)
+    limit = max(limit, float(scipy.stats.chi2.ppf(SET.chance_level, found.augmented.count)) / found.augmented.count)
     left, of = found.after, "mean square on records left out of the fits"
     if found.augmented.chi2 < left and not found.effects:
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"

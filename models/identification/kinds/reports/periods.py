@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
@@ -159,4 +159,4 @@ def _stiffer_by(kind: PeriodsKind, limit: float, period: float, speed: float) ->
             f" {given(SET.period_widest):.3g} to {given(-SET.period_widest):.3g} s, whatever the wall;"
             f" got {period:.3g} s: are the speed and the rig file's recovery_time_s right, and the forces in N?"
         )
-    return float(np.exp(brentq(lambda k: given(k) - period, -SET.period_widest, SET.period_widest)))
+    return float(np.exp(scipy.optimize.brentq(lambda k: given(k) - period, -SET.period_widest, SET.period_widest)))

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from hil.report.words import error_unit
+from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, FoundEffect
 from models.words.quantities import plain
 
@@ -40,7 +41,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "reasons": list(finding.reasons),
         "candidates": [asdict(candidate) for candidate in finding.candidates],
         "statements": list(finding.statements),
-        "equations": list(finding.equations),
+        "equations": [line_text(line) for line in finding.equations],
         "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
         "residual": None if finding.dependence is None else asdict(finding.dependence),
         "timings": finding.timings,

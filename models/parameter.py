@@ -54,6 +54,7 @@ class Parameter:
     data say little. `role` tells a search what it is: the "phase" of a cycle, which follows from two quadratures, or a
     "place" along the lumen, which may lie anywhere on a record's track. Below the size `least`, of either sign, its
     effect is a case of one of its confounders. In a model it says to which `effect` it belongs, "" for the base.
+    `symbol` is its letter in equations.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Parameter:
     role: Role = ""
     least: float = 0.0
     effect: str = ""
+    symbol: str = ""
 
     @classmethod
     def near(cls, name: str, value: float, unit: str, least: float, most: float, source: str) -> Parameter:
@@ -90,6 +92,8 @@ class Parameter:
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", self.name or name)
         object.__setattr__(self, "source", self.source or getattr(owner, "source", ""))
+        before = next((vars(base)[name] for base in owner.__mro__[1:] if name in vars(base)), None)
+        object.__setattr__(self, "symbol", self.symbol or getattr(before, "symbol", ""))
 
     def at(self, value: float) -> Parameter:
         """The same parameter at another value."""

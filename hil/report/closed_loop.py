@@ -115,7 +115,7 @@ def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str
         "name": name,
         "summary": effect_summary(name)[0],
         "equations": _equations(effect, estimates, finding),
-        "parameters": parameters(estimates, symbols=effect.symbols if effect else {}),
+        "parameters": parameters(estimates, symbols=effect.letters() if effect else {}),
     }
 
 

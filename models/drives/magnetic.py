@@ -38,7 +38,7 @@ class Magnetic(Drive):
         return (Parameter.near("magnet_stiffness_N_per_m", self.stiffness_N_per_m, "N/m", 0.85, 1.15, source),)
 
     def equations(self, p: Values) -> list[Line]:
-        F_act, d, carriage, x = symbols("F_act d u_cmd x")
+        F_act, d, carriage, x = symbols("F_act d u x")
         pull = Formula.of(p["magnet_stiffness_N_per_m"]) * d / (1 + (d / named("r", self.range_m, d)) ** 2) ** 2
         return [[equal(F_act, pull), ", ", equal(d, carriage - x)]]
 
@@ -88,7 +88,7 @@ class MagnetPair(Magnetic):
 
     def equations(self, p: Values) -> list[Line]:
         pairing, k = PAIRINGS[self.orientation], Formula.of(p["magnet_stiffness_N_per_m"])
-        F_act, d, q, carriage, x, N, m, g = symbols("F_act d q u_cmd x N m g")
+        F_act, d, q, carriage, x, N, m, g = symbols("F_act d q u x N m g")
         h = named("h", self.height_m, d)
         falling = (1 + q) ** 3.5
         return [

@@ -157,7 +157,8 @@ def names_in(
     effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any], given: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values of parameters, states, signals and arguments by their symbols in the equations of `effect`."""
-    own = {effect.symbols.get(name, name): value for name, value in {**p, **z}.items()}
+    letters = effect.letters()
+    own = {letters.get(name, name): value for name, value in {**p, **z}.items()}
     seen = {symbol: s[name] for name, (symbol, _) in SIGNALS.items()}
     return seen | {symbol: given[name] for name, (symbol, _) in ARGUMENTS.items()} | own
 
@@ -174,7 +175,8 @@ def _signals() -> Signals:
 
 
 def _states(effect: type[Effect]) -> dict[str, Formula]:
-    return {state: Formula(effect.symbols.get(state, state)) for state in effect.states}
+    letters = effect.letters()
+    return {state: Formula(letters.get(state, state)) for state in effect.states}
 
 
 class Symbols(dict[str, Any]):
@@ -182,7 +184,7 @@ class Symbols(dict[str, Any]):
 
     def __init__(self, effect: type[Effect], values: Mapping[str, Any]) -> None:
         super().__init__(values)
-        self._letters = effect.symbols
+        self._letters = effect.letters()
 
     def __missing__(self, name: str) -> Any:
         self[name] = Formula(self._letters.get(name, name))

@@ -18,7 +18,6 @@ class ViscousDrag(Effect):
     words = "a viscous drag"
     summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
-    symbols = by_name(coefficient_N="c", exponent="n")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(exponent=(0.5, 1.0, 1.5))
@@ -27,8 +26,8 @@ class ViscousDrag(Effect):
     separated_by = "two drive amplitudes; speeds over two decades"
     refined_by = ("level_over_speed",)
 
-    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
-    exponent = number(1.0, "1", 0.4, 2.0)
+    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3, symbol="c")
+    exponent = number(1.0, "1", 0.4, 2.0, symbol="n")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
@@ -46,13 +45,12 @@ class InclineGravity(Effect):
     words = "an inclined lumen"
     summary = "a constant force along the lumen"
     source = "tracing catalogue 13"
-    symbols = by_name(force_N="F_g")
     kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
     probe = 0.002
     confounders = ("directional_asymmetry", "sensor_bias")
     separated_by = "tilt the rig by a known angle; records at rest"
 
-    force_N = number(0.0, "N", -0.5, 0.5)
+    force_N = number(0.0, "N", -0.5, 0.5, symbol="F_g")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["force_N"]
@@ -67,7 +65,7 @@ class StressRelaxation(Effect):
     words = "a stress relaxation of the wall"
     summary = "a force that builds up while moving and relaxes"
     source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
-    symbols = by_name(stiffness_N_per_m="k", time_s="tau", slip_per_m="c", thinning_s_per_m="b", stretch_m="q")
+    symbols = by_name(stretch_m="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("wall",)
     states = ("stretch_m",)
@@ -77,10 +75,12 @@ class StressRelaxation(Effect):
     separated_by = "frequency sweep at fixed amplitude; stop and hold"
     refined_by: ClassVar[tuple[str, ...]] = ("further_relaxation",)
 
-    stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0)
-    time_s = number(1.0, "s", 0.05, 20.0)
-    slip_per_m = number(0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995")
-    thinning_s_per_m = number(0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417")
+    stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0, symbol="k")
+    time_s = number(1.0, "s", 0.05, 20.0, symbol="tau")
+    slip_per_m = number(0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995", symbol="c")
+    thinning_s_per_m = number(
+        0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417", symbol="b"
+    )
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return -p["stiffness_N_per_m"] * z["stretch_m"]
@@ -126,30 +126,18 @@ class ForceInTime(Effect):
     A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
     """
 
-    symbols = by_name(
-        force_N="A",
-        frequency_Hz="f",
-        phase_rad="phi",
-        offset="o",
-        second_sin="b_2",
-        second_cos="c_2",
-        third_sin="b_3",
-        third_cos="c_3",
-        fourth_sin="b_4",
-        fourth_cos="c_4",
-    )
     probe = 0.003
 
-    force_N = number(0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most")
-    frequency_Hz = number(0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz")
-    phase_rad = number(0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", role="phase")
-    second_sin = number(0.0, "1", -1.0, 1.0, _PULSES)
-    second_cos = number(0.0, "1", -1.0, 1.0, _PULSES)
-    third_sin = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2)
-    third_cos = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2)
-    fourth_sin = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2)
-    fourth_cos = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2)
-    offset = number(0.0, "1", -1.5, 1.5, _PULSES)
+    force_N = number(0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most", symbol="A")
+    frequency_Hz = number(0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz", symbol="f")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", role="phase", symbol="phi")
+    second_sin = number(0.0, "1", -1.0, 1.0, _PULSES, symbol="b_2")
+    second_cos = number(0.0, "1", -1.0, 1.0, _PULSES, symbol="c_2")
+    third_sin = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2, symbol="b_3")
+    third_cos = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2, symbol="c_3")
+    fourth_sin = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2, symbol="b_4")
+    fourth_cos = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2, symbol="c_4")
+    offset = number(0.0, "1", -1.5, 1.5, _PULSES, symbol="o")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(turn(s, p), p)
@@ -195,7 +183,6 @@ class PeristalticWave(ForceInTime):
     summary = "a force wave that travels along the lumen"
     source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    symbols = by_name(**ForceInTime.symbols, wavenumber_per_m="k")
     needs = ("time", "wall")
     grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
     confounders = ("respiration", "fold_periodic")
@@ -203,7 +190,7 @@ class PeristalticWave(ForceInTime):
     refined_by = ("wave_harmonics",)
 
     frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
-    wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5)
+    wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5, symbol="k")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(wave_turn(s, p), p)
@@ -221,7 +208,7 @@ class AddedMass(Effect):
     words = "an added mass"
     summary = "inertia beyond the capsule's"
     source = "tracing catalogue 16"
-    symbols = by_name(mass_kg="m_a", acceleration="v'")
+    symbols = by_name(acceleration="v'")
     kinds = frozenset({"pull"})
     needs = ("speeds",)
     states = (
@@ -232,7 +219,7 @@ class AddedMass(Effect):
     confounders = ("actuator_lag",)
     separated_by = "faster reversals"
 
-    mass_kg = number(0.0, "kg", -0.005, 2.0)
+    mass_kg = number(0.0, "kg", -0.005, 2.0, symbol="m_a")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["mass_kg"] * z["acceleration"]
@@ -252,14 +239,13 @@ class SpringOverPosition(Effect):
     words = "a spring to the frame"
     summary = "a spring to the frame: a force proportional to the position"
     source = "Hooke's law; balancing springs, cables and hoses of machine axes"
-    symbols = by_name(stiffness_N_per_m="k")
     kinds = frozenset({"axis"})
     needs = ("places",)
     probe = 10.0
     confounders = ("gravity_over_angle", "lumen_taper")
     separated_by = "hold still at several places over the whole travel; swing over more than half a turn"
 
-    stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5)
+    stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5, symbol="k")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["stiffness_N_per_m"] * s.x
@@ -272,7 +258,6 @@ class GravityOverAngle(Effect):
     words = "a weight on a lever"
     summary = "the torque of a weight on a lever, over the angle"
     source = "m g l of a lever: statics"
-    symbols = by_name(torque_N_m="G", hanging_rad="x_0")
     kinds = frozenset({"axis"})
     needs = ("turning", "places")
     grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
@@ -280,8 +265,8 @@ class GravityOverAngle(Effect):
     confounders = ("spring_over_position", "fold_periodic")
     separated_by = "swing over more than half a turn; the axis laid so that gravity does no work"
 
-    torque_N_m = number(0.0, "N m", -1e3, 1e3)
-    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
+    torque_N_m = number(0.0, "N m", -1e3, 1e3, symbol="G")
+    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="x_0")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])

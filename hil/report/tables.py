@@ -11,7 +11,7 @@ from hil.report.words import PARTS, error_cells, interpolation, parameter_words,
 from models.effects import effect_words
 from models.identification.finding import Check, Finding, Fitted
 from models.parameter import LETTERS
-from models.words.quantities import DASH, change, number, percent, quantity, scale, told
+from models.words.quantities import DASH, change, number, percent, quantity, scale, with_interval
 
 _LOG = "log10_"
 
@@ -48,7 +48,7 @@ def parameters(
     for name, estimate in shown.items():
         factor, unit = units[estimate.unit]
         low, high = (factor * end for end in estimate.ci95)
-        words, before = told(factor * estimate.value, (low, high)), believed.get(name)
+        words, before = with_interval(factor * estimate.value, (low, high)), believed.get(name)
         value = words.value if estimate.told else number(factor * estimate.value, 3)
         row = {
             "name": name,

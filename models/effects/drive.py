@@ -12,7 +12,7 @@ from models.formula import Formula, at_least, equal, named, polynomial, shown_as
 
 
 class ActuatorLag(Effect):
-    """Lag `tau c' = command - c`, exact for a ramp within the step."""
+    """First-order lag `tau u' = u_cmd - u`, exact for a ramp within the step."""
 
     id = "actuator_lag"
     words = "a lagging drive"
@@ -50,10 +50,11 @@ _SMALLEST = 1e-4  # sharpness, below which the share differs from its limit by l
 
 
 class CarriageBacklash(Effect):
-    """Backlash as a Duhem operator: of a change `dc` of the command the carriage follows `dc (e^(k q^n) - 1)/(e^k -
-    1)`, `q` from 0 to 1 how far it is through the play `b` in the direction of `dc`. A large `k` is the loose nut,
-    which does not move before `q = 1`; a small one an elastic seat that gives way gradually, from its begin on (`n =
-    1`) or late: at `k = 0` it is `dc q^n`.
+    """Backlash as Duhem's operator: of a change du_cmd the carriage follows `du_cmd (e^(k q^n) - 1)/(e^k - 1)`, q from
+    0 to 1 its position within the play b.
+
+    A large k is a loose nut, which does not move before q = 1. A small k is an elastic seat that gives way gradually,
+    from the beginning (n = 1) or late; at k = 0 it is `du_cmd q^n`.
     """
 
     id = "carriage_backlash"
@@ -93,7 +94,9 @@ class CarriageBacklash(Effect):
 
 
 class StringCompliance(Effect):
-    """The rig pulls through `models.drives.elastic_link.Link`; the model makes the capsule a free mass behind it."""
+    """The rig pulls through `models.drives.elastic_link.Link`, force `sinh(b e)/(b c) + d e'` at the stretch e; the
+    capsule is a free mass behind it.
+    """
 
     id = "string_compliance"
     words = "an elastic string"
@@ -119,7 +122,7 @@ class StringCompliance(Effect):
 
 
 class CouplingDecay(Effect):
-    """Drive gain `1 + g x + b x^2`."""
+    """Scale `1 + g x + b x^2` of the drive's force."""
 
     id = "coupling_decay"
     words = "a coupling that changes along the track"
@@ -129,7 +132,7 @@ class CouplingDecay(Effect):
     needs = ("places",)
     probe = 1.0
     confounders = ("lumen_taper",)
-    separated_by = "the drive off: a taper stays"
+    separated_by = "switch the drive off: a taper stays"
 
     slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
     bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0, symbol="b")
@@ -139,7 +142,7 @@ class CouplingDecay(Effect):
 
 
 class CouplingFade(DriftInTime):
-    """Drive gain `1 + b s + c s^2` in a time s that settles."""
+    """Scale `1 + b t_e + c t_e^2` of the drive's force, over a time that settles."""
 
     id = "coupling_fade"
     words = "a coupling that fades with time"
@@ -155,7 +158,7 @@ class CouplingFade(DriftInTime):
 
 
 class ActuatorDeadZone(Effect):
-    """Command `sgn(u) max(|u| - d, 0)`."""
+    """Command `sgn(u_cmd) max(|u_cmd| - d, 0)`."""
 
     id = "actuator_dead_zone"
     words = "a dead zone of the drive"
@@ -173,7 +176,7 @@ class ActuatorDeadZone(Effect):
 
 
 class ActuatorSaturation(Effect):
-    """Gain `1/(1 + a u^2)`, cubic loss at small drive."""
+    """Scale `1/(1 + a u_cmd^2)` of the drive's force: a cubic loss at small drive."""
 
     id = "actuator_saturation"
     words = "a saturating drive"
@@ -191,8 +194,8 @@ class ActuatorSaturation(Effect):
 
 
 class MagneticHysteresis(Effect):
-    """Command `u + r z`, `z' = u'/w` while |z| < 1, else held there: a loop of height 2 r whose branches meet over the
-    width 2 w.
+    """Command `u_cmd + r z`, `z' = u_cmd'/w` within |z| <= 1 (Prandtl's stop): a loop of height 2 r whose branches meet
+    over the width 2 w.
 
     r < 0 where the falling branch is the upper one, as in iron; r > 0 where it is the lower one.
     """
@@ -225,7 +228,7 @@ class MagneticHysteresis(Effect):
 
 
 class BackEmf(Effect):
-    """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (K/R ampere of an asked-for current)."""
+    """Command `u_cmd - K v`: a coil under a voltage loses K volt for each m/s (K/R ampere of a commanded current)."""
 
     id = "back_emf"
     words = "a back-EMF of the coil"
@@ -234,7 +237,7 @@ class BackEmf(Effect):
     kinds = frozenset({"coil"})
     probe = 0.5
     confounders = ("viscous_drag", "actuator_lag")
-    separated_by = "a measured current in place of the voltage: back-EMF goes, drag of the tissue stays"
+    separated_by = "a measured current in place of the voltage: a back-EMF goes, drag of the tissue stays"
 
     loss_s_per_m = number(
         0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m", symbol="K"
@@ -248,9 +251,10 @@ _OFF = 1e-12  # share of the force below which the coil counts as off: the root'
 
 
 class CoilLag(InnerMassEffect):
-    """`tau i' = sqrt(u) - i` (tau = L/R) and force `F i^2`: half of it after 1.23 tau on the rise, after 0.35 tau on
-    the fall, so the drive is on for 0.88 tau less than its duty says. A command u between off (0) and on (1) is a share
-    of the force.
+    """Current `tau i' = sqrt(u_cmd) - i`, `tau = L/R`, and force `F i^2`. Half of the force is there after 1.23 tau on
+    the rise and after 0.35 tau on the fall: the drive is on for 0.88 tau less than its duty says.
+
+    A command between off (0) and on (1) is a share of the force.
     """
 
     id = "coil_lag"
@@ -280,11 +284,11 @@ class CoilLag(InnerMassEffect):
 
 
 class CoilReach(InnerMassEffect):
-    """Force `F exp(g xi)`, as of a coil whose inductance falls exponentially along it, `F = i^2/2 |dL/dxi|`, within 30
-    mm.
+    """Scale `exp(g xi)` of the coil's force within 30 mm, as of a coil whose inductance falls exponentially along it,
+    `F = i^2/2 |dL/dxi|`.
 
-    It acts only while the coil is on, so forward and backward differ; `g < 0` where the push carries the mass out of
-    the field.
+    It acts while the coil is on, so forward and backward differ; g < 0 where the push carries the mass out of the
+    field.
     """
 
     id = "coil_reach"

@@ -12,7 +12,7 @@ _CREEP = 1e-6  # m/s
 
 
 class ViscousDrag(Effect):
-    """Force `-c sgn(v) (|v|/10 mm/s)^n`, odd in speed, no memory."""
+    """Force `-c sgn(v) (|v|/10 mm/s)^n`: odd in speed, without memory."""
 
     id = "viscous_drag"
     words = "a viscous drag"
@@ -57,8 +57,8 @@ class InclineGravity(Effect):
 
 
 class StressRelaxation(Effect):
-    """Maxwell branch that slips, force `-k q`, `q' = v/(1 + b |v|) - q/tau - c |v| q`: it relaxes with time and on the
-    way, c = 0 never slips, and b > 0 is drawn less and less as speed grows, as a material that thins.
+    """A Maxwell branch that slips: force `-k q`, `q' = v/(1 + b |v|) - q/tau - c |v| q`. It relaxes with time and with
+    distance; c = 0 never slips; b > 0 thins as speed grows.
     """
 
     id = "stress_relaxation"
@@ -120,10 +120,10 @@ def with_harmonics(wave: Value, turn: Value, p: Values, first: int, names: tuple
 
 
 class ForceInTime(Effect):
-    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it
-    is late at the capsule's place.
+    """Force `A (sin q + o + sum of b_k sin kq + c_k cos kq)` along +x, k from 2 to 4, `q = 2 pi (f t - n) + phi`, n the
+    turns by which it is late at the capsule's position.
 
-    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
+    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, c_2 = -0.42 and c_4 = -0.08.
     """
 
     probe = 0.003
@@ -171,11 +171,11 @@ _SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
 
 
 class PeristalticWave(ForceInTime):
-    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi (f t - k x) + phi`; it travels at `f/k`, along +x
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi (f t - k x) + phi`: it travels at `f/k`, along +x
     where both have one sign.
 
-    The wave number, unlike the speed, passes smoothly through the wave that stands everywhere at once (k = 0) to one
-    that comes back. At less than half of the longest wave's, 8.6 a minute at 20 mm/s, it is a force in time.
+    The wave number passes smoothly through 0, where the wave is the same everywhere, to one that comes back; the speed
+    would not. Below half of the longest wave's number, 8.6 a minute at 20 mm/s, it is a force in time.
     """
 
     id = "peristaltic_wave"
@@ -186,7 +186,7 @@ class PeristalticWave(ForceInTime):
     needs = ("time", "wall")
     grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
     confounders = ("respiration", "fold_periodic")
-    separated_by = "a record at rest at two places"
+    separated_by = "a record at rest at two positions"
     refined_by = ("wave_harmonics",)
 
     frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
@@ -197,12 +197,12 @@ class PeristalticWave(ForceInTime):
 
 
 def wave_turn(s: Signals, p: Values) -> Value:
-    """The angle in rad of the wave at the capsule's place."""
+    """The angle in rad of the wave at the capsule's position."""
     return turn(s, p, p["wavenumber_per_m"] * s.x)
 
 
 class AddedMass(Effect):
-    """Force `-m_a a`: fluid or rig mass moved along."""
+    """Force `-m_a a`: fluid or rig mass that moves along."""
 
     id = "added_mass"
     words = "an added mass"
@@ -233,7 +233,7 @@ class AddedMass(Effect):
 
 
 class SpringOverPosition(Effect):
-    """Force `-k x`; where the spring is at rest goes into the axis' constant force."""
+    """Force `-k x`; the spring's position of rest is part of the axis' constant force."""
 
     id = "spring_over_position"
     words = "a spring to the frame"
@@ -243,7 +243,7 @@ class SpringOverPosition(Effect):
     needs = ("places",)
     probe = 10.0
     confounders = ("gravity_over_angle", "lumen_taper")
-    separated_by = "hold still at several places over the whole travel; swing over more than half a turn"
+    separated_by = "hold still at several positions over the whole travel; swing over more than half a turn"
 
     stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5, symbol="k")
 
@@ -252,7 +252,7 @@ class SpringOverPosition(Effect):
 
 
 class GravityOverAngle(Effect):
-    """Torque `-m g l sin(x - x_0)`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
+    """Torque `-G sin(x - x_0)`, `G = m g l`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
 
     id = "gravity_over_angle"
     words = "a weight on a lever"

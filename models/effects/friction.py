@@ -11,7 +11,7 @@ _SETTLES = "drifts of a bench settle within minutes"
 
 
 class DriftInTime(Effect):
-    """Factor `1 + b s + c s^2` of the time `s = t/(1 + t/t_s)`, which runs slower and slower; never below 0.05."""
+    """Factor `1 + b t_e + c t_e^2` of a time `t_e = t/(1 + t/t_s)` that settles; never below 0.05."""
 
     probe = 0.001
 
@@ -35,7 +35,9 @@ _REST_M_S = 1e-9  # m/s, keeps the power's derivative finite
 
 
 class Stribeck(Effect):
-    """Level `1 + s exp(-(|v|/v_s)^k)`: excess at `|v| < v_s` only, no memory; k is 2 classically, measured 1/2 to 2."""
+    """Scale `1 + a exp(-(|v|/v_s)^delta)`: an excess below the speed v_s, without memory. delta is 2 classically, 1/2
+    to 2 where it was measured.
+    """
 
     id = "stribeck"
     words = "a Stribeck effect"
@@ -59,7 +61,7 @@ class Stribeck(Effect):
 
 
 class DirectionalAsymmetry(Effect):
-    """Level `1 + a sgn(v)`: constant while sliding, of either sign."""
+    """Scale `1 + a sgn(v)`: constant while sliding, of either sign."""
 
     id = "directional_asymmetry"
     words = "a directional asymmetry"
@@ -79,7 +81,9 @@ class DirectionalAsymmetry(Effect):
 
 
 class FoldPeriodic(Effect):
-    """Level `1 + a (sin q + b sin 2q + c cos 2q + d sin 3q + e cos 3q)`, `q = 2 pi x/L + phi`, both ways."""
+    """Scale `1 + a (sin q + b_2 sin 2q + c_2 cos 2q + b_3 sin 3q + c_3 cos 3q)`, `q = 2 pi x/L + phi`: the same in both
+    directions.
+    """
 
     id = "fold_periodic"
     words = "folds of the gut"
@@ -90,7 +94,7 @@ class FoldPeriodic(Effect):
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
     probe = 0.05
     confounders = ("lumen_taper", "peristaltic_wave")
-    separated_by = "reverse over the same place"
+    separated_by = "reverse over the same positions"
     refined_by = ("level_at_onset",)
 
     depth = number(0.0, "1", -0.9, 0.9, symbol="a")
@@ -109,8 +113,8 @@ class FoldPeriodic(Effect):
 
 
 class LumenTaper(Effect):
-    """Level `1 + g y + b y^2 + c y^3`, `y = r/sqrt(1 + (r/L)^2)`, `r = x - m`: narrowing lumen or capstan bend, the
-    change itself changing along the way and dying out beyond the reach L of its middle m.
+    """Scale `1 + g y + b y^2 + c y^3`, `y = r/sqrt(1 + (r/L)^2)`, `r = x - x_m`: a lumen that narrows, or a capstan's
+    bend. The change itself changes with position and fades beyond the reach L of its middle x_m.
     """
 
     id = "lumen_taper"
@@ -122,7 +126,7 @@ class LumenTaper(Effect):
     grid = by_name(reach_m=(0.02, 0.2))
     probe = 2.0
     confounders = ("tissue_drying", "stenosis")
-    separated_by = "a return pass over the same places"
+    separated_by = "a return pass over the same positions"
     refined_by = ("level_at_onset",)
 
     slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
@@ -141,22 +145,22 @@ _END = 1e-9 - 1  # of a bump that ends, where its logarithm would
 
 
 class Stenosis(Effect):
-    """Level `1 + s g`, `g = (1 + m (m + 1)/2 q^2)^(-1/m)`, `q = (x - x_0)/(w (1 + k sgn(x - x_0)))`.
+    """Scale `1 + a (1 + m (m + 1) q^2/2)^(-1/m)`, `q = r/(w (1 + k sgn(r)))`, `r = x - x_0`.
 
-    The skew k makes one flank steeper; the tail m leads from a bump that ends, `(1 - q^2/8)^2` at -1/2, over a
-    Gaussian, `exp(-q^2/2)` at 0, to a Lorentzian, `1/(1 + q^2)` at 1.
+    The skew k makes one flank steeper. The tail m leads from a bump that ends, `(1 - q^2/8)^2` at m = -1/2, over a
+    Gaussian at 0 to a Lorentzian, `1/(1 + q^2)`, at 1.
     """
 
     id = "stenosis"
     words = "a stenosis"
-    summary = "one local place of higher resistance"
+    summary = "resistance is higher at one position"
     source = "tracing catalogue 11"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(width_m=(0.0015, 0.004))
     probe = 0.2
     confounders = ("lumen_taper", "fold_periodic")
-    separated_by = "more passes over the place, from both sides"
+    separated_by = "more passes over the same position, from both sides"
     refined_by = ("level_at_onset",)
 
     excess = number(0.0, "1", -0.9, 6.0, symbol="a")
@@ -175,7 +179,7 @@ class Stenosis(Effect):
 
 
 class DwellAdhesion(Effect):
-    """Level `1 + b th`: `th` grows at rest as `1 - exp(-t/t_a)` and fades over the slip length."""
+    """Scale `1 + b theta`: at rest theta grows as `1 - exp(-t/t_a)`, in motion it fades over the slip length L."""
 
     id = "dwell_adhesion"
     words = "an adhesion that grows at rest"
@@ -210,8 +214,8 @@ class DwellAdhesion(Effect):
 
 
 class Preconditioning(Effect):
-    """Level `1 - f (1 - (1 - q) exp(-s/l) - q exp(-5 s/l))` with the path length s: a share q of the fall comes in the
-    first fifth of it, as the first of Terry's cycles took more than the later ones.
+    """Scale `1 - a (1 - (1 - q) exp(-s/L) - q exp(-5 s/L))` over the path s: a share q of the fall comes in the first
+    fifth of the length L, as the first of Terry's cycles took more than the later ones.
     """
 
     id = "preconditioning"
@@ -223,7 +227,7 @@ class Preconditioning(Effect):
     grid = by_name(length_m=(0.03, 0.1))
     probe = 0.05
     confounders = ("tissue_drying",)
-    separated_by = "revisit the old place against a new one; wait without moving"
+    separated_by = "compare tissue that was passed with new tissue; wait without moving"
     refined_by = ("level_at_onset",)
 
     fall = number(0.0, "1", -1.0, 0.9, symbol="a")
@@ -231,12 +235,12 @@ class Preconditioning(Effect):
     quick = number(0.0, "1", 0.0, 0.9, "Terry 2014: the first cycle takes most", spread=0.3, symbol="q")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        way = s.travelled / p["length_m"]
-        return 1 - p["fall"] * (1 - (1 - p["quick"]) * np.exp(-way) - p["quick"] * np.exp(-5 * way))
+        path = s.travelled / p["length_m"]
+        return 1 - p["fall"] * (1 - (1 - p["quick"]) * np.exp(-path) - p["quick"] * np.exp(-5 * path))
 
 
 class TissueDrying(DriftInTime):
-    """Level `1 + b s + c s^2` in a clock time s that settles, also at rest."""
+    """Scale `1 + b t_e + c t_e^2` of a clock time that settles, also at rest."""
 
     id = "tissue_drying"
     words = "drying tissue"
@@ -253,11 +257,11 @@ class TissueDrying(DriftInTime):
 
 
 class LoadDependentFriction(Effect):
-    """Level `1 + c |load|` of the logged load, whichever its unit."""
+    """Scale `1 + c |N|` of the logged load, in whichever unit."""
 
     id = "load_dependent_friction"
     words = "a load-dependent friction"
-    summary = "friction that grows with the logged load"
+    summary = "friction grows with the logged load"
     source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
@@ -275,8 +279,8 @@ _LEAST_N = 1e-9  # load whose power is finite
 
 
 class HertzianContact(Effect):
-    """Level `(N/N_r)^e` over the load N: -1/3 for a sphere on a soft solid, 0 where friction is proportional to the
-    load; N_r is the load at which the coefficient is stated.
+    """Scale `(|N|/N_r)^n`: n is -1/3 for a sphere on a soft solid, 0 where friction is proportional to the load. N_r is
+    the load at which the coefficient is stated.
     """
 
     id = "hertzian_contact"
@@ -297,8 +301,8 @@ class HertzianContact(Effect):
 
 
 class AdhesiveContact(Effect):
-    """A constant load N_0 in addition to the one that is applied, `F = mu (N + N_0)`: a coefficient that is referred
-    to the applied load falls as that load grows.
+    """A constant load N_0 beside the applied one, `F = mu (N + N_0)`: a coefficient that is referred to the applied
+    load falls as that load grows.
     """
 
     id = "adhesive_contact"
@@ -318,8 +322,8 @@ class AdhesiveContact(Effect):
 
 
 class MagnetNormalLoad(Effect):
-    """Normal load `N_m/(1 + (g/w)^2)^2` on the gap g of carriage and capsule: most where the magnet stands above the
-    capsule. For rigs that only know the spring; a rig file with `[rig.magnet]` has the load from both moments.
+    """Normal load `N_m/(1 + (d/w)^2)^2` on the distance d of carriage and capsule: most where the magnet stands above
+    the capsule. For rigs that state only the spring; with `[rig.magnet]` the load follows from both moments.
     """
 
     id = "magnet_normal_load"

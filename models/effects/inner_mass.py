@@ -7,7 +7,7 @@ from models.formula import named, shown_as
 
 
 class SpringDamping(InnerMassEffect):
-    """Force `c xi'` against the relative motion; linear, so equal losses forward and backward."""
+    """Force `c xi'` against the relative motion: linear, so the losses forward and backward are equal."""
 
     id = "spring_damping"
     words = "a damped suspension"
@@ -33,8 +33,8 @@ _REST_M = 1e-6  # stretch whose power is finite
 
 
 class SpringHardening(InnerMassEffect):
-    """Force `k_3 x_0^2 (min(|xi|, 30 mm)/x_0)^(n - 1) xi` beside the linear spring, x_0 = 10 mm; `k_3 xi^3` where the
-    power n is 3. Odd, so forward and backward stay mirrored.
+    """Force `k_3 xi_0^2 (|xi|/xi_0)^(n - 1) xi` beside the linear spring, xi_0 = 10 mm, |xi| at most 30 mm; `k_3 xi^3`
+    where n is 3. Odd, so forward and backward stay mirrored.
     """
 
     id = "spring_hardening"
@@ -60,7 +60,7 @@ CREEP_SPEED = 2.0e-3  # m/s, below which dry friction passes through 0
 
 
 class GuideFriction(InnerMassEffect):
-    """Force `F_d xi'/sqrt(xi'^2 + v_0^2)`, `v_0` 2 mm/s: constant against the relative motion, hardly any at rest."""
+    """Force `F_d xi'/sqrt(xi'^2 + v_0^2)`, v_0 = 2 mm/s: constant against the relative motion, hardly any at rest."""
 
     id = "guide_friction"
     words = "a dry friction of the guide"
@@ -78,8 +78,8 @@ class GuideFriction(InnerMassEffect):
 
 
 class EndStopImpact(InnerMassEffect):
-    """Stops on both sides: `k_s max(d + t_s d', 0)` against the displacement `d = |xi| - gap` beyond the gap, d > 0;
-    the loss time `t_s` damps the impact (Kelvin-Voigt), and a stop never pulls.
+    """Stops on both sides: force `k max(d + t_s d', 0)` where the displacement beyond the gap, `d = |xi| - g`, is above
+    0. The loss time t_s damps the impact (Kelvin-Voigt); a stop never pulls.
     """
 
     id = "end_stop_impact"

@@ -20,10 +20,12 @@ _SIDES = (
 
 
 class LevelAtOnset(Effect):
-    """Where effects change resistance to `l` times what it was, `F_e (1 + (1 - max(-q, 0))(l - 1))` and the slip limit
-    `f_c = mu (m g (1 + (1 - k)(l - 1)) + N_p (1 + (1 - max(q, 0))(l - 1)))`, N_p what the wall presses: k is the share
-    of the weight's friction that stays as it is. q = 0: all but that follows; q = 1: F_e alone and not N_p; q = -1: the
-    slip limit alone and not F_e. Both may go half beyond, for a search on a base that is still wrong takes that way.
+    """Effects change friction to lambda times the base's. With it F_e is `1 + (1 - max(-q, 0)) (lambda - 1)` times the
+    base's, and the slip limit `f_c = mu (m g (1 + (1 - k) (lambda - 1)) + N_p (1 + (1 - max(q, 0)) (lambda - 1)))`, N_p
+    the wall's pressure.
+
+    k is the share of the weight's friction that stays. q = 0: all else follows; q = 1: F_e alone; q = -1: the slip
+    limit alone. Both may go half beyond, which a search from a wrong base needs.
     """
 
     id = "level_at_onset"
@@ -34,7 +36,7 @@ class LevelAtOnset(Effect):
     grid = by_name(kept=(1.0,), spared=(0.0, 1.0, -1.0))
     probe = 0.1
     confounders = ("level_over_speed",)
-    separated_by = "runs at one speed over places, times or directions that differ"
+    separated_by = "runs at one speed over different positions, times or directions"
 
     kept = number(0.0, "1", -0.5, 1.5, _WEIGHT, spread=1.0, symbol="k")
     spared = number(0.0, "1", -1.5, 1.5, _SIDES, spread=1.0, symbol="q")
@@ -50,7 +52,9 @@ def _less(level: Value, share: Value) -> Value:
 
 
 class LevelAtCreep(Effect):
-    """Level `1 + (e + d o) exp(-|v|/v_c)`, d the (last) direction: a law's changed level comes with the speed."""
+    """Scale `1 + (e + o sgn(v)) exp(-|v|/v_c)`, at rest with the last direction: the scale in motion comes with the
+    speed.
+    """
 
     id = "level_at_creep"
     words = "a different friction at creep"
@@ -79,9 +83,8 @@ def _knots_of(letter: str) -> list[Parameter]:
 
 
 class LevelOverSpeed(Effect):
-    """Level `1 + e(|v|) + d o(|v|)`, d the direction of motion (at rest the last one): both curves straight between
-    knots at 0, 0.2, 0.5, 1, 2, 4, 8 and 16 mm/s, constant beyond. `even_k` and `odd_k` are their values at the
-    knots.
+    """Scale `1 + e(|v|) + o(|v|) sgn(v)`, at rest with the last direction. Both curves are straight between knots at 0,
+    0.2, 0.5, 1, 2, 4, 8 and 16 mm/s and constant beyond; `e_k` and `o_k` are their values there.
     """
 
     id = "level_over_speed"
@@ -116,12 +119,12 @@ _MINUTE_S = 60.0  # time after which both shapes are the same
 
 
 class DryingShape(Effect):
-    """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/s(60 s)` the drying's own time over a minute's; never below 0.05."""
+    """Scale `1 + d_3 u^3 + d_4 u^4 + d_5 u^5`, `u = t_e(t)/t_e(60 s)` of the drying's own time; never below 0.05."""
 
     id = "drying_shape"
     words = "a free curve of the drying"
     summary = "third to fifth powers of the time in the drift of the resistance"
-    source = "no law: a drift settles as it likes"
+    source = "no law: a drift settles in its own way"
     symbols = by_name(**TissueDrying.letters())
     kinds = TissueDrying.kinds
     of = TissueDrying.id
@@ -140,7 +143,7 @@ _ORDERS = {5: "fifth", 6: "sixth", 7: "seventh", 8: "eighth"}
 
 
 class WaveHarmonics(Effect):
-    """Force `A (sum of harmonics 5 to 8 of q)` along +x, with A and q of the peristaltic wave."""
+    """Force `A (sum of b_k sin kq + c_k cos kq)` along +x, k from 5 to 8, with A and q of the peristaltic wave."""
 
     id = "wave_harmonics"
     words = "higher harmonics of the wave"
@@ -151,7 +154,7 @@ class WaveHarmonics(Effect):
     of = PeristalticWave.id
     probe = 0.02
     confounders = ("peristaltic_wave",)
-    separated_by = "many contractions at one place"
+    separated_by = "many contractions at one position"
 
     fifth_sin, fifth_cos, sixth_sin, sixth_cos, seventh_sin, seventh_cos, eighth_sin, eighth_cos = (
         number(0.0, "1", -0.3, 0.3, spread=0.05, symbol=f"{letter}_{k}") for k in _ORDERS for letter in "bc"
@@ -162,7 +165,7 @@ class WaveHarmonics(Effect):
 
 
 class FurtherRelaxation(StressRelaxation):
-    """A second branch that slips, `-k_2 q_2`, `q_2' = v - q_2/tau_2 - c_2 |v| q_2`."""
+    """A second branch that slips: force `-k_2 q_2`, `q_2' = v - q_2/tau_2 - c_2 |v| q_2`."""
 
     id = "further_relaxation"
     symbols = by_name(stretch_m="q_2")
@@ -181,7 +184,7 @@ class FurtherRelaxation(StressRelaxation):
 
 
 class FurtherLag(ActuatorLag):
-    """`tau_2 c'' = c' - c''` of the command `c'` that the first lag lets through."""
+    """Lag `tau_2 u' = u_cmd - u` of what the first lag lets through."""
 
     id = "further_lag"
     symbols = by_name(command="u")
@@ -196,7 +199,7 @@ class FurtherLag(ActuatorLag):
 
 
 class FurtherLowpass(SensorLowpass):
-    """`tau_2 y'' + y' = x'` of the reading `x'` that the first low-pass lets through."""
+    """Reading `tau_2 y' = y_0 - y` of what the first low-pass lets through."""
 
     id = "further_lowpass"
     symbols = by_name(smooth="y")
@@ -210,11 +213,11 @@ class FurtherLowpass(SensorLowpass):
 
 
 class ViscosityThinning(Effect):
-    """Wall force `c u' ((1 + (u'/u_0')^2)^(n/2) - 1)` beyond `c u'`: together Carreau's law, one plateau."""
+    """Wall force `c u_w' ((1 + (u_w'/w_0)^2)^(n/2) - 1)` beside `c u_w'`: together Carreau's law with one plateau."""
 
     id = "viscosity_thinning"
     words = "a shear-thinning wall"
-    summary = "a viscous wall that thins with its rate"
+    summary = "the viscosity of the wall falls with the rate of stretch"
     source = "Carreau's law of a viscosity that changes with the rate, Trans. Soc. Rheol. 16 (1972) 99"
     symbols = by_name(viscosity_N_s_per_m="c")
     kinds = WallViscosity.kinds
@@ -236,8 +239,8 @@ DAMPING_KNOTS_M_S = (0.0, 0.1, 0.2, 0.4, 0.8)  # of the curve, over the inner ma
 
 
 class DampingOverSpeed(InnerMassEffect):
-    """Force `c(|xi'|) xi'`: c is 0 at rest, straight between knots at 0.1, 0.2, 0.4 and 0.8 m/s, constant beyond; `c_k`
-    are its values there. Refines an effect, never named itself.
+    """Force `c(|xi'|) xi'`: c is 0 at rest, straight between knots at 0.1, 0.2, 0.4 and 0.8 m/s and constant beyond;
+    `c_k` are its values there.
     """
 
     id = "damping_over_speed"

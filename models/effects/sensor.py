@@ -10,7 +10,7 @@ from models.formula import Formula, equal
 
 
 class SensorBias(Effect):
-    """Output `y + b`."""
+    """Reading `y_0 + b`."""
 
     id = "sensor_bias"
     words = "an offset of the sensor"
@@ -28,7 +28,7 @@ class SensorBias(Effect):
 
 
 class SensorScale(Effect):
-    """Output `(1 + e) y`."""
+    """Reading `(1 + epsilon) y_0`."""
 
     id = "sensor_scale"
     words = "a gain error of the sensor"
@@ -49,7 +49,9 @@ _WARMING = "an amplifier warms up within a minute, then drifts on"
 
 
 class SensorDrift(Effect):
-    """Output `y + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much while the sensor warms."""
+    """Reading `y_0 + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much while the sensor warms
+    up.
+    """
 
     id = "sensor_drift"
     words = "a drifting sensor"
@@ -71,7 +73,7 @@ class SensorDrift(Effect):
 
 
 class SensorDelay(Effect):
-    """Output `y(t - d)`."""
+    """Reading `y_0(t - d)`."""
 
     id = "sensor_delay"
     words = "a delayed sensor"
@@ -89,7 +91,7 @@ class SensorDelay(Effect):
 
 
 class SensorLowpass(Effect):
-    """Output `tau y' + y = x`."""
+    """Reading `tau y' = y_0 - y`."""
 
     id = "sensor_lowpass"
     words = "a slow sensor"
@@ -119,7 +121,7 @@ class SensorLowpass(Effect):
 
 
 class MainsHum(Effect):
-    """Output `y + A sin(2 pi f t + phi)`."""
+    """Reading `y_0 + A sin(2 pi f t + phi)`."""
 
     id = "mains_hum"
     words = "a mains hum"

@@ -8,7 +8,7 @@ from models.laws.five_elements import DynamicModulus, springpot_modulus
 
 
 class WallViscosity(Effect):
-    """Extra wall force `c u'`; the wall slips by its elastic tension alone."""
+    """Wall force `c u_w'` beside the tension; the wall slips by its tension alone."""
 
     id = "wall_viscosity"
     words = "a viscous wall"
@@ -31,11 +31,11 @@ _NO_TAIL = 1e-3  # exponent of a tail that is none
 
 
 class SmallStrainStiffening(Effect):
-    """Tension `T(u) (1 + a (1 + m |u|/u_0)^(-1/m))`, at m = 0 `exp(-|u|/u_0)`: extra stiffness that is gone where
+    """Tension `T(u_w) (1 + a (1 + m |u_w|/u_0)^(-1/m))`, at m = 0 `exp(-|u_w|/u_0)`: extra stiffness that is gone where
     quasi-static tests measured.
 
-    `u` the wall's drag in m, `a` the excess at zero stretch, `u_0` in m the drag over which it fades, with a tail m.
-    The tension stays monotone in `u` for `a < e^2` at m = 0.
+    u_w is the wall's displacement, a the excess at zero stretch, u_0 the displacement over which it fades, with a tail
+    m. The tension stays monotone for `a < e^2` at m = 0.
     """
 
     id = "small_strain_stiffening"
@@ -61,7 +61,7 @@ class SmallStrainStiffening(Effect):
 
 
 class ExponentialRecovery(Effect):
-    """Recovery at `v_i (1 - q + q m |u|/u_c)`: constant speed at q = 0, exponential in `t_r/m` at q = 1."""
+    """Speed `v_i0 (1 - q + q m |u_w|/u_c)`: constant at q = 0, exponential with `t_r/m` at q = 1."""
 
     id = "exponential_recovery"
     words = "an exponential recovery of the wall"
@@ -83,10 +83,10 @@ REFERENCE_HZ = 10.0  # at which the stiffness is stated
 
 
 class BroadRelaxation(Effect):
-    """Modulus `K (i f/10 Hz)^alpha` added to the wall's: a continuous, power-law spectrum.
+    """Modulus `K (i f/10 Hz)^alpha` beside the wall's: a continuous, power-law spectrum.
 
-    `f` in Hz, any shape, `K` in Pa at 10 Hz, `alpha` from near 0 (spring) to 0.6; nearer 1 it would be one
-    damper and not a broad spectrum.
+    `f` in Hz, any shape; `K` in Pa at 10 Hz; `alpha` from near 0 (spring) to 0.6, nearer 1 it would be one damper and
+    no broad spectrum.
     """
 
     id = "broad_relaxation"

@@ -1,4 +1,4 @@
-"""A linear stage, or one that turns: its place is imposed, its force or torque is measured."""
+"""A linear stage, or one that turns: its position is imposed, its force or torque is measured."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from models.rigs.tables import Axis
 
 
 def _template(rng: np.random.Generator) -> tuple[Tables, Record]:
-    """Moves at two paces, and the force of mass and friction that differ from the nominal ones, with noise."""
+    """Motion at two frequencies, and the force of mass and friction that differ from the nominal ones, with noise."""
     t, x, v, a = _swings((0.05, 0.01))
     force = 95.0 * a + 210.0 * v + 22.0 * np.sign(v) + 0.5 * rng.standard_normal(t.size)
     nominal = {"mass_kg": 100.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": 0.0}

@@ -1,4 +1,4 @@
-"""A coil outside the body pushes the capsule: its current or voltage is driven, the capsule's place is measured."""
+"""A coil outside the body pushes the capsule: its current or voltage is driven, the capsule's position is measured."""
 
 from typing import Any
 

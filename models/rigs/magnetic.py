@@ -1,4 +1,4 @@
-"""A permanent magnet on a carriage draws the capsule: the carriage's place is driven, the capsule's is measured."""
+"""A permanent magnet on a carriage draws the capsule: the carriage's position is driven, the capsule's is measured."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A rig draws the capsule through the gut: its place is imposed, the force is measured."""
+"""A rig draws the capsule through the gut: its position is imposed, the force is measured."""
 
 from models.drives.pull import Pull
 from models.rigs.columns import Columns

@@ -1,4 +1,4 @@
-"""An inner mass on a spring shakes the capsule along: its coil is switched, the capsule's place is measured."""
+"""An inner mass on a spring shakes the capsule along: its coil is switched, the capsule's position is measured."""
 
 from dataclasses import fields
 

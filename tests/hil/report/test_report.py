@@ -23,7 +23,7 @@ from models.effects.effect import Effect
 from models.effects.equation import equations_of
 from models.formula import Formula, called, equal, named, symbols
 from models.identification.finding import Check, Finding, Fitted
-from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
+from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, unit_words, with_interval
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
 PLOTLY_BYTES = 700_000
@@ -61,7 +61,7 @@ def test_page_tells_the_whole_story(page: str) -> None:
         "peristaltic wave",
         "the data cannot tell",
         "Next experiment",
-        "reverse over the same place",
+        "reverse over the same positions",
         "<msub><mi>F</mi><mtext>act</mtext></msub>",
         "1 of 2 checks fail",
         "beyond",
@@ -229,10 +229,10 @@ def test_numbers_and_units() -> None:
 
 
 def test_digits_come_from_the_interval() -> None:
-    words = told(0.0073123, (0.0072, 0.0074))
+    words = with_interval(0.0073123, (0.0072, 0.0074))
     assert (words.value, words.low, words.high) == ("0.00731", "0.00720", "0.00740")
-    assert told(549412.0, (512345.0, 580000.0)).value == "549000"
-    assert told(1.0, (float("nan"), float("nan"))).low == "–"
+    assert with_interval(549412.0, (512345.0, 580000.0)).value == "549000"
+    assert with_interval(1.0, (float("nan"), float("nan"))).low == "–"
 
 
 def test_as_many_numbers_as_means_are_an_interpolation() -> None:

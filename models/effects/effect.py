@@ -213,7 +213,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class InnerMassEffect(Effect):
-    """An effect of a vibro drive's suspension or coil; its hooks get the inner mass's displacement in m, speed in m/s."""
+    """An effect of a vibro drive's suspension or coil; hooks get the inner mass's displacement in m, speed in m/s."""
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         """Extra force in N that pulls the inner mass back to the body (and the body after it)."""

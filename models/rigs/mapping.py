@@ -14,11 +14,12 @@ from models.parameter import nearest
 @dataclass(frozen=True)
 class MappedColumn:
     """`target = sign * scale * (column - offset)` in the unit `unit`, then converted to ours. The offset is in the
-    file's numbers, and so is `wrap`, after which an angle or a counter begins again: jumps of more than half of it are none.
+    file's numbers, and so is `wrap`, after which an angle or a counter begins again: larger jumps than half of it are
+    undone.
 
-    Where a `scale` is given, what the file states of its unit (volts, counts, pixels) says nothing, and the unit is
-    ours where it is left out; else it is the one that the file states or the column's name ends in, else ours. Raises
-    ValueError for a unit that cannot be converted to that of `target`.
+    With a `scale`, what the file states of its unit (volts, counts, pixels) is ignored, and a `unit` left out is ours.
+    Else the unit is the one that the file states or the column's name ends in, else ours. Raises ValueError for a unit
+    that does not convert to that of `target`.
     """
 
     target: str

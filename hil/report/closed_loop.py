@@ -13,12 +13,12 @@ from hil.report.figure_map import agreement_figure, speed_map
 from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
-from hil.report.mathml import equations_html
+from hil.report.mathml import equations_html, symbol_html
 from hil.report.panels import Panel, closer, panels
 from hil.report.tables import error_rows, limit_share, parameters, record_rows, smallest_rows
 from hil.report.words import PARTS, effect_summary, error_story, grouped, headline, interpolation, quantities_words
 from models.effects.effect import Effect
-from models.effects.equation import equations_of
+from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
 from models.identification.residual.term import law_of
@@ -40,6 +40,7 @@ def report_html(finding: Finding) -> str:
     """
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     before, after = ("calibrated", "augmented") if finding.effects else ("nominal", "calibrated")
+    lines = finding.symbolic or finding.equations
     report = {
         **_head(finding),
         "finding": finding,
@@ -62,7 +63,8 @@ def report_html(finding: Finding) -> str:
         "residual": residual_figure([p for p in drawn if {before, after} <= set(p.predicted)], before, after),
         "checks": [{"check": check, "share": limit_share(check)} for check in finding.checks],
         "candidates": candidate_figure(finding),
-        "equations": equations_html(finding.symbolic or finding.equations) if finding.equations else "",
+        "equations": equations_html(lines) if lines else "",
+        "legend": {symbol_html(symbol) or symbol: meaning for symbol, meaning in legend(lines).items()},
         "calibration": parameters(finding.calibration, finding.nominal),
         "untold": [name for name, estimate in finding.calibration.items() if not estimate.told],
     }

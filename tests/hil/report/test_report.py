@@ -20,7 +20,7 @@ from hil.report.theme import thinned
 from hil.report.words import column_words, error_story, headline, interpolation, tidy
 from models.effects import CATALOGUE
 from models.effects.effect import Effect
-from models.effects.equation import equations_of
+from models.effects.equation import equations_of, legend
 from models.formula import Formula, called, equal, named, symbols
 from models.identification.finding import Check, Finding, Fitted
 from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, unit_words, with_interval
@@ -207,6 +207,14 @@ def test_every_effect_is_typeset_well_formed(effect: type[Effect]) -> None:
 
 def test_words_of_a_line_stand_between_its_formulas() -> None:
     assert line_html(["stick <", equal(X, Y)]).startswith("stick &lt;<math ")
+
+
+def test_the_page_explains_the_symbols_of_its_equations(page: str) -> None:
+    assert legend([["w ", Formula("u_w"), equal(Formula("F_act"), Formula("k"))]]) == {
+        "F_act": "force of the drive",
+        "u_w": "displacement of the wall, m",
+    }
+    assert "friction scale: factor on <i>F</i><sub>e</sub>" in page
 
 
 def test_numbers_and_units() -> None:

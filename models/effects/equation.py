@@ -1,7 +1,6 @@
 """An effect's equations, traced from its hooks: what is written is what is computed."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
 from inspect import signature
 from typing import Any, Final
 
@@ -160,9 +159,8 @@ def answered(
 
 def traced(effect: type[Effect], p: Mapping[str, Any]) -> Iterator[tuple[str, Formula]]:
     """The formula of every hook that `effect` defines."""
-    s = {field.name: getattr(_signals(), field.name) for field in fields(Signals)}
     given = {name: Formula(symbol) for name, (symbol, _) in ARGUMENTS.items()}
-    for hook, right in answered(effect, p, _states(effect), s, given):
+    for hook, right in answered(effect, p, _states(effect), vars(_signals()), given):
         yield hook, Formula.of(right)
 
 

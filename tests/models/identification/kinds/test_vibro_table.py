@@ -274,7 +274,7 @@ def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
     assert "reverses direction" in said
     assert "scale error" in said
     assert "3.16 N on the inner mass at rest, with 2.59 N at 10 mm" in said
-    assert "differ by up to 1.0 mm/s" in said
+    assert "differ by up to 1 mm/s" in said
     equations = " ".join(report.equations(kind, theta))
     assert "coil_lag: command that arrives = current^2; current after a step of h" in equations
     assert "exp(-h/0.002788)" in equations

@@ -34,8 +34,7 @@ LONGEST_LINE = 1 << 20  # characters
 MOST_COLUMNS = 256  # of a table of measurements
 MOST_CHARACTERS = 1 << 30  # of a file: 1 GB
 MOST_BLANK = 1_000_000  # lines without a value
-_START = 1 << 16
-"""Bytes by which the encoding is told."""
+_START = 1 << 16  # bytes from which the encoding is recognised
 
 
 @dataclass(frozen=True)
@@ -63,15 +62,13 @@ def read_table(
     once: Collection[str] = (),
     gaps: Collection[str] = (),
 ) -> CsvTable:
-    """The table of a file; `check` gets the header and the units that the file states by column, and returns the names
-    of the columns that must be finite. More than `most_rows` of `what` it is are refused while they are read.
+    """The table of a file that holds `what`, of at most `most_rows`.
 
-    Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted). Encodings (UTF-8, UTF-16, UTF-32
-    and Windows-1252) and gzip are recognised, and lines about the file before the header, which is one that has one of
-    `names`, and a row of units below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of
-    other columns that are not numbers come out as NaN. Columns of one name, as loggers write them that give every
-    channel its own time, are numbered (`Time`, `Time 2`); those of `once` may stand but once. Empty cells of `gaps`
-    come out as NaN, too.
+    `check` gets the header and the units that the file states by column; it returns the columns that must be finite,
+    but for empty cells of `gaps`. Other cells that are no numbers become NaN. Separators are comma, semicolon, tab or
+    spaces (all but the comma allow a decimal comma). UTF-8, UTF-16, UTF-32, Windows-1252, gzip are recognised, as are
+    lines above the header, which has one of `names`, and a row of units below it. Columns among `clocks` may hold dates
+    and times of day (`clock_s`). Further columns of one name are numbered (`Time`, `Time 2`), but for those of `once`.
     """
     with _refusing(path), _opened(path) as text:
         lines = _lines(path, text)
@@ -94,7 +91,6 @@ def read_table(
 
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
-    """What goes wrong within as a ValueError of one sentence."""
     try:
         yield
     except EmptyError:
@@ -107,8 +103,7 @@ def _refusing(path: Path) -> Iterator[None]:
 
 def _blocks(lines: Iterator[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
     """The lines in blocks of a bounded size; the last one may be empty."""
-    block: list[tuple[int, str]] = []
-    size = 0
+    block, size = list[tuple[int, str]](), 0
     for number, line in lines:
         block.append((number, line))
         size += len(line)
@@ -153,17 +148,15 @@ def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
     blank, total = 0, 0
     for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE + 1), ""), 1):
         total, blank = total + len(line), blank + line.isspace()
+        wrong = ""
         if len(line) > LONGEST_LINE:
-            raise ValueError(
-                f"{path}, line {number}: line must be shorter than {LONGEST_LINE} characters; got a longer one: is this"
-                " a CSV file?"
-            )
-        if total > MOST_CHARACTERS:
-            raise ValueError(
-                f"{path}, line {number}: text must be at most {MOST_CHARACTERS} characters, unpacked; got more"
-            )
-        if blank > MOST_BLANK:
-            raise ValueError(f"{path}, line {number}: record must have at most {MOST_BLANK} empty lines; got more")
+            wrong = f"line must be shorter than {LONGEST_LINE} characters; got a longer one: is this a CSV file?"
+        elif total > MOST_CHARACTERS:
+            wrong = f"text must be at most {MOST_CHARACTERS} characters, unpacked; got more"
+        elif blank > MOST_BLANK:
+            wrong = f"record must have at most {MOST_BLANK} empty lines; got more"
+        if wrong:
+            raise ValueError(f"{path}, line {number}: {wrong}")
         if not line.isspace():
             yield number, line.rstrip("\n")
 
@@ -182,11 +175,10 @@ def _header(path: Path, line: str, separator: str, once: Collection[str]) -> lis
 
 
 def _numbered(header: Sequence[str]) -> list[str]:
-    """The names, with a number behind each that stood before."""
+    """The names, with a number after each repeated one."""
     given: list[str] = []
     for name in header:
-        number = 2
-        own = name
+        own, number = name, 2
         while own and (own in given or (own != name and own in header)):
             own, number = f"{name} {number}", number + 1
         given.append(own)
@@ -202,7 +194,7 @@ def _split(where: str, line: str, separator: str) -> list[str]:
 
 @dataclass
 class _Rows:
-    """The rows of numbers so far: read fast where every cell is a number, else cell by cell."""
+    """The rows so far: a block is read by NumPy where every cell is a number, else cell by cell."""
 
     where: str
     header: list[str]
@@ -216,14 +208,13 @@ class _Rows:
     last_stamp: float = math.nan
 
     def take(self, block: list[tuple[int, str]]) -> None:
-        """Add a block of numbered lines."""
         if self.separator != ",":
             block = [(number, line.replace(",", ".")) for number, line in block]
         separator, shape = None if self.separator == SPACES else self.separator, (len(block), len(self.header))
         values = np.zeros(shape)
         try:
-            text = [line for _, line in block]
-            if text:
+            if block:
+                text = [line for _, line in block]
                 values = np.loadtxt(text, delimiter=separator, comments=None, ndmin=2, quotechar='"')
         except ValueError:
             values = self._by_cell(block)
@@ -239,9 +230,7 @@ class _Rows:
         self.count += len(block)
 
     def _by_cell(self, block: list[tuple[int, str]]) -> NDArray[np.float64]:
-        """The numbers of a block, NaN where a cell is none, stamps in s. Raises ValueError for a row of another length
-        than the header's.
-        """
+        """The numbers of a block, NaN where a cell is none, stamps in s."""
         rows = [self._cells(number, line) for number, line in block]
         values = np.array([[to_number(cell) for cell in row] for row in rows])
         for column, name in enumerate(self.header):
@@ -261,7 +250,6 @@ class _Rows:
         return cells
 
     def _refuse_not_finite(self, values: NDArray[np.float64], block: list[tuple[int, str]]) -> None:
-        """Raise at the first cell that must be a number and is none."""
         needed = [column for column, name in enumerate(self.header) if name in self.needed]
         for row, column in np.argwhere(~np.isfinite(values[:, needed])):
             name, (number, line) = self.header[needed[column]], block[row]

@@ -53,7 +53,10 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
 def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     theta = Theta.of({("level_at_onset", "spared"): -0.97, ("level_at_onset", "kept"): 0.2})
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
-    assert "The nose feels 3 % of the changed resistance (F_e), the slip limit under the wall's pressure 100 % (f_c)" in said
+    assert (
+        "The nose feels 3 % of the changed resistance (F_e), the slip limit under the wall's pressure 100 % (f_c)"
+        in said
+    )
     law = equations(SeriesKind.build(Plate(0.1), Pull(), 1e-3), Theta.of({"friction_coefficient": 0.3, **theta}))[-1]
     assert law.startswith("level_at_onset: factor on F_e = nose - 0.97*(nose - 1); ")
     assert "factor on mu m g = weight - 0.2*(weight - 1); " in law

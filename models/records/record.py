@@ -59,7 +59,11 @@ class Record:
 
     def with_column(self, column: str, values: Any) -> Record:
         """The same record with one column replaced or added."""
-        return replace(self, columns={**self.columns, column: np.asarray(values, dtype=float)})
+        return self.with_columns({column: np.asarray(values, dtype=float)})
+
+    def with_columns(self, columns: Mapping[str, Array]) -> Record:
+        """The same record with `columns` replaced or added."""
+        return replace(self, columns={**self.columns, **columns})
 
     def without(self, columns: Sequence[str]) -> Record:
         """The same record without `columns`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from math import comb
 
@@ -67,7 +67,7 @@ def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise) -> Reco
     values = (of.motion.x, of.motion.v, of.motion.a, of.still, of.place, *astuple(noise))
     columns = {name: np.zeros(len(record)) + value for name, value in zip(CARRIED, values, strict=True)}
     kept = record if of.logged is not None else record.without((c.velocity,))
-    return replace(kept, columns={**kept.columns, **columns})
+    return kept.with_columns(columns)
 
 
 def _unsure(m: AxisMotion, place: float, band: float) -> float:

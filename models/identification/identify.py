@@ -52,7 +52,7 @@ def close(
     findings = examine(rig, [*train, *holdout])
     stop = stopping(findings)
     if stop is not None:
-        raise ValueError(f"{stop.file}: {stop.sentence} ({stop.where}); {stop.remedy}")
+        raise ValueError(f"{stop.file}, {stop.where}: {stop.sentence} Remedy: {stop.remedy}")
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train, known)

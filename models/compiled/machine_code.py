@@ -1,4 +1,4 @@
-"""CasADi functions as machine code that works in one array, kept on disk."""
+"""CasADi functions as machine code on one array, kept on disk."""
 
 import hashlib
 import marshal
@@ -32,8 +32,8 @@ _LOADED: dict[str, Any] = {}
 
 @dataclass(frozen=True)
 class Code:
-    """A function of scalar operations and where its numbers stand: argument `k` begins at entry `inputs[k]` of `work`,
-    output `k` at `outputs[k]`; arguments that `inputs` does not name are scalars, in their order in `shared`.
+    """A function of scalar operations: argument `k` begins at entry `inputs[k]` of `work`, output `k` at `outputs[k]`;
+    other arguments are scalars, in their order in `shared`.
     """
 
     function: ca.Function
@@ -58,9 +58,8 @@ call: Any = intrinsic(_call)
 
 
 def addresses(codes: Sequence[Code], lanes: int = 1) -> tuple[int, ...]:
-    """Where the machine code of each of `codes` begins: `(work, shared)`, for `lanes` sets of numbers side by side, of
-    which entry `k` of set `lane` is `work[k lanes + lane]`. Compiled once and kept on disk; ValueError for operations
-    that are not scalar.
+    """Addresses of the machine code `(work, shared)` of `codes`, for `lanes` sets of numbers side by side: entry `k` of
+    set `lane` is `work[k lanes + lane]`. Compiled once, kept on disk; ValueError for operations that are not scalar.
     """
     codegen = cpu_target.target_context.codegen()
     text = repr([(c.function.serialize(), dict(c.inputs), list(c.outputs)) for c in codes])
@@ -93,7 +92,7 @@ def _library(codegen: Any, name: str, codes: Sequence[Code], lanes: int) -> Any:
 
 
 def _write(function: Any, code: Code, lanes: int) -> None:
-    """Loop over the lanes: what is read of `work` is read when first used, results are written at the end."""
+    """Loop over the lanes; entries of `work` are read when first used, results written at the end."""
     set.add(function.attributes, _WIDE)  # llvmlite's own `add` knows no attribute with a value
     work, shared = function.args
     for argument in function.args:
@@ -118,7 +117,7 @@ def _write(function: Any, code: Code, lanes: int) -> None:
 
 
 def _results(function: ca.Function, given: Any, constant: Any) -> list[tuple[tuple[int, int], Number]]:
-    """The function's operations written out; what each output entry (argument, entry) is in the end."""
+    """The function's operations written out, and the value of each output entry (argument, entry)."""
     ends = {(k, i): constant(0.0) for k in range(function.n_out()) for i in range(function.numel_out(k))}
     held: dict[int, Number] = {}
     read: dict[tuple[int, int], Number] = {}

@@ -110,7 +110,7 @@ class _Model:
         moving = replace(self, now={**self.now, "v": speed, "direction": np.sign(speed)})
         stepper = moving.stepper()
         s = moving.signals(stepper, t)
-        force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
+        force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.surface.body_kg * (speed - v) / PURSUIT_S
         force = force / stepper.active.product("gain", s)
         return ca.SX(self.drive.command_for(force, self.now["x"], v, stepper.active.p.base))
 

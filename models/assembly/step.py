@@ -86,7 +86,7 @@ class Stepper:
         """Factor of the effects on the tension of a wall dragged by `u` in m."""
         return self.active.product("stiffening", replace(s, drag=u))
 
-    def held(self, s: Signals, drag: Drag, tension: Any) -> tuple[Any, Any]:
+    def wall_forces(self, s: Signals, drag: Drag, tension: Any) -> tuple[Any, Any]:
         """Tension with the effects' forces, and mucus drag, both in N against the body's motion."""
         if not self.surface.dragged:
             return 0.0, 0.0
@@ -131,7 +131,7 @@ class Stepper:
         )
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
-        T, F_v = self.held(s, drag, T_quiet)
+        T, F_v = self.wall_forces(s, drag, T_quiet)
         outside = self.active.total("force", s)
         if imposed:
             x_next, v_next, own = command, v_now, dict[Name, Any]()
@@ -144,7 +144,7 @@ class Stepper:
         s = replace(s, t=t + h, drag_rate=drag_rate(dragged, v_next, grip.recovery))
         output = x_next
         if imposed:
-            T, F_v = self.held(replace(s, v=v_next), dragged, self.tension(dragged.u))
+            T, F_v = self.wall_forces(replace(s, v=v_next), dragged, self.tension(dragged.u))
             output = grip.friction * s.direction + F_v + T - outside
         elif self.link is not None:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
@@ -189,9 +189,9 @@ class Stepper:
             command, rate = pulled
             stretch = command - now["x"] - h * v
             stiffness, damping = self.link.stiffness(stretch), self.link.damping
-            held = m + h * h * stiffness + h * damping
-            free = (m * free + h * (self.link.force(stretch) + h * stiffness * v + damping * rate)) / held
-            stop = stop * m / held
+            mass = m + h * h * stiffness + h * damping
+            free = (m * free + h * (self.link.force(stretch) + h * stiffness * v + damping * rate)) / mass
+            stop = stop * m / mass
         if self.drive.turning and self.smoothing == 0:
             return turned(v, free, stop)
         v_next = settle(free, stop, self.smoothing)

@@ -140,12 +140,6 @@ def _cosh(x: Number) -> Number:
     return 0.5 * (e + 1.0 / e)
 
 
-def _expm1(x: Number) -> Number:
-    """e^x - 1; above 709 as at 709."""
-    half = 0.5 * x
-    return 2.0 * _sinh(half) * _exp(half)
-
-
 def _log(x: Number) -> Number:
     """ln x of a normal number; -inf at 0, NaN below it."""
     b = x.builder
@@ -232,7 +226,7 @@ OPERATIONS: dict[str, Callable[..., Number]] = {
     "sign": lambda x: x.when(">", 0.0, 1.0, x.when("<", 0.0, -1.0, 0.0)),
     "not": lambda x: x.when("==", 0.0, 1.0, 0.0),
     "exp": _exp,
-    "expm1": _expm1,
+    "expm1": lambda x: 2.0 * _sinh(0.5 * x) * _exp(0.5 * x),
     "sinh": _sinh,
     "cosh": _cosh,
     "tanh": lambda x: _sinh(x) / _cosh(x),

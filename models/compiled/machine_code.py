@@ -101,41 +101,39 @@ def _write(function: Any, code: Code, lanes: int) -> None:
     scalars = [k for k in range(code.function.n_in()) if k not in code.inputs]
     with cgutils.for_range(builder, ir.Constant(_INT, lanes)) as loop:
 
-        def place(entry: int) -> Any:
+        def entry_of(entry: int) -> Any:
             return builder.gep(work, [builder.add(loop.index, ir.Constant(_INT, entry * lanes))], inbounds=True)
 
         def given(argument: int, entry: int) -> Number:
             if argument in code.inputs:
-                at = place(code.inputs[argument] + entry)
+                at = entry_of(code.inputs[argument] + entry)
             else:
                 at = builder.gep(shared, [ir.Constant(_INT, scalars.index(argument))], inbounds=True)
             return Number(builder, builder.load(at))
 
         for entry, value in _results(code.function, given, lambda x: Number(builder, ir.Constant(_REAL, x))):
-            builder.store(value.value, place(code.outputs[entry[0]] + entry[1]))
+            builder.store(value.value, entry_of(code.outputs[entry[0]] + entry[1]))
     builder.ret_void()
 
 
 def _results(function: ca.Function, given: Any, constant: Any) -> list[tuple[tuple[int, int], Number]]:
     """The function's operations written out, and the value of each output entry (argument, entry)."""
     ends = {(k, i): constant(0.0) for k in range(function.n_out()) for i in range(function.numel_out(k))}
-    held: dict[int, Number] = {}
+    values: dict[int, Number] = {}
     read: dict[tuple[int, int], Number] = {}
     for k in range(function.n_instructions()):
         op, ins, outs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_OUTPUT:
-            ends[(outs[0], outs[1])] = held[ins[0]]
+            ends[(outs[0], outs[1])] = values[ins[0]]
         elif op == ca.OP_CONST:
-            held[outs[0]] = constant(float(function.instruction_constant(k)))
+            values[outs[0]] = constant(float(function.instruction_constant(k)))
         elif op == ca.OP_INPUT:
             entry = (ins[0], ins[1])
             if entry not in read:
                 read[entry] = given(*entry)
-            held[outs[0]] = read[entry]
+            values[outs[0]] = read[entry]
         elif _NAMES.get(op) in OPERATIONS:
-            held[outs[0]] = OPERATIONS[_NAMES[op]](*(held[i] for i in ins))
+            values[outs[0]] = OPERATIONS[_NAMES[op]](*(values[i] for i in ins))
         else:
-            raise ValueError(
-                f"the step function must use scalar operations that compile; got CasADi operation number {op}"
-            )
+            raise ValueError(f"step must use scalar operations that compile; got CasADi operation number {op}")
     return list(ends.items())

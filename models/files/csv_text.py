@@ -52,7 +52,7 @@ def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
     """The header among the first non-blank lines of a file: a line that has one of `names`, else the last one with as
     many cells as the first row of numbers, else the first line that is no comment. Raises EmptyError without any.
     """
-    lines = [uncommented(line) for line in top]
+    lines = [re.sub(r"^(#|%|//)", "", line.lstrip()) for line in top]
     plain = next((k for k, line in enumerate(top) if not line.lstrip().startswith(_COMMENTS)), None)
     if plain is None:
         raise EmptyError
@@ -61,11 +61,6 @@ def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
     separator = separator_of(lines[at])
     units = _units(lines[at + 1], separator, len(cells(lines[at], separator))) if at + 1 < len(lines) else ()
     return Header(lines[at], separator, at + 1 + bool(units), units)
-
-
-def uncommented(line: str) -> str:
-    mark = next((mark for mark in _COMMENTS if line.lstrip().startswith(mark)), "")
-    return line.lstrip().removeprefix(mark)
 
 
 def separator_of(line: str) -> str:

@@ -73,12 +73,13 @@ _LARGEST_OTHER: Final = 1e15
 INTEGER: Final = f"an integer within {LARGEST_INTEGER:.0e} either way"
 
 
-def check_word(word: str, where: str, choices: Collection[str]) -> str:
+def check_word(word: Any, where: str, choices: Collection[str]) -> str:
     """The `word`. Raises ValueError with the nearest of the choices where it is none of them."""
-    if word not in choices:
-        known = list(choices)
-        raise ValueError(f"{where} must be one of {', '.join(known)}; got {word!r}; {nearest(word, known)}")
-    return word
+    known = list(choices)
+    if word not in known:
+        hint = f"; {nearest(word, known)}" if isinstance(word, str) else ""
+        raise ValueError(f"{where} must be one of {', '.join(known)}; got {shown(word)}{hint}")
+    return str(word)
 
 
 def check_magnitude(value: Any, where: str) -> None:
@@ -141,10 +142,4 @@ def shown(value: Any, most: int = 60) -> str:
 
 def choice(table: Table, where: str, choices: tuple[str, ...]) -> str:
     """The value of the key at the end of `where`. Raises ValueError unless it is one of `choices`."""
-    given = table.get(where.rpartition(".")[2])
-    if given not in choices:
-        raise ValueError(
-            f"{where} must be one of {', '.join(choices)}; got {shown(given)}"
-            + (f"; {nearest(given, choices)}" if isinstance(given, str) else "")
-        )
-    return str(given)
+    return check_word(table.get(where.rpartition(".")[2]), where, choices)

@@ -172,7 +172,7 @@ class AxisKind(Kind):
         speed = 0.0 if of.logged is None else white_part(of.logged)
         _, jolt = through(round(m.rate, 3), self.band, of.logged is not None)
         inertia = inertia_of(force, m, self.band)
-        shaken = inertia * jolt * (of.place if of.logged is None else speed)
+        shaken = inertia * jolt * (of.position_noise if of.logged is None else speed)
         size = self._believed(record) if math.isnan(own) else own
         return AxisNoise(own, speed, inertia if shaken else 0.0, max(float(np.hypot(size, shaken)), 1e-12))
 
@@ -199,19 +199,19 @@ class AxisKind(Kind):
         own = self._believed(record) if math.isnan(noise.force) else noise.force
         made = self.predict(whole, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
         if noise.inertia:
-            place = of.place * rng.standard_normal(len(record))
+            x = of.position_noise * rng.standard_normal(len(record))
             speed = None if of.logged is None else noise.speed * rng.standard_normal(len(record))
-            made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
+            made = made + noise.inertia * motion(of.motion.t, x, speed, self.band).a
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """By record; where one alone holds a speed, direction or place, by four blocks of each record's cycle."""
+        """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle."""
         apart = [([r for r in records if r is not out], [out]) for out in records]
         if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
             return apart
         each = [blocks_of_cycle(self._carrying(record), self.coordinates.position) for record in records]
         return [
-            ([r for part, _ in row for r in part], [r for _, held in row for r in held])
+            ([r for part, _ in row for r in part], [r for _, part in row for r in part])
             for row in zip(*each, strict=True)
         ]
 

@@ -31,52 +31,46 @@ CARRIED = ("_x", "_v", "_a", "_still", "_place_noise", "_force_noise", "_speed_n
 
 @dataclass(frozen=True)
 class Moved:
-    """The motion; the sign of its speed where it exceeds the noise of the position (standard deviation `place`), less
-    below; where the axis rests, its direction is unsure or a gap is near (`still`); the logged speed where it agrees
-    with the position's.
+    """The motion; the sign of its speed where it exceeds the noise of the position (standard deviation
+    `position_noise`), less below; where the axis rests, its direction is unsure or a gap is near (`still`); the logged
+    speed where it agrees with the position's.
     """
 
     motion: AxisMotion
     direction: Array
     still: NDArray[np.bool_]
-    place: float
+    position_noise: float
     logged: Array | None
 
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
     """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
-    if CARRIED[0] in record.columns:
-        x, v, a, rests, noise = (record[name] for name in CARRIED[:5])
-        m, place = AxisMotion(record["t_s"], x, v, a), float(noise[0])
-        return Moved(m, _direction(m, place, band), rests > 0.5, place, record.columns.get(c.velocity))
-    position = record[c.position]
-    m = motion(record["t_s"], position, band=band)
-    logged = record.columns.get(c.velocity)
-    if logged is not None:
-        apart = float(np.sqrt(np.mean((m.v - logged) ** 2)))
-        logged = logged if apart < SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None
-    if logged is not None:
-        m = motion(record["t_s"], position, logged, band)
-    place = position_std or white_part(position)
-    still = _still(m, place, band) | _beside_gaps(~used(record), m.rate, band)
-    return Moved(m, _direction(m, place, band), still, place, logged)
+        if CARRIED[0] in record.columns: x, v, a, rests, noise = (record[name] for name in CARRIED[:5]) m,
+        position_noise = AxisMotion(record["t_s"], x, v, a), float(noise[0]) return Moved(m, _direction(m,
+        position_noise, band), rests > 0.5, position_noise, record.columns.get(c.velocity)) position =
+        record[c.position] m = motion(record["t_s"], position, band=band) logged = record.columns.get(c.velocity) if
+        logged is not None: apart = float(np.sqrt(np.mean((m.v - logged) ** 2))) logged = logged if apart <
+        SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None if logged is not None: m = motion(record["t_s"],
+        position, logged, band) position_noise = position_std or white_part(position) still = _still(m, position_noise,
+        band) | _beside_gaps(~used(record), m.rate, band) return Moved(m, _direction(m, position_noise, band), still,
+        position_noise, logged)
 
 
 def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise) -> Record:
     """`record` with its motion and noise as columns, for parts of it."""
-    values = (of.motion.x, of.motion.v, of.motion.a, of.still, of.place, *astuple(noise))
+    values = (of.motion.x, of.motion.v, of.motion.a, of.still, of.position_noise, *astuple(noise))
     columns = {name: np.zeros(len(record)) + value for name, value in zip(CARRIED, values, strict=True)}
     kept = record if of.logged is not None else record.without((c.velocity,))
     return kept.with_columns(columns)
 
 
-def _unsure(m: AxisMotion, place: float, band: float) -> float:
+def _unsure(m: AxisMotion, std: float, band: float) -> float:
     """Standard deviation in m/s of the speed that is noise of the position."""
-    return through(round(m.rate, 3), band, False)[0] * place
+    return through(round(m.rate, 3), band, False)[0] * std
 
 
-def _direction(m: AxisMotion, place: float, band: float) -> Array:
-    unsure = 2 * _unsure(m, place, band)
+def _direction(m: AxisMotion, std: float, band: float) -> Array:
+    unsure = 2 * _unsure(m, std, band)
     return np.clip(m.v / unsure, -1, 1) if unsure > 0 else np.sign(m.v)
 
 
@@ -89,10 +83,10 @@ def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray
     return out
 
 
-def _still(m: AxisMotion, place: float, band: float) -> NDArray[np.bool_]:
+def _still(m: AxisMotion, std: float, band: float) -> NDArray[np.bool_]:
     fast = np.abs(m.v)
-    out = fast < 2 * _unsure(m, place, band)
-    for a, b in runs_of(fast < max(SET.axis_rest * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
+    out = fast < 2 * _unsure(m, std, band)
+    for a, b in runs_of(fast < max(SET.axis_rest * float(np.percentile(fast, 99)), 4 * _unsure(m, std, band))):
         out[a:b] |= (b - a) > SET.axis_rest_s * m.rate
     return out
 
@@ -155,12 +149,12 @@ def band_of(t: Array, position: Array, stated: float | None) -> float:
     """The widest band in Hz, 20 Hz and halves of it, in which the acceleration exceeds the noise of the position (as
     `stated`, else estimated); a noisy acceleration would draw the inertia down.
     """
-    place, rate = stated or white_part(position), round(sampling_rate(t), 3)
+    std, rate = stated or white_part(position), round(sampling_rate(t), 3)
     bands: list[float] = [SET.band_hz / 2**k for k in range(SET.axis_halvings)]
     clear = (
         band
         for band in bands
-        if place * through(rate, band, False)[1]
+        if std * through(rate, band, False)[1]
         < SET.axis_clear * float(np.std(decimate(motion(t, position, band=band).a, rate, band)))
     )
     return next(clear, bands[-1])

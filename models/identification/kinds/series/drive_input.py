@@ -91,7 +91,7 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
     pieces = max(1, round(dt / internal_step(drive, rigid, fine)))
     if not drive.held:
         return Feed(command, dt, pieces)
-    mean = held(command, dt, pieces, delay if logged_whole(command) else 0.0)
+    mean = switched(command, dt, pieces, delay if logged_whole(command) else 0.0)
     return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
 
 
@@ -108,7 +108,7 @@ def logged_whole(command: Array) -> bool:
     return bool(np.all(off | on))
 
 
-def held(command: Array, dt: float, pieces: int, delay: float) -> Array:
+def switched(command: Array, dt: float, pieces: int, delay: float) -> Array:
     """Mean of a switched command over each of `pieces` equal parts of every sampling interval `dt` in s, shape ((n - 1)
     pieces,), `delay` s late.
 

@@ -16,7 +16,6 @@ from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
     SWITCH_DELAY,
-    Feed,
     evenly,
     feed,
     interval,
@@ -90,11 +89,12 @@ class Runner:
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         rows = shown.T.copy()
         late = [_late(assembly.effects, theta) for theta in thetas]
-        return [self._at_samples(record, even, fed, row, delay) for row, delay in zip(rows, late, strict=False)]
-
-    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, delay: float) -> Array:
-        output = fed.samples(shown)
-        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output
+        return [
+            np.interp(record["t_s"] - delay, even["t_s"], fed.samples(row))
+            if delay or even is not record
+            else fed.samples(row)
+            for row, delay in zip(rows, late, strict=False)
+        ]
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
         state = assembly.start()

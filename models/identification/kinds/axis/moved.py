@@ -45,15 +45,23 @@ class Moved:
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
     """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
-        if CARRIED[0] in record.columns: x, v, a, rests, noise = (record[name] for name in CARRIED[:5]) m,
-        position_noise = AxisMotion(record["t_s"], x, v, a), float(noise[0]) return Moved(m, _direction(m,
-        position_noise, band), rests > 0.5, position_noise, record.columns.get(c.velocity)) position =
-        record[c.position] m = motion(record["t_s"], position, band=band) logged = record.columns.get(c.velocity) if
-        logged is not None: apart = float(np.sqrt(np.mean((m.v - logged) ** 2))) logged = logged if apart <
-        SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None if logged is not None: m = motion(record["t_s"],
-        position, logged, band) position_noise = position_std or white_part(position) still = _still(m, position_noise,
-        band) | _beside_gaps(~used(record), m.rate, band) return Moved(m, _direction(m, position_noise, band), still,
-        position_noise, logged)
+    if CARRIED[0] in record.columns:
+        x, v, a, rests, noise = (record[name] for name in CARRIED[:5])
+        m, position_noise = AxisMotion(record["t_s"], x, v, a), float(noise[0])
+        return Moved(
+            m, _direction(m, position_noise, band), rests > 0.5, position_noise, record.columns.get(c.velocity)
+        )
+    position = record[c.position]
+    m = motion(record["t_s"], position, band=band)
+    logged = record.columns.get(c.velocity)
+    if logged is not None:
+        apart = float(np.sqrt(np.mean((m.v - logged) ** 2)))
+        logged = logged if apart < SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None
+    if logged is not None:
+        m = motion(record["t_s"], position, logged, band)
+    position_noise = position_std or white_part(position)
+    still = _still(m, position_noise, band) | _beside_gaps(~used(record), m.rate, band)
+    return Moved(m, _direction(m, position_noise, band), still, position_noise, logged)
 
 
 def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise) -> Record:

@@ -66,7 +66,9 @@ class VibroCycle(NamedTuple):
 
 
 class BodyState(NamedTuple):
-    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0 rests, +1, -1 slides."""
+    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0 rests, +1, -1
+    slides.
+    """
 
     x: float
     v: float

@@ -7,16 +7,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.drives.coil import Coil, VoltageCoil from models.drives.vibro import RatedVibro, Vibro, VoltageVibro from
-models.effects import CATALOGUE from models.identification import Model from models.identification.kinds import kind_for
-from models.identification.kinds.reports import series as report from models.identification.kinds.series.drive_input
-import SWITCH_DELAY, Feed, driven_column, feed, logged_whole, switched from models.identification.kinds.series.series
-import SeriesKind from models.laws.geometry import Capsule from models.records.record import Record from
-models.rigs.reader import parse_rig from models.surfaces.surface import Plate from models.theta import Theta from
-plant.drives.kinds import TrueCoil, TrueVibro from plant.experiments.excitation import pulse_width from
-plant.experiments.profile import RandomPulses from plant.experiments.recording import record_scenario from
-plant.experiments.scenario import RunTable, Scenario from plant.rig import TruePlate, Truth from plant.sensing.sensors
-import Sensor from tests.bench.bench_drives import believed, series
+from models.drives.coil import Coil, VoltageCoil
+from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
+from models.effects import CATALOGUE
+from models.identification import Model
+from models.identification.kinds import kind_for
+from models.identification.kinds.reports import series as report
+from models.identification.kinds.series.drive_input import (
+    SWITCH_DELAY,
+    Feed,
+    driven_column,
+    feed,
+    logged_whole,
+    switched,
+)
+from models.identification.kinds.series.series import SeriesKind
+from models.laws.geometry import Capsule
+from models.records.record import Record
+from models.rigs.reader import parse_rig
+from models.surfaces.surface import Plate
+from models.theta import Theta
+from plant.drives.kinds import TrueCoil, TrueVibro
+from plant.experiments.excitation import pulse_width
+from plant.experiments.profile import RandomPulses
+from plant.experiments.recording import record_scenario
+from plant.experiments.scenario import RunTable, Scenario
+from plant.rig import TruePlate, Truth
+from plant.sensing.sensors import Sensor
+from tests.bench.bench_drives import believed, series
 
 FINE_S = 2e-5
 

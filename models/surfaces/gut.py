@@ -128,9 +128,7 @@ class Wall(Surface):
         return on_nose * math.sin(self.tissue.theta) * nose, mu * load
 
     def tension(self, u: Any) -> Any:
-        """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3
-        mm.
-        """
+        """`T(u)` in N at the drag `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm."""
         return u * _polynomial(np.abs(u) / LONGEST, self.tension_coefficients)
 
     def stiffness(self) -> float:

@@ -234,9 +234,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 
 
 def averages(r: Array, count: int) -> Array:
-    """Means of `count` neighbours of `r` (n,) times root `count`, shape (n // count,): white noise keeps its
-    variance.
-    """
+    """Means of `count` neighbours of `r` (n,) times root `count`, so that white noise keeps its variance."""
     if count == 1 or len(r) < 2 * count:
         return r
     rows = r[: len(r) // count * count].reshape(-1, count)

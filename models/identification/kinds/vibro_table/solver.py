@@ -66,9 +66,7 @@ class VibroCycle(NamedTuple):
 
 
 class BodyState(NamedTuple):
-    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0 rests, +1, -1
-    slides.
-    """
+    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0, +1, -1: rest, sliding."""
 
     x: float
     v: float

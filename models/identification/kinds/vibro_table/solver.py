@@ -66,7 +66,7 @@ class VibroCycle(NamedTuple):
 
 
 class BodyState(NamedTuple):
-    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0, +1, -1: rest, sliding."""
+    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0 rests, +1, -1 slide."""
 
     x: float
     v: float

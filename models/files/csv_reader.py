@@ -15,17 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.access import WINDOWS, encoding_of, opened
-from models.files.csv_text import (
-    LONGEST_TOP,
-    SPACES,
-    EmptyError,
-    clock_s,
-    find_header,
-    over_midnight,
-    split,
-    to_number,
-    unguarded,
-)
+from models.files.csv_text import LONGEST_TOP, SPACES, clock_s, find_header, over_midnight, split, to_number, unguarded
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22  # read at once
@@ -74,6 +64,8 @@ def read_table(
         lines = _lines(path, text)
         top = list(islice(lines, LONGEST_TOP))
         form = find_header([line for _, line in top], names)
+        if form is None:
+            raise ValueError(f"{path}: record must have a header row and samples; got an empty file")
         header = _header(path, form.line, form.separator, once)
         units = dict(zip(header, form.units, strict=False))
         needed = frozenset(_checked(header, units, check, text.encoding))
@@ -93,8 +85,6 @@ def read_table(
 def _refusing(path: Path) -> Iterator[None]:
     try:
         yield
-    except EmptyError:
-        raise ValueError(f"{path}: record must have a header row and samples; got an empty file") from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
     except OSError as error:

@@ -22,10 +22,6 @@ _OPEN, _GUARDED = (re.compile(f'(^|[;,\t\r\n"]){guard}{_FORMULA}') for guard in 
 _QUOTED: Final = re.compile('"[^"]*"')
 
 
-class EmptyError(Exception):
-    """The file has no line that could be a header."""
-
-
 @dataclass(frozen=True)
 class Header:
     """The header's `line` and `separator`; `rows` is the number of the lines above the first row of values, `units`
@@ -48,14 +44,14 @@ def unguarded(cell: str) -> str:
     return _GUARDED.sub(r"\1\2", cell)
 
 
-def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
+def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header | None:
     """The header among the first non-blank lines of a file: a line that has one of `names`, else the last one with as
-    many cells as the first row of numbers, else the first line that is no comment. Raises EmptyError without any.
+    many cells as the first row of numbers, else the first line that is no comment; None without any.
     """
     lines = [re.sub(r"^(#|%|//)", "", line.lstrip()) for line in top]
     plain = next((k for k, line in enumerate(top) if not line.lstrip().startswith(_COMMENTS)), None)
     if plain is None:
-        raise EmptyError
+        return None
     named = next((k for k in range(len(lines)) if _has(lines, k, names)), None)
     at = _above_numbers(lines, plain) if named is None else named
     separator = separator_of(lines[at])

@@ -20,11 +20,10 @@ TEXT: Final = Sentences(__file__)
 
 @dataclass(frozen=True)
 class Ripple:
-    """Amplitude in N (N m), wavelength in m (rad), phase in rad at x = 0, share of the residual's power, its chance."""
+    """Amplitude in N (N m), wavelength in m (rad), share of the residual's power, chance of as large a share."""
 
     amplitude: float
     wavelength: float
-    phase_rad: float
     share: float
     p: float
 
@@ -124,5 +123,5 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     p = min(1.0, len(waves) * (1 - best) ** (len(e) / 6))
     if found is None or p > SET.significant:
         return None
-    wave, (sine, cosine) = found
-    return Ripple(math.hypot(sine, cosine), float(1 / wave), math.atan2(cosine, sine), best, p)
+    wave, weights = found
+    return Ripple(math.hypot(*weights), float(1 / wave), best, p)

@@ -46,7 +46,7 @@ class CommonResidual:
 
 
 def common_residual(
-    kind: DmaKind, records: Sequence[Record], theta: Theta, permutations: int = 2000, seed: int = 0
+    kind: DmaKind, records: Sequence[Record], theta: Theta, permutations: int = 2000
 ) -> CommonResidual | None:
     """Two-way analysis of variance of the relative residual: frequencies against the remainder beside each sample's
     mean.

@@ -83,7 +83,7 @@ class Runner:
             n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
-            if there.any():  # one sample's noise in the place would last
+            if there.any():  # the noise of one sample's position would last
                 states[0] += np.mean((seen[:n] - shown[:n])[there], axis=0)
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)

@@ -126,9 +126,10 @@ class Stepper:
         middle = command - 0.5 * h * rate
         push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), middle, h)
         rest = _REST_IMPOSED if imposed else _REST
-        s = replace(
-            s, v=v_now, command=middle, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), self._faced(now, push))
-        )
+        facing = now["direction"]  # of a resting body's friction: the last motion's in a wall, else the push's
+        if not self.surface.dragged:
+            facing = np.where(push.force == 0, facing, np.sign(push.force))
+        s = replace(s, v=v_now, command=middle, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), facing))
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
         T, F_v = self.wall_forces(s, drag, T_quiet)
@@ -151,12 +152,6 @@ class Stepper:
         new = _motion(now, x_next, v_next, dragged, s, h, rest) | own
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
-
-    def _faced(self, now: dict[Name, Any], push: Push) -> Any:
-        """Direction of a resting body's friction: in a wall of the last motion, else of the drive's push."""
-        if not self.surface.dragged:
-            return np.where(push.force == 0, now["direction"], np.sign(push.force))
-        return now["direction"]
 
     def _slowed(
         self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any

@@ -101,9 +101,16 @@ class Wall(Surface):
         )
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
-        mu = p["friction_coefficient"]
-        friction, onset = self.grip(speed, p["hoop_stress_factor"], mu, levels)
-        return friction, onset + mu * (levels[1] * carried_kg * GRAVITY + pressing)
+        """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
+        N with the rig's factor c on the hoop stress, carried and pressing loads added; paper V Eq. 8, 11, 12.
+        """
+        hoop, mu = p["hoop_stress_factor"], p["friction_coefficient"]
+        on_nose, on_weight, on_pressed = levels
+        nose = hoop * _integral(speed, self.nose_coefficients)
+        cylinder = hoop * _integral(speed, self.cylinder_coefficients)
+        load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
+        onset = mu * load + mu * (on_weight * carried_kg * GRAVITY + pressing)
+        return on_nose * math.sin(self.tissue.theta) * nose, onset
 
     def mucus(self, w: Any) -> Any:
         return mucus_drag(w, self.tissue.mucus_thickness_m)
@@ -116,16 +123,6 @@ class Wall(Surface):
             f"f_c = {mu} (m g + {hoop} (cos(theta) I1(|v|) + I2(|v|)))",
             "stick: u' = v until |T(u)| = f_c; slip: u' = -s v_i, v_i = u_c/t_r, until u = 0 or s v <= -v_i",
         ]
-
-    def grip(self, speed: Any, hoop: Any, mu: Any, levels: Levels = FULL) -> Held:
-        """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
-        N with the rig's factor c = `hoop` on the hoop stress and `levels` as in `hold`; paper V Eq. 8, 11, 12.
-        """
-        on_nose, on_weight, on_pressed = levels
-        nose = hoop * _integral(speed, self.nose_coefficients)
-        cylinder = hoop * _integral(speed, self.cylinder_coefficients)
-        load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
-        return on_nose * math.sin(self.tissue.theta) * nose, mu * load
 
     def tension(self, u: Any) -> Any:
         """`T(u)` in N at the drag `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm."""

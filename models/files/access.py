@@ -57,9 +57,8 @@ def read_bytes(path: Path, what: str, largest: int = LARGEST_TEXT) -> bytes:
         try:
             data = file.read(largest + 1)
         except OSError as error:
-            raise ValueError(
-                f"{path}: {what} must be a file that can be read; got: {error.strerror or error}"
-            ) from None
+            got = error.strerror or error
+            raise ValueError(f"{path}: {what} must be a file that can be read; got: {got}") from None
     if len(data) > largest:
         raise ValueError(f"{path}: {what} must be smaller than {largest} bytes; got {len(data)} or more")
     return data

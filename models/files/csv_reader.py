@@ -210,10 +210,8 @@ class _Rows:
             values = self._by_cell(block)
         if values.shape != shape:
             self._by_cell(block)
-            raise ValueError(
-                f"{self.where}, lines {block[0][0]} to {block[-1][0]}: rows must be plain numbers; got an unbalanced"
-                " quote"
-            )
+            lines = f"lines {block[0][0]} to {block[-1][0]}"
+            raise ValueError(f"{self.where}, {lines}: rows must be plain numbers; got an unbalanced quote")
         self._refuse_not_finite(values, block)
         self.values.append(values)
         self.lines.append(np.array([number for number, _ in block], dtype=np.int64))
@@ -233,10 +231,8 @@ class _Rows:
     def _cells(self, number: int, line: str) -> list[str]:
         cells = _split(f"{self.where}, line {number}", line, self.separator)
         if len(cells) != len(self.header):
-            raise ValueError(
-                f"{self.where}, line {number}: row must have {len(self.header)} values as the header has; got"
-                f" {len(cells)}"
-            )
+            rule = f"row must have {len(self.header)} values as the header has"
+            raise ValueError(f"{self.where}, line {number}: {rule}; got {len(cells)}")
         return cells
 
     def _refuse_not_finite(self, values: NDArray[np.float64], block: list[tuple[int, str]]) -> None:

@@ -23,9 +23,8 @@ def installed(group: str, what: str) -> Iterator[tuple[str, type, str]]:
             source = Path(inspect.getfile(offered)).read_bytes()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - another's package raises whatever it likes
             got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            raise ValueError(
-                f"{group}: {what} of the installed package must be ones that load; got {point.value}: {got}"
-            ) from None
+            rule = f"{what} of the installed package must be ones that load"
+            raise ValueError(f"{group}: {rule}; got {point.value}: {got}") from None
         yield point.value, offered, hashlib.sha256(source).hexdigest()
 
 

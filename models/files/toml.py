@@ -101,9 +101,7 @@ def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
     if "lumen_diameter_m" not in table:
         return table
     if "contact_angle_deg" in table:
-        raise ValueError(
-            f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both, and each follows from the other"
-        )
+        raise ValueError(f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both")
     diameter = converted(table["lumen_diameter_m"], float, f"{where}.lumen_diameter_m")
     try:
         angle = contact_angle_deg(diameter, radius_m)

@@ -33,10 +33,8 @@ def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured
     layouts = (layout,) if any(set(one.own()) & set(header) for one in kind.layouts) else kind.layouts
     wanted = ", or ".join(", ".join(map(" or ".join, one.lacking(header, with_measured))) for one in layouts)
     if found := " or ".join(one.id for one in whole if one != kind):
-        raise ValueError(
-            f"{where}: record must be one of a {kind.id} rig (column {wanted} is missing); got the columns of kind"
-            f" {found}"
-        )
+        rule = f"record must be one of a {kind.id} rig (column {wanted} is missing)"
+        raise ValueError(f"{where}: {rule}; got the columns of kind {found}")
     shown, more = ", ".join(repr(name[:40]) for name in header[:8]), len(header) - 8
     got = f"{shown} and {more} more" if more > 0 else shown
     hint = _hint(missing, [name for name in header if name not in kind.known])
@@ -59,10 +57,8 @@ def _refuse_unit(where: str, name: str, header: Sequence[str], kind: RigKind) ->
         other, stated = split_unit(got)
         same = other.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
         if unit and same and got not in kind.known:
-            raise ValueError(
-                f"{where}: column must be {name!r}, in {unit.replace('_', '/')}; got {got!r}: rename it, or say in"
-                " [columns] of the rig file what it is"
-            )
+            rule = f"column must be {name!r}, in {unit.replace('_', '/')}"
+            raise ValueError(f"{where}: {rule}; got {got!r}: rename it, or map it in [columns] of the rig file")
 
 
 WORDS: Final[Mapping[str, str]] = {

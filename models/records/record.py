@@ -85,9 +85,8 @@ def kept_between(where: str, name: str, values: Array, least: int) -> dict[str, 
     if there.all():
         return {}
     if there.sum() < least:
-        raise ValueError(
-            f"{where}: {name} must hold a number in at least {least} rows; got {there.sum()} in {len(values)}"
-        )
+        got = f"{there.sum()} in {len(values)}"
+        raise ValueError(f"{where}: {name} must hold a number in at least {least} rows; got {got}")
     last = np.maximum.accumulate(np.where(there, np.arange(len(values)), np.argmax(there)))
     return {name: values[last], USED: there.astype(float)}
 

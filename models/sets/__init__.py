@@ -51,9 +51,8 @@ def measured_path(name: str) -> Path:
     """The CSV file of a measured table; a miss names the nearest one (`ValueError`)."""
     path = MEASURED / f"{name}.csv"
     if not path.is_file():
-        raise ValueError(
-            f"measurement must be one that exists; got {name!r}; {nearest(name, available_measurements())}"
-        )
+        hint = nearest(name, available_measurements())
+        raise ValueError(f"measurement must be one that exists; got {name!r}; {hint}")
     return path
 
 

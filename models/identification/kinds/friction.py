@@ -9,7 +9,6 @@ from operator import mul
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
@@ -58,10 +57,8 @@ class FrictionKind(TableKind):
         known = [r for r in records if FORCE in r.columns or COEFFICIENT in r.columns]
         coefficient = any(COEFFICIENT in r.columns for r in known)
         if len({(COEFFICIENT in r.columns, LOAD in r.columns) for r in records if r in known}) > 1:
-            raise ValueError(
-                f"{', '.join(r.name for r in known)}: records of one series must have the same columns; got some with"
-                f" {COEFFICIENT!r} or {LOAD!r} and some without"
-            )
+            names, got = ", ".join(r.name for r in known), f"some with {COEFFICIENT!r} or {LOAD!r} and some without"
+            raise ValueError(f"{names}: records of one series must have the same columns; got {got}")
         quantity, load, catalogue = COEFFICIENT if coefficient else FORCE, rig.contact.load_N, Catalogue.of(rig)
         loaded = coefficient or load is not None or any(LOAD in r.columns for r in records)
         size, scatter, extent = 1.0, SET.friction_untold, None
@@ -122,9 +119,10 @@ class FrictionKind(TableKind):
         the lightest or heaviest load, is always fitted to.
         """
         runs, index = distinct(np.concatenate([self.keys(r) for r in records]))
-        alone = np.any(
-            [_only_end(size) for size in np.abs(runs).T if np.ptp(size) > 0] or [np.zeros(len(runs), bool)], 0
-        )
+        alone = np.zeros(len(runs), dtype=bool)
+        for size in np.abs(runs).T:
+            for at in (size == size.min(), size == size.max()):
+                alone |= at & (at.sum() == 1) & (np.ptp(size) > 0)
         inner = np.flatnonzero(~alone) if np.sum(~alone) >= 2 else np.arange(len(runs))
         part = np.full(len(runs), -1)
         part[inner] = np.random.default_rng(0).permutation(len(inner)) % min(SET.folds, len(inner))
@@ -135,12 +133,6 @@ class FrictionKind(TableKind):
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         return {**self.signals(record), self.quantity: predicted}
-
-
-def _only_end(values: Array) -> NDArray[np.bool_]:
-    """Where `values` has a least or greatest one that occurs once."""
-    ends = [values == end for end in (values.min(), values.max())]
-    return np.asarray(np.any([at for at in ends if at.sum() == 1] or [np.zeros(len(values), bool)], axis=0))
 
 
 def _loads(record: Record, load: float | None) -> Array:

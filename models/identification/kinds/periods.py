@@ -139,10 +139,8 @@ class PeriodsKind(Kind):
         try:
             tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta), limit, speed, recoil or 1.0)
         except ValueError:
-            raise ValueError(
-                "force must rise from valley to peak by what the wall's tension can reach at the pull's speed; got"
-                f" {limit:g} N at {speed:g} m/s"
-            ) from None
+            rule = "force must rise from valley to peak by a tension that the wall can reach at the pull's speed"
+            raise ValueError(f"{rule}; got {limit:g} N at {speed:g} m/s") from None
         return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:

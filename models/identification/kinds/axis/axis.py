@@ -77,8 +77,9 @@ class AxisKind(Kind):
         stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
         strange = next((name for name in stated if name not in c.base), None)
         if strange is not None and records:
+            known = ", ".join(c.base)
             raise ValueError(
-                f"[axis] {strange} must not be there for records with {c.position}, whose keys are {', '.join(c.base)}"
+                f"[axis] {strange} must not be there for records with {c.position}, whose keys are {known}"
             )
         c = c if records or strange is None else TURN
         noise, catalogue = rig.noise, Catalogue.of(rig)
@@ -102,8 +103,7 @@ class AxisKind(Kind):
 
     @property
     def measure(self) -> str:
-        word = self.coordinates.names[3]
-        cut = f"{2 * self.band:g} Hz"
+        word, cut = self.coordinates.names[3], f"{2 * self.band:g} Hz"
         return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
 
     def predict(self, record: Record, theta: Theta) -> Array:

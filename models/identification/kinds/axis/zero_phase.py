@@ -102,10 +102,8 @@ def decimate(signal: Array, rate: float, band: float = SET.band_hz) -> Array:
     factor = reduction(rate, band)
     border = round(SET.border / band * rate)
     if signal.shape[-1] < 2 * border + 3 * factor:
-        least = (2 * border + 3 * factor) / rate
-        raise ValueError(
-            f"an axis record must last at least {least:g} s to be filtered; got {signal.shape[-1] / rate:g} s"
-        )
+        least, got = (2 * border + 3 * factor) / rate, signal.shape[-1] / rate
+        raise ValueError(f"an axis record must last at least {least:g} s to be filtered; got {got:g} s")
     inner = signal[..., border:-border] if border else signal
     if factor == 1:
         return inner

@@ -27,9 +27,8 @@ def driven_column(kind: str, records: Sequence[Record]) -> str:
         if all(name in record.columns for record in records):
             return name
     got = ", ".join(f"{r.name}: {next((n for n in alternatives if n in r.columns), 'neither')}" for r in records)
-    raise ValueError(
-        f"records of one series must have one driven column, {' or '.join(alternatives)}, in common; got {got}"
-    )
+    known = " or ".join(alternatives)
+    raise ValueError(f"records of one series must have one driven column, {known}, in common; got {got}")
 
 
 def interval(record: Record) -> float:

@@ -77,10 +77,8 @@ class AxisKind(Kind):
         stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
         strange = next((name for name in stated if name not in c.base), None)
         if strange is not None and records:
-            known = ", ".join(c.base)
-            raise ValueError(
-                f"[axis] {strange} must not be there for records with {c.position}, whose keys are {known}"
-            )
+            keys = ", ".join(c.base)
+            raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
         c = c if records or strange is None else TURN
         noise, catalogue = rig.noise, Catalogue.of(rig)
         stds = (noise.torque_std_N_m, noise.angle_std_rad) if c.turns else (noise.force_std_N, noise.position_std_m)

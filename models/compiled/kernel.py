@@ -70,14 +70,22 @@ def _run(
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled loop over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs
-    `LANES` parameter sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and
-    `outputs` (samples, LANES); `one` runs a single set, with the same numbers, on plain vectors. See `lower`.
+    """`step(state, c0, c1, t, h, parameters) -> (state, output)` and `correct(state, error, gain)` as a compiled loop
+    over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs `LANES` parameter
+    sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs` (samples,
+    LANES); `one` runs a single set, with the same numbers, on plain vectors.
+
+    The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
+    overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen. `correct` then
+    moves the state by `gain` times the prediction's error less its slow part (a mean over about `slow_s`): an observer
+    that keeps slip events in step without hiding slow errors of the model. It runs free where `measured` is NaN, and
+    throughout at a gain of 0. Compiled when first run and kept on disk. Running raises ValueError for operations that
+    are not scalar.
     """
 
     step: ca.Function
     correct: ca.Function
-    slow_s: float
+    slow_s: float = SLOW_S
 
     @cached_property
     def many(self) -> Loop:
@@ -94,17 +102,3 @@ class Kernel:
         n, m = self.step.numel_in(0), self.step.numel_in(5)
         codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + 1}, (0,)))
         return partial(_run, addresses(codes, lanes), self.slow_s)
-
-
-def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Kernel:
-    """Compile `step(state, c0, c1, t, h, parameters) -> (state, output)` into a loop over samples, with `correct(state,
-    error, gain)`.
-
-    The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
-    overwrites `state` with the last one and fills `output`, one value a sample, predicted before the sample is seen.
-    `correct` then moves the state by `gain` times the prediction's error less its slow part (a mean over about
-    `slow_s`): an observer that keeps slip events in step without hiding slow errors of the model. It runs free where
-    `measured` is NaN, and throughout at a gain of 0. Compiled when first run and kept on disk. Running raises
-    ValueError for operations that are not scalar.
-    """
-    return Kernel(step, correct, slow_s)

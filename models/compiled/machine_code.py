@@ -43,10 +43,8 @@ class Code:
 
 def _call(typing: Any, address: Any, work: Any, shared: Any) -> Any:
     def write(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = [
-            context.make_array(kind)(context, builder, value).data
-            for kind, value in zip(signature.args[1:], args[1:], strict=True)
-        ]
+        arrays = zip(signature.args[1:], args[1:], strict=True)
+        data = [context.make_array(kind)(context, builder, value).data for kind, value in arrays]
         builder.call(builder.inttoptr(args[0], _KIND.as_pointer()), data)
         return context.get_dummy_value()
 

@@ -60,7 +60,7 @@ def read_table(
     lines above the header, which has one of `names`, and a row of units below it. Columns among `clocks` may hold dates
     and times of day (`clock_s`). Further columns of one name are numbered (`Time`, `Time 2`), but for those of `once`.
     """
-    with _refusing(path), _opened(path) as text:
+    with _opened(path) as text:
         lines = _lines(path, text)
         top = list(islice(lines, LONGEST_TOP))
         form = find_header([line for _, line in top], names)
@@ -79,16 +79,6 @@ def read_table(
                     " several records, drop columns or sample it more slowly"
                 )
         return CsvTable(header, units, np.concatenate(rows.values), np.concatenate(rows.lines))
-
-
-@contextmanager
-def _refusing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
-    except OSError as error:
-        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
 
 
 def _blocks(lines: Iterator[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
@@ -123,14 +113,19 @@ def _opened(path: Path) -> Iterator[io.TextIOWrapper]:
             f"{path}: record must be text (.csv, .tsv, .txt, .dat, each also .gz) or of a format that `capsule convert"
             f" --help` lists; got {path.name!r}: export it as CSV"
         )
-    with opened(path, "record") as file:
-        packed = file.read(2) == b"\x1f\x8b"
-        file.seek(0)
-        with gzip.open(file, "rb") if packed else file as plain:
-            encoding = encoding_of(plain.read(_START))
-            plain.seek(0)
-            with io.TextIOWrapper(plain, encoding=encoding, errors="replace", newline=None) as text:
-                yield text
+    try:
+        with opened(path, "record") as file:
+            packed = file.read(2) == b"\x1f\x8b"
+            file.seek(0)
+            with gzip.open(file, "rb") if packed else file as plain:
+                encoding = encoding_of(plain.read(_START))
+                plain.seek(0)
+                with io.TextIOWrapper(plain, encoding=encoding, errors="replace", newline=None) as text:
+                    yield text
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
+    except OSError as error:
+        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:

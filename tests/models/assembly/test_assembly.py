@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from models.assembly.model import BASE_STATES, assemble
-from models.compiled.kernel import lower
+from models.compiled.kernel import Kernel
 from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
@@ -200,7 +200,7 @@ def test_an_assembly_declares_what_it_holds(drive: Coil) -> None:
     assert all(p.lower <= p.value <= p.upper and p.unit and p.source for p in model.parameters)
     assert len({p.key for p in model.parameters}) == len(model.parameters) == model.step.numel_in(5)
     assert model.vector({"hoop_stress_factor": 1.2})[0] == 1.2
-    assert callable(lower(model.step, model.correct).many)
+    assert callable(Kernel(model.step, model.correct).many)
 
 
 def test_rig_files_give_surface_and_drive() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from models.assembly.model import Assembly, assemble, followed_by
 from models.checks.usable import gone
-from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
+from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
@@ -29,7 +29,7 @@ from models.theta import Theta
 @cache
 def _model(surface: Surface, drive: Drive, effects: tuple[type[Effect], ...]) -> tuple[Assembly, Kernel]:
     assembly = assemble(surface, drive, effects)
-    return assembly, lower(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
+    return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
 
 
 def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:

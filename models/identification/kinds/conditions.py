@@ -34,17 +34,17 @@ class Conditions:
 
 
 def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
-    """Whether `others` cover about the speeds, the directions and the positions of `record`."""
+    """Whether `others` cover about the directions, the positions and the speeds of `record`: its one speed, or the
+    slowest and the fastest.
+    """
     own, rest = Conditions.of(record), [Conditions.of(other) for other in others]
     directions = frozenset[float]().union(*(r.directions for r in rest))
     low, high = min(r.low for r in rest), max(r.high for r in rest)
     shared = min(own.high, high) - max(own.low, low)
-    covered = own.high == own.low or shared >= SET.condition_overlap * (own.high - own.low)
-    return own.directions <= directions and covered and _speeds_covered(own, rest)
-
-
-def _speeds_covered(own: Conditions, rest: Sequence[Conditions]) -> bool:
-    """A record of one speed needs another with that speed; one of several needs others as slow and as fast."""
+    if not own.directions <= directions or (
+        own.low < own.high and shared < SET.condition_overlap * (own.high - own.low)
+    ):
+        return False
     if own.fast <= SET.one_speed * own.slow:
         return any(r.slow / SET.same <= own.fast and own.slow <= r.fast * SET.same for r in rest)
     return min(r.slow for r in rest) <= SET.same**2 * own.slow and own.fast <= SET.same**2 * max(r.fast for r in rest)

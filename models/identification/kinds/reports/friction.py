@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.identification.kinds.friction import FORCE, LOAD, SPEED, FrictionKind, cannot_show
 from models.records.record import Record
@@ -35,7 +36,8 @@ def statements(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records:
     else:
         noise = TEXT("friction_repeats" if repeats >= 3 else "friction_neighbours", share=kind.relative)
     lacking = cannot_show(kind.extent, kind.catalogue) if kind.extent is not None else {}
-    hidden = [TEXT("friction_cannot", effect=effect, why=why) for effect, why in lacking.items()]
+    words = {effect_words(effect, kind.catalogue): why for effect, why in lacking.items()}
+    hidden = [TEXT("friction_cannot", effect=effect, why=why) for effect, why in words.items()]
     return [noise, *_least(kind, theta_by_stage, records), *hidden]
 
 

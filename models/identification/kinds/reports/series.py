@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from models.drives.drive import Drive
+from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.effects.refinements import LevelAtOnset
 from models.identification.kinds.series.series import SeriesKind
@@ -49,8 +50,11 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
 
 def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
     """What would separate each effect from those confounded with it, beside the records that there are."""
-    effects = [kind.catalogue[name] for name in sorted(theta.effects)]
-    wishes = [TEXT("series_separate", effect=e.id, others=e.confounders, how=e.separated_by) for e in effects]
+    wishes = []
+    for name in sorted(theta.effects):
+        effect = kind.catalogue[name]
+        one, *others = (effect_words(each, kind.catalogue) for each in (name, *effect.confounders))
+        wishes.append(TEXT("series_separate", effect=one, others=others, how=effect.separated_by))
     there = TEXT("series_there", records=[_contents(record) for record in records])
     return "; ".join([*wishes, there]) if wishes else None
 

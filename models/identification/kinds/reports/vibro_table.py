@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.identification.fitting.fit import Problem
 from models.identification.kinds.table import distinct
@@ -92,7 +93,8 @@ def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -
     if errors:
         yield TEXT("vibro_validated", error=errors.pop(""))
     if errors:
-        yield TEXT("vibro_without", errors=[TEXT("vibro_error_without", error=e, effect=n) for n, e in errors.items()])
+        words = {effect_words(name, kind.catalogue): error for name, error in errors.items()}
+        yield TEXT("vibro_without", errors=[TEXT("vibro_error_without", error=e, effect=n) for n, e in words.items()])
 
 
 def _runs(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> Iterator[str]:

@@ -104,7 +104,7 @@ def test_report_says_what_is_equivalent_and_what_to_do(calibrated: Theta) -> Non
     stages = {"nominal": KIND.nominal(), "calibrated": calibrated, "augmented": theta}
     words = " ".join(report.statements(KIND, stages, [measured()]))
     for piece in (
-        "One speed cannot tell apart",
+        "At one speed these explanations are confounded",
         "stretched length of 6.6",
         "times stiffer",
         "wall_viscosity",

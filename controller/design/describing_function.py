@@ -19,7 +19,7 @@ from controller.model.linear import Linear, linearise
 from controller.model.symbols import assembled
 from controller.signals import Array
 from models.assembly.model import assemble
-from models.compiled.kernel import lower
+from models.compiled.kernel import Kernel
 from models.drives.pull import Pull
 from models.rigs.kinds import surface_of
 from models.surfaces.surface import Plate
@@ -70,7 +70,7 @@ def describe(
         force, _ = surface.hold(0.0, known.base, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
     pulled = assemble(surface, Pull(), tuple(e for e in model.symbols.effects if Pull.name in e.kinds))
-    kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
+    kernel, p = Kernel(pulled.step, pulled.correct), pulled.vector(known)
     N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
     for j, w in enumerate(omega):
         period = 2 * math.pi / w

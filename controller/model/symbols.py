@@ -101,7 +101,7 @@ class _Model:
         stepper = self.stepper()
         s = self.signals(stepper, t)
         grip = stepper.grip(s)
-        tension, mucus = stepper.held(s, self.drag(), s.tension)
+        tension, mucus = stepper.wall_forces(s, self.drag(), s.tension)
         return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
 
     def pursuit(self, speed: Any, t: Any) -> Any:
@@ -110,7 +110,8 @@ class _Model:
         moving = replace(self, now={**self.now, "v": speed, "direction": np.sign(speed)})
         stepper = moving.stepper()
         s = moving.signals(stepper, t)
-        force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
+        inertia = stepper.surface.body_kg * (speed - v) / PURSUIT_S
+        force = moving.wall_force(t) - stepper.active.total("force", s) + inertia
         force = force / stepper.active.product("gain", s)
         return ca.SX(self.drive.command_for(force, self.now["x"], v, stepper.active.p.base))
 

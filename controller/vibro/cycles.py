@@ -14,7 +14,7 @@ from controller.drives import INNER_MASS
 from controller.signals import Array
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
-from models.compiled.kernel import Kernel, lower
+from models.compiled.kernel import Kernel
 from models.drives.coil import Winding
 from models.drives.vibro import Vibro
 from models.effects import CATALOGUE, Catalogue
@@ -189,7 +189,7 @@ def _metered(assembly: Assembly, on_board: bool) -> Kernel:
     whole = ca.vertcat(state, meter)
     step = ca.Function("step", [whole, c0, c1, t, h, q], [ca.vertcat(new, after), new[x]])
     error, gain = ca.SX.sym("error"), ca.SX.sym("gain")
-    return lower(step, ca.Function("correct", [whole, error, gain], [whole]))
+    return Kernel(step, ca.Function("correct", [whole, error, gain], [whole]))
 
 
 Impact = Literal["none", "front", "rear", "both"]

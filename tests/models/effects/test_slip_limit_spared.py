@@ -54,7 +54,10 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
 def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     theta = Theta.of({("level_at_onset", "spared"): -0.97, ("level_at_onset", "kept"): 0.2})
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
-    assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
+    assert (
+        "The nose feels 3 % of the changed resistance (F_e), the slip limit under the wall's pressure 100 % (f_c)"
+        in said
+    )
     kind = SeriesKind.build(Plate(0.1), Pull(), 1e-3)
     law = line_text(equations(kind, Theta.of({"friction_coefficient": 0.3, **theta}))[-1])
     assert "scale at the nose = lambda - 0.97 (lambda - 1); " in law

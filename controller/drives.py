@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.limits import Envelope, Limits
-from controller.model.control_model import ControlModel
-from controller.model.friction import mean_friction
+from controller.model.control_model import ControlModel, mean_friction
 from controller.tuned import Correction, Expected, FilterNoise, PidGains
 from models.drives.drive import Drive
 

@@ -1,13 +1,14 @@
-"""The controllers by name: each name's chain for the supervisor, best first."""
+"""The controllers by name, those of a user and of packages included: the chain that the supervisor gets, best first."""
 
+import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Final
 
-from controller.baselines.lqr import LQR
-from controller.baselines.pid import PID
+from controller.baselines import LQR, PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Estimator, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
@@ -16,15 +17,54 @@ from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
 from controller.limits import Envelope, Limits
-from controller.model.control_model import ControlModel
-from controller.model.friction import AT_FIRST, level_off, mean_friction
+from controller.model.control_model import AT_FIRST, ControlModel, level_off, mean_friction
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Horizon
-from controller.own import own_controllers
 from controller.signals import Controller
-from controller.tuned import FilterNoise
+from controller.tuned import FilterNoise, Horizon
 from controller.vibro.controller import vibro_controller
+from models.files.python_file import classes_in, installed
 from models.parameter import nearest
+
+GROUP: Final = "capsule.controllers"
+
+
+def own_controllers(paths: Sequence[Path], taken: Collection[str]) -> dict[str, type[Controller]]:
+    """The controllers of the files `paths` and of installed packages by name; none may be one of those `taken`. Raises
+    ValueError, one sentence with the file, where one cannot be used.
+    """
+    found: dict[str, type[Controller]] = {}
+    for where, cls in _declared(paths):
+        failure = _failure(cls, {*taken, *found})
+        if failure is not None:
+            raise ValueError(f"{where}: {failure}")
+        found[cls.name] = cls
+    return found
+
+
+def _declared(paths: Sequence[Path]) -> Iterator[tuple[str, type[Controller]]]:
+    for where, cls, _ in installed(GROUP, "controllers"):
+        yield where, cls
+    for path in paths:
+        classes = [c for c in classes_in(path, "controllers")[0] if Controller in c.__mro__]
+        if not classes:
+            raise ValueError(f"{path}: file must have a subclass of controller.signals.Controller; got none")
+        yield from ((str(path), cls) for cls in classes)
+
+
+def _failure(cls: type[Controller], taken: Collection[str]) -> str | None:
+    name, kinds = getattr(cls, "name", ""), getattr(cls, "kinds", ())
+    if not isinstance(name, str) or not name.isidentifier():
+        return f"{cls.__name__}.name must be letters, digits and underscores; got {name!r}"
+    if name in taken:
+        return f"{cls.__name__}.name must be one that is free; got {name!r}"
+    if not isinstance(kinds, tuple) or not kinds or not set(kinds) <= set(DRIVES):
+        return f"{cls.__name__}.kinds must be some of {', '.join(DRIVES)} in a tuple; got {kinds!r}"
+    if list(inspect.signature(cls).parameters) != ["model", "envelope"]:
+        return f"{cls.__name__} must be made from (model, envelope); got {inspect.signature(cls)}"
+    wanted = list(inspect.signature(Controller.act).parameters)
+    got = list(inspect.signature(cls.act).parameters)
+    return None if got == wanted else f"{cls.__name__}.act must take ({', '.join(wanted)}); got ({', '.join(got)})"
+
 
 LATE_SLIP, _LEAST_LATE = 0.25, 0.05
 """By how much of its limit slip may come later than the model says; the lesser share where the model proved right. Of

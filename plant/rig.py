@@ -10,11 +10,11 @@ import numpy as np
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from plant import layout as at
 from plant.anatomy import Anatomy
-from plant.drives.kinds import TrueDrive
-from plant.drives.steps import advance
-from plant.hidden.carriage import BEHIND, CARRIAGE_NUMBERS, real_drive
+from plant.drives import TrueDrive
+from plant.hidden.actuation import BEHIND, CARRIAGE_NUMBERS, real_drive
 from plant.hidden.registry import ONSET
 from plant.hidden.table import begun, effect_table
+from plant.steps import advance
 from plant.tables import Floats, tabulate
 
 STEP_S = 20e-6  # of the plant

@@ -8,7 +8,7 @@ import numpy as np
 from plant import layout as at
 from plant.hidden.table import effect_table
 from plant.rig import Plant, Truth
-from plant.sensing.instruments import Instrument, Reading, Stream
+from plant.sensing import Instrument, Reading, Stream
 from plant.tables import Floats
 
 _EVERY: Final = 10  # steps between rows of the truth

@@ -12,7 +12,7 @@ from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.drives import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.rig import Plant, TruePlate, Truth
 from plant.tables import resistance
 from tests.models.running import Array, pulses, run

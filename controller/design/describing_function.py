@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.optimize import root
 
-from controller.baselines.lqr import Gains
+from controller.baselines import Gains
 from controller.design.margins import Complex
 from controller.design.tuning import Pid, feedback
 from controller.model.control_model import ControlModel

@@ -11,7 +11,7 @@ from typing import TypeVar
 import control
 import numpy as np
 
-from controller.baselines.lqr import Gains, LqrWeights, augmented, lqr_gains
+from controller.baselines import Gains, LqrWeights, augmented, lqr_gains
 from controller.design.margins import Complex, OpenLoop, closed_loop
 from controller.model.linear import Linear
 from controller.signals import Array

@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from controller.drives import driven_of
-from controller.model.control_model import ControlModel
-from controller.model.friction import AT_FIRST, level_off, proved_off
+from controller.model.control_model import AT_FIRST, ControlModel, level_off, proved_off
 from controller.signals import Adapted, Array, Estimate, Measurement
 from controller.tuned import FilterNoise
 from models.theta import bare

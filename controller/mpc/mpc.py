@@ -11,8 +11,8 @@ from controller.drives import bodies, envelope_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.mpc.planner import MpcPlan, Planner, Start
-from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
+from controller.tuned import Horizon, Weights
 
 REST_S = 0.05  # a capsule is left alone that would take longer to cross the band
 REST_STDS = 3.0  # standard deviations of the estimate that count as rest

@@ -10,10 +10,9 @@ import numpy as np
 
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
-from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
-from controller.mpc.qp import FREE, Program
-from controller.mpc.settings import Horizon, Weights
+from controller.mpc.program import FREE, Program, cost, keep_feasible, quadratic, sensitivities
 from controller.signals import Array
+from controller.tuned import Horizon, Weights
 
 _SHORTENINGS = (1.0, 0.4, 0.1)  # shares of a step that the line search tries
 _PRESSED = 0.5  # share of the bound on the wall's force from which on every trial looks at it

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 
 from controller.limits import Envelope
+from controller.reference import Trajectory, through
 from controller.signals import Array
 from controller.supervision.contradiction import CONTRADICT
-from controller.trajectory import Trajectory, through
 
 _STROKE_M: Final = 5e-3  # way to and fro where the envelope allows it
 _SHORT_M: Final = 3e-3  # the same where the capsule's place in its envelope is unknown

@@ -10,7 +10,7 @@ from controller.drives import INNER_MASS
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.vibro.cycles import VibroModel
-from controller.vibro.design.drive_map import designed
+from controller.vibro.drive_map import designed
 from controller.vibro.gears import Choice, DriveMap
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning
 from controller.vibro.waveform import REST, Waveform

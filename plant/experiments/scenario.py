@@ -1,9 +1,11 @@
-"""SCENARIO.toml: a rig file's tables with the truth in them, plus what is commanded, sensed and hidden."""
+"""SCENARIO.toml: the true rig, what is commanded, measured and hidden, and the record that it gives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from models.files.tables import choice, converted, is_number, list_of_numbers, shown, with_contact_angle
 from models.files.toml import in_file, read_toml
@@ -15,13 +17,15 @@ from models.rigs.schema import Table as RigTable
 from models.rigs.schema import check_range, from_table
 from models.rigs.tables import BodyTable, CapsuleTable, DriveTable, SurfaceTable, TissueTable
 from models.rigs.tables import Noise as NoiseTable
+from plant import layout as at
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives.kinds import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
-from plant.experiments.profile import PROFILES, Profile, Recorded
+from plant.drives import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.experiments.profile import PROFILES, Profile, Pwm, Recorded
 from plant.hidden.registry import hidden
 from plant.hidden.table import effect_table
-from plant.rig import STEP_S, TruePlate, Truth
-from plant.sensing.sensors import Sensor
+from plant.rig import STEP_S, Plant, TruePlate, Truth
+from plant.sensing import Sensor
+from plant.tables import Floats
 
 Table = Mapping[str, Any]
 TABLES: Final = (
@@ -206,3 +210,36 @@ def _sensor(raw: Table, kind: str) -> Sensor:
     if DRIVES[kind] is TruePull:
         std, quantum = noise.force_std_N, noise.force_quantum_N
     return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)
+
+
+_FASTEST_ROWS = 10  # steps between the truth's samples at most
+
+
+def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) -> dict[str, Floats]:
+    """Columns of interfaces.md for the rig's kind: time, what is driven, what is measured; `drive_on` is the share of
+    the time since the last sample. Profile and sensor draw from streams of the scenario's seed, or from `rng` where
+    given. Raises `ValueError` when the drive's values are not usable.
+    """
+    dt, seeds = scenario.rig.step_s, np.random.SeedSequence(scenario.run.seed).spawn(2)
+    first, second = (rng or np.random.default_rng(seed) for seed in seeds)
+    drive = scenario.profile.values(scenario.run.duration_s, dt, first)
+    truth = scenario.rig.drive
+    switched = isinstance(scenario.profile, Pwm)
+    plant = Plant(scenario.rig)
+    finest = 1 if rng is None else _FASTEST_ROWS
+    every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), finest, _FASTEST_ROWS))
+    rows = plant.advance(drive * truth.command_scale if switched else drive, every)
+    measured = rows[:, truth.measured]
+    t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
+    times = dt * np.arange(drive.size)
+    sums = np.interp(t, times, np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
+    taken = {
+        "reading": reading,
+        "commanded": np.interp(t, times, drive),
+        "mean": np.append(drive[0], np.diff(sums) / np.diff(t)),
+        "current": np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT]),
+    }
+    columns = {name: taken[what] for name, what in truth.columns().items()}
+    if "drive_on" in columns and not switched:
+        columns = {"drive_force_N" if name == "drive_on" else name: values for name, values in columns.items()}
+    return {"t_s": t, **columns}

@@ -9,7 +9,7 @@ import numpy as np
 from models.parameter import nearest
 
 PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
-"""The simulated drives by name: `plant.drives.kinds` has what is true of each."""
+"""The simulated drives by name: `plant.drives` has what is true of each."""
 CARRIED: Final = (PULL, MAGNETIC)
 PUSHED: Final = (MAGNETIC, COIL)
 RESTING: Final = (*CARRIED, COIL, FORCE)

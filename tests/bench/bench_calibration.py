@@ -33,8 +33,7 @@ from hil.app.main import run as capsule
 from hil.log.recorder import code_version
 from models.identification.confidence_map import MAP, ConfidenceMap
 from models.identification.settings import SET
-from plant.experiments.series import make_series
-from plant.experiments.series_rigs import BELIEVED
+from plant.experiments.series import BELIEVED, make_series
 from plant.hidden.registry import HIDDEN, hidden
 from tests.bench.bench_tracing import EFFECTS
 

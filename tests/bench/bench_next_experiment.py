@@ -26,13 +26,12 @@ from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
-from plant.experiments.excitation import piecewise_runs, random_runs, random_wander
-from plant.experiments.series import FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, rig_text
-from plant.experiments.series_rigs import BELIEVED
+from plant.experiments.profile import piecewise_runs, random_runs, random_wander
+from plant.experiments.series import BELIEVED, FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, rig_text
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
 from plant.rig import STEP_S, Plant, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
 from plant.tables import Floats
 
 LENGTH_S = 24.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from models.laws.geometry import Capsule
-from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
-from plant.experiments.excitation import pulse_width, random_runs, random_wander
+from plant.drives import TrueCoil, TrueMagnet, TruePull, TrueVibro
+from plant.experiments.profile import pulse_width, random_runs, random_wander
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.tables import Floats
 

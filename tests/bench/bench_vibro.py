@@ -15,16 +15,16 @@ import numpy as np
 
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.design.drive_map import design, designed
-from controller.vibro.design.speed_map import speed_map, squares
+from controller.vibro.drive_map import design, designed
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import Tuning
+from controller.vibro.speed_map import speed_map, squares
 from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.theta import Theta
-from plant.drives.kinds import TrueVibro
+from plant.drives import TrueVibro
 from plant.rig import Truth
 from tests.bench.four_phase import best_four_phase
 from tests.bench.least_energy import cheapest, optima

@@ -19,8 +19,8 @@ from hil.report.builder import page
 from hil.report.theme import INK, styled
 from models.laws.geometry import Capsule
 from plant import layout as at
-from plant.drives.kinds import TrueVibro
-from plant.experiments.excitation import pulse_width
+from plant.drives import TrueVibro
+from plant.experiments.profile import pulse_width
 from plant.experiments.series import write_text
 from plant.rig import STEP_S, Plant, Truth
 from plant.tables import Floats

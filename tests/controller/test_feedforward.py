@@ -7,21 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID
+from controller.baselines import PID
 from controller.drives import envelope_of
 from controller.estimator.cubature_filter import CubatureEstimator
-from controller.model.control_model import control_model
-from controller.model.friction import mean_friction
-from controller.model.inverse import Inverse
+from controller.feedforward import Inverse
+from controller.model.control_model import control_model, mean_friction
+from controller.reference import STEP_S, Trajectory, by_speeds, through
 from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
-from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from controller.tuned import PidGains
 from models.theta import Theta
 from plant import layout as at
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
-from plant.sensing.instruments import Instrument
+from plant.sensing import Instrument
 from plant.session import Instruments
 from tests.controller.loops import believed, closed_loop, model_of
 

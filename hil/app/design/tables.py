@@ -4,7 +4,7 @@ from typing import Any
 
 from rich.table import Table
 
-from controller.baselines.lqr import Gains, lqr_gains
+from controller.baselines import Gains, lqr_gains
 from controller.design.describing_function import AMPLITUDES_M, Balance
 from controller.design.margins import Margins
 from controller.design.study import Study

@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from rich.table import Table
 
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.design.drive_map import designed, rough_map
-from controller.vibro.design.study import VibroStudy, vibro_study
+from controller.vibro.drive_map import designed, rough_map
+from controller.vibro.study import VibroStudy, vibro_study
 from hil.app.console import text_table
 from hil.app.design.page import Drawn, loop_figures, page_html
 from hil.app.design.tables import MARGINS, margin_numbers

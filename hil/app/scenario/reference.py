@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, Strict
 
 from controller.limits import Limits
-from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_places, by_speeds, through
+from controller.reference import LONGEST_S, STEP_S, Trajectory, by_places, by_speeds, through
 from models.files.tables import choice
 from models.files.toml import read_toml
 from models.rigs.schema import NamedTable, Numbers, key

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from controller.limits import Envelope
-from controller.monitor.monitor import Health
+from controller.monitor import Health
 from controller.signals import Measurement, Reference
 from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import not_led

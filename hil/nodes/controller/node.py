@@ -10,9 +10,9 @@ import can
 import numpy as np
 
 from controller.drives import envelope_of, friction_command
-from controller.excursion import Excursion, Experiment
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
+from controller.reference import Excursion, Experiment
 from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT

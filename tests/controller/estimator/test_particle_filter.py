@@ -17,7 +17,7 @@ from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.session import Session
 from tests.controller.loops import model_of

@@ -7,15 +7,15 @@ import pytest
 
 from controller.limits import Limits
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.design.drive_map import DriveMap, from_json, lag, to_json, wrong_models
-from controller.vibro.design.optimal_cycle import optimal_cycle
-from controller.vibro.design.speed_map import best_square, free_period, speed_map
+from controller.vibro.drive_map import DriveMap, from_json, lag, to_json, wrong_models
 from controller.vibro.gears import gear_of
+from controller.vibro.optimal_cycle import optimal_cycle
+from controller.vibro.speed_map import best_square, free_period, speed_map
 from controller.vibro.waveform import Waveform
 from models.rigs.reader import parse_rig
 from models.theta import Theta
 from plant import layout as at
-from plant.experiments.excitation import pulse_width
+from plant.experiments.profile import pulse_width
 from plant.rig import Plant
 from tests.bench.four_phase import four_phase, profile
 from tests.controller.vibro.vibro_runs import GUT_DRIVE, gut_model, gut_plant, plate_model

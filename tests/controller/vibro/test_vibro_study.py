@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from controller.vibro.design.study import resonance, slow_loop
 from controller.vibro.gears import DriveMap, Gear
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
+from controller.vibro.study import resonance, slow_loop
 from controller.vibro.waveform import Waveform
 from tests.controller.vibro.vibro_runs import gut_model
 

@@ -6,13 +6,13 @@ import pytest
 from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.compiling import source_digest
-from plant.drives.kinds import TrueCoil, TrueDrive, TrueMagnet, TruePull, TrueVibro
-from plant.drives.steps import advance
-from plant.experiments.excitation import pulse_width, random_runs, random_wander
+from plant.drives import TrueCoil, TrueDrive, TrueMagnet, TruePull, TrueVibro
+from plant.experiments.profile import pulse_width, random_runs, random_wander
 from plant.hidden.registry import HIDDEN, Hidden, hidden
 from plant.hidden.table import draw, effect_table
 from plant.rig import STEP_S, Plant, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
+from plant.steps import advance
 from plant.tables import Floats
 
 CASES = [(kind, effect) for effect in HIDDEN for kind in ("pull", "magnetic", "coil", "vibro") if kind in effect.drives]

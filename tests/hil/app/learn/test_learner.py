@@ -7,12 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import Health
+from controller.monitor import Health
+from controller.reference import Experiment
 from controller.signals import Measurement
-from controller.supervision.history import History
-from controller.supervision.model_switch import Offer, Prepared
+from controller.supervision.model_switch import History, Offer, Prepared
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
 from hil.app.learn.learner import Learner, Pace

@@ -17,7 +17,7 @@ from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.experiments.series import make_series
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from tests.models.identification.search.test_vibro_search import read_series

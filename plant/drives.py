@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from plant import layout as at
-from plant.drives import steps
+from plant import steps
 from plant.hidden.registry import COIL, MAGNETIC, PULL, ROW, VIBRO
 from plant.tables import Floats
 
@@ -53,7 +53,7 @@ class TrueDrive(ABC):
         return 1.0
 
     def steps(self, effects: Floats) -> int:
-        """Which of the compiled steps (`plant.drives.steps`) are its own under the hidden `effects`."""
+        """Which of the compiled steps (`plant.steps`) are its own under the hidden `effects`."""
         return self.step
 
     def columns(self) -> dict[str, str]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from controller.drives import envelope_of
+from controller.feedforward import Inverse
 from controller.model.control_model import ControlModel, control_model
-from controller.model.inverse import Inverse
 from models.theta import Theta
 from tests.controller.loops import believed, model_of
 

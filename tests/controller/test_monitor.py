@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from controller.drives import DRIVES
 from controller.estimator.base import trusting
-from controller.monitor.forecast import Forecast
-from controller.monitor.monitor import DOUBTFUL, FIRST, MOST, Monitor, Sum, shifted, wider
+from controller.monitor import DOUBTFUL, FIRST, MOST, Forecast, Monitor, Sum, shifted, wider
 from controller.signals import Adapted, Estimate
 from tests.controller.loops import model_of
 

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.design.optimal_cycle import optimal_cycle
-from controller.vibro.design.speed_map import SpeedMap, speed_map, squares
 from controller.vibro.gears import DriveMap, Gear, gear_of
+from controller.vibro.optimal_cycle import optimal_cycle
+from controller.vibro.speed_map import SpeedMap, speed_map, squares
 from controller.vibro.waveform import Waveform
 from models.compiled.cache import cache_folder
 from models.files.source import read_text

@@ -16,8 +16,17 @@ from plant.hidden.actuation import (
     remember_drive,
     sideways_load,
 )
-from plant.hidden.forces import field_reach, hidden_force, inertia, remember_stress, suspension_force
-from plant.hidden.resistance import hoop_at_slip, remember_motion, resistance_at_nose, resistance_level
+from plant.hidden.body import (
+    field_reach,
+    hidden_force,
+    hoop_at_slip,
+    inertia,
+    remember_motion,
+    remember_stress,
+    resistance_at_nose,
+    resistance_level,
+    suspension_force,
+)
 from plant.hidden.table import has_drive, has_force, has_level
 from plant.tables import Floats
 from plant.wall import clipped_speed, kinetic_limit, move_wall, sliding_limit, wall_force

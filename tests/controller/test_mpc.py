@@ -9,10 +9,10 @@ import pytest
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Adapted, Estimate
+from controller.tuned import Horizon, Weights
 from models.theta import Theta
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.layout import S_SLIP, S_U, S_V, S_X
 from plant.rig import Plant, Truth
 from tests.controller.model.test_control_model import rig_of

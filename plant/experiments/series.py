@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from models.files.writing import draft
+from models.files.access import draft
 from models.laws.geometry import Capsule, Tissue
 from plant.drives import TrueCoil, TrueMagnet, TruePull, TrueVibro
 from plant.experiments.profile import Profile, RandomPulses, RandomRuns, RandomVoltage, Wander, random_runs

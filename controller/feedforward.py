@@ -115,9 +115,9 @@ class Feedforward(Controller):
         loop = driven_of(model.drive).correction if loop is None else loop
         self._reach_s = max(loop.reach_s, _RESPONDING * model.response_s)
         self.loop = (
-            replace(loop, pace_1_s=min(loop.pace_1_s, _NO_FASTER / self._reach_s)) if model.response_s > 0 else loop
+            replace(loop, gain_1_s=min(loop.gain_1_s, _NO_FASTER / self._reach_s)) if model.response_s > 0 else loop
         )
-        self._slowest_1_s = _CALMEST * self.loop.pace_1_s
+        self._slowest_1_s = _CALMEST * self.loop.gain_1_s
         self._inverse = Inverse(model, envelope, self._reach_s)
         self._envelope = envelope
         self._returning, self._command = False, math.nan
@@ -135,9 +135,9 @@ class Feedforward(Controller):
     def calm(self) -> bool:
         """Take errors back at half the pace, down to a sixteenth of the first."""
         loop = self.loop
-        if loop.pace_1_s <= self._slowest_1_s:
+        if loop.gain_1_s <= self._slowest_1_s:
             return False
-        self.loop = replace(loop, pace_1_s=0.5 * loop.pace_1_s, most_m_s=0.5 * loop.most_m_s)
+        self.loop = replace(loop, gain_1_s=0.5 * loop.gain_1_s, most_m_s=0.5 * loop.most_m_s)
         return True
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
@@ -171,7 +171,7 @@ class Feedforward(Controller):
     def _correction(self, error: float, speed: float) -> float:
         """Speed in m/s beyond the reference's that takes `error` in m back."""
         loop = self.loop
-        wanted = min(max(loop.pace_1_s * error, -loop.most_m_s), loop.most_m_s)
+        wanted = min(max(loop.gain_1_s * error, -loop.most_m_s), loop.most_m_s)
         if abs(speed) > loop.rest_m_s:
             self._returning = False
             against = wanted * speed < 0 and abs(error) < loop.noise_m

@@ -20,41 +20,37 @@ LONGEST_S = 3600.0  # of a trajectory: its table is in memory
 class Trajectory:
     """Positions in m at multiples of `STEP_S` from 0, linear between, at rest after the end."""
 
-    places: Array
+    positions: Array
 
     def __post_init__(self) -> None:
-        if self.places.ndim != 1 or self.places.size < 2 or not np.isfinite(self.places).all():
-            raise ValueError(f"places must be two or more finite positions; got shape {self.places.shape}")
+        if self.positions.ndim != 1 or self.positions.size < 2 or not np.isfinite(self.positions).all():
+            raise ValueError(f"positions must be two or more finite numbers; got shape {self.positions.shape}")
 
     @property
     def end_s(self) -> float:
-        """When it comes to rest."""
-        return float(STEP_S * (self.places.size - 1))
+        return float(STEP_S * (self.positions.size - 1))
 
     def position(self, t: Array) -> Array:
-        """Position in m at the times `t` in s, same shape."""
-        return np.asarray(np.interp(np.asarray(t, dtype=float) / STEP_S, self._grid, self.places))
+        return np.asarray(np.interp(np.asarray(t, dtype=float) / STEP_S, self._grid, self.positions))
 
     def speed(self, t: Array) -> Array:
-        """Speed in m/s at the times `t` in s, same shape."""
-        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9), 0.0), float(self.places.size))
+        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9), 0.0), float(self.positions.size))
         return np.asarray(self._steps[at.astype(np.int64)] / STEP_S)
 
     @cached_property
     def _grid(self) -> Array:
-        """Number of each position (n,)."""
-        return np.arange(float(self.places.size))
+        return np.arange(float(self.positions.size))
 
     @cached_property
     def _steps(self) -> Array:
-        """From each position to the next (n + 1,), with the rest before the first and after the last."""
-        return np.concatenate([[0.0], np.diff(self.places), [0.0]])
+        """Change from each position to the next (n + 1,), 0 before the first and after the last."""
+        return np.concatenate([[0.0], np.diff(self.positions), [0.0]])
 
 
 def by_speeds(
     speeds_m_s: Sequence[float], durations_s: Sequence[float], ramp_s: float = 0.05, start_m: float = 0.0
 ) -> Trajectory:
-    """Runs at constant speeds, one after the other; a change of speed takes `ramp_s`."""
+    """Runs at constant speeds in a row; a change of speed takes `ramp_s`."""
     if len(speeds_m_s) != len(durations_s) or not speeds_m_s:
         raise ValueError(f"durations must be as many as speeds, {len(speeds_m_s)}; got {len(durations_s)}")
     if not all(d > 0 for d in durations_s) or not sum(durations_s) <= LONGEST_S:
@@ -70,20 +66,22 @@ def by_speeds(
     return Trajectory(start_m + np.concatenate([[0.0], np.cumsum(smooth) * STEP_S]))
 
 
-def by_places(times_s: Sequence[float], places_m: Sequence[float]) -> Trajectory:
-    """Straight from place to place, there at `times_s` from 0 on, corners rounded; counts from the first place."""
+def by_positions(times_s: Sequence[float], positions_m: Sequence[float]) -> Trajectory:
+    """Straight lines from position to position, reached at `times_s` from 0 on, with rounded corners, relative to the
+    first.
+    """
     spans = np.maximum(np.round(np.diff(times_s) / STEP_S), 1.0) * STEP_S
-    return by_speeds((np.diff(places_m) / spans).tolist(), spans.tolist())
+    return by_speeds((np.diff(positions_m) / spans).tolist(), spans.tolist())
 
 
 def through(
-    places_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05
+    positions_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05
 ) -> Trajectory:
-    """From 0 to one place after the other, a rest of `dwell_s` at each; the first move begins at `start_s`."""
+    """From 0 to one position after the other with a rest of `dwell_s` at each; the first move begins at `start_s`."""
     if not speed_m_s > 0 or not dwell_s >= 0:
         raise ValueError(f"speed must be positive and dwell zero or more; got {speed_m_s:g} and {dwell_s:g}")
     speeds, durations, here = [0.0], [max(start_s, STEP_S)], 0.0
-    for place in places_m:
+    for place in positions_m:
         ticks = max(1, round(abs(place - here) / speed_m_s / STEP_S))
         speeds += [(place - here) / (ticks * STEP_S), 0.0]
         durations += [ticks * STEP_S, max(dwell_s, STEP_S)]
@@ -93,22 +91,20 @@ def through(
 
 @dataclass(frozen=True, slots=True)
 class SetpointMove:
-    """A reference of phases with constant acceleration: phase k begins at `times[k]` in s at `places[k]` in m and
-    `speeds[k]` in m/s and changes its speed by `rates[k]` in m/s2; all four (n,). Before the first it stands.
+    """Phases of constant acceleration: phase k begins at `times[k]` in s at `positions[k]` in m and `speeds[k]` in m/s.
+    Its speed changes by `rates[k]` in m/s2; all four (n,). It rests before the first phase.
     """
 
     times: Array
-    places: Array
+    positions: Array
     speeds: Array
     rates: Array
 
     def position(self, t: Array) -> Array:
-        """Position in m at the times `t` in s, same shape."""
         k, since = self._phase(t)
-        return np.asarray(self.places[k] + (self.speeds[k] + 0.5 * self.rates[k] * since) * since)
+        return np.asarray(self.positions[k] + (self.speeds[k] + 0.5 * self.rates[k] * since) * since)
 
     def speed(self, t: Array) -> Array:
-        """Speed in m/s at the times `t` in s, same shape."""
         k, since = self._phase(t)
         return np.where(t < self.times[0], 0.0, self.speeds[k] + self.rates[k] * since)
 
@@ -117,26 +113,26 @@ class SetpointMove:
         return k, np.maximum(t - self.times[k], 0.0)
 
 
-def rest(place_m: float, begin_s: float = 0.0) -> SetpointMove:
-    """Stay at `place_m`."""
+def rest(position_m: float, begin_s: float = 0.0) -> SetpointMove:
+    """Stay at `position_m`."""
     zero = np.zeros(1)
-    return SetpointMove(np.array([begin_s]), np.array([place_m]), zero, zero)
+    return SetpointMove(np.array([begin_s]), np.array([position_m]), zero, zero)
 
 
-def brake(place_m: float, speed_m_s: float, acceleration_m_s2: float, begin_s: float) -> SetpointMove:
+def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, begin_s: float) -> SetpointMove:
     """From `speed_m_s` to rest."""
-    goal = place_m + speed_m_s * abs(speed_m_s) / (2 * acceleration_m_s2)
-    return move(goal, place_m, speed_m_s, math.inf, acceleration_m_s2, begin_s)
+    goal = position_m + speed_m_s * abs(speed_m_s) / (2 * acceleration_m_s2)
+    return move(goal, position_m, speed_m_s, math.inf, acceleration_m_s2, begin_s)
 
 
 def move(
-    goal_m: float, place_m: float, speed_m_s: float, fastest_m_s: float, acceleration_m_s2: float, begin_s: float
+    goal_m: float, position_m: float, speed_m_s: float, fastest_m_s: float, acceleration_m_s2: float, begin_s: float
 ) -> SetpointMove:
-    """The quickest move from `place_m` at `speed_m_s` to rest at `goal_m` that is no faster than `fastest_m_s` and
-    speeds up and slows down by `acceleration_m_s2`, both positive: to the greatest speed, on with it, to rest. One that
-    begins faster slows down first; one that cannot stop before the goal comes back to it.
+    """The quickest move from `position_m` at `speed_m_s` to rest at `goal_m`, no faster than `fastest_m_s`, with
+    `acceleration_m_s2` up and down; both are positive. A faster start slows down first; a start that cannot stop before
+    the goal overshoots and returns.
     """
-    a, way = acceleration_m_s2, goal_m - place_m
+    a, way = acceleration_m_s2, goal_m - position_m
     sign = math.copysign(1.0, way - speed_m_s * abs(speed_m_s) / (2 * a))
     v, d = sign * speed_m_s, sign * way
     reached = math.sqrt(max(a * d + 0.5 * v * v, 0.0))
@@ -149,15 +145,15 @@ def move(
     rates = sign * np.array([math.copysign(a, top - v), 0.0, -a, 0.0])
     speeds = sign * np.array([v, top, top, 0.0])
     gone = sign * np.cumsum([0.0, 0.5 * (v + top) * first, top * cruise, 0.5 * top * last])
-    places = place_m + gone
-    places[-1] = goal_m
-    return SetpointMove(times, places, speeds, rates)
+    positions = position_m + gone
+    positions[-1] = goal_m
+    return SetpointMove(times, positions, speeds, rates)
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Waypoints `places_m` at `times_s`, from 0 at time 0 back to 0, straight between with rounded corners; to be
-    driven once the reference rests, from `at_s` of its time on.
+    """Waypoints `places_m` at `times_s`, from 0 at time 0 back to 0, joined by straight lines with rounded corners. It
+    runs once the reference rests, from `at_s` of the reference's time on.
     """
 
     times_s: tuple[float, ...]
@@ -167,7 +163,7 @@ class Experiment:
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.places_m) or len(self.times_s) < 2:
             raise ValueError(
-                f"experiment must have as many times as places, two or more; got {len(self.times_s)} and"
+                f"experiment must have as many times as positions, two or more; got {len(self.times_s)} and"
                 f" {len(self.places_m)}"
             )
         if self.times_s[0] != 0 or np.any(np.diff(self.times_s) <= 0) or self.places_m[0] or self.places_m[-1]:
@@ -175,34 +171,33 @@ class Experiment:
 
     @property
     def path(self) -> Trajectory:
-        """The motion."""
-        return by_places(self.times_s, self.places_m)
+        return by_positions(self.times_s, self.places_m)
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Experiment:
-        """From the record beside a log."""
-        times, places = (tuple(map(float, document[name])) for name in ("times_s", "places_m"))
-        return cls(times, places, float(document["at_s"]))
+        """The experiment in a log's side file."""
+        times, positions = (tuple(map(float, document[name])) for name in ("times_s", "places_m"))
+        return cls(times, positions, float(document["at_s"]))
 
     def document(self) -> dict[str, Any]:
-        """For the record beside a log."""
+        """Its entry in a log's side file."""
         return {"times_s": list(self.times_s), "places_m": list(self.places_m), "at_s": self.at_s}
 
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """`before`, which rests at `begin_s`, then `path` there and back, then `before`, by as much later."""
+    """The reference `before`, at rest at `begin_s`, then `path` out and back, then `before` continued, later by the
+    length of `path`.
+    """
 
     before: Reference
     path: Trajectory
     begin_s: float
 
     def position(self, t: Array) -> Array:
-        """Position in m at the times `t` in s, same shape."""
         return self.before.position(self._spared(t)) + self.path.position(t - self.begin_s)
 
     def speed(self, t: Array) -> Array:
-        """Speed in m/s at the times `t` in s, same shape."""
         inside = (t >= self.begin_s) & (t < self.begin_s + self.path.end_s)
         return np.where(inside, self.path.speed(t - self.begin_s), self.before.speed(self._spared(t)))
 

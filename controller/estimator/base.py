@@ -161,7 +161,7 @@ class Estimator(ABC):
         self.offset = 0.0
         self._watch = Watch(self.noise)
         self._kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
-        self._told: deque[float] = deque(maxlen=self._kept)
+        self._commands: deque[float] = deque(maxlen=self._kept)
         self._current = next((k for k, n in enumerate(model.states) if bare(n) == "current_A"), None)
         self._level = Level(model)
 
@@ -184,7 +184,7 @@ class Estimator(ABC):
         self._command = command if math.isfinite(command) else self._command
         if self._count:
             self._go_on(now, self._command + self.offset)
-            self._told.append(self._command)
+            self._commands.append(self._command)
             self._count = min(self._count + 1, self._kept)
         self._innovations.clear()
         self._surprise = math.nan
@@ -214,7 +214,7 @@ class Estimator(ABC):
         if not 0 <= back < self._count:
             self.counts.unusable += 1
         elif not followed:
-            off = m.value - self._told[-1 - back]
+            off = m.value - self._commands[-1 - back]
             self.offset = off if abs(off) > _FOLLOWS * self.noise.carriage_std_m else 0.0
         else:
             size = self._fuse(back, m)
@@ -233,8 +233,8 @@ class Estimator(ABC):
             self._shift(back, m.value)
 
     def _start(self, position_m: float, now: float) -> None:
-        self._told.clear()
-        self._told.append(self._command)
+        self._commands.clear()
+        self._commands.append(self._command)
         self._begin(position_m, now)
         self._count = 1
         self._watch.begin(now)

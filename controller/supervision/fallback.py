@@ -65,30 +65,30 @@ class FallbackChain:
 
     def open(self, now: float) -> Iterator[int]:
         """The controllers that may be asked at `now`, best first."""
-        for rung, until in enumerate(self._closed_until):
+        for rank, until in enumerate(self._closed_until):
             if now >= until:
-                yield rung
+                yield rank
 
-    def failed(self, rung: int, now: float) -> None:
+    def failed(self, rank: int, now: float) -> None:
         """Suspend a controller."""
-        self._closed_until[rung] = max(self._closed_until[rung], now + self._wait[rung])
-        self._wait[rung] = min(2 * self._wait[rung], max(self._rules.retry_longest_s, self._rules.retry_s))
-        self._good_since[rung] = math.inf
+        self._closed_until[rank] = max(self._closed_until[rank], now + self._wait[rank])
+        self._wait[rank] = min(2 * self._wait[rank], max(self._rules.retry_longest_s, self._rules.retry_s))
+        self._good_since[rank] = math.inf
 
-    def ban(self, rung: int) -> None:
+    def ban(self, rank: int) -> None:
         """Suspend a controller for good."""
-        self._closed_until[rung] = math.inf
+        self._closed_until[rank] = math.inf
 
     @property
     def banned(self) -> bool:
         """Whether all are suspended for good."""
         return all(until == math.inf for until in self._closed_until)
 
-    def worked(self, rung: int, now: float) -> None:
+    def worked(self, rank: int, now: float) -> None:
         """A controller gave a usable answer."""
-        self._good_since[rung] = min(self._good_since[rung], now)
-        if now - self._good_since[rung] >= self._rules.forgive_s:
-            self._wait[rung] = self._rules.retry_s
+        self._good_since[rank] = min(self._good_since[rank], now)
+        if now - self._good_since[rank] >= self._rules.forgive_s:
+            self._wait[rank] = self._rules.retry_s
 
 
 DONE: Final = "done"

@@ -137,21 +137,21 @@ class Supervisor:
         if blind or self._elapsed < self._bad_until:
             return self._stop("estimate lost"), "lost"
         worst: Status = "ok"
-        for rung in self._fallback.open(self._elapsed):
-            action, fault = self._asked(rung, now, estimate, reference)
+        for rank in self._fallback.open(self._elapsed):
+            action, fault = self._asked(rank, now, estimate, reference)
             if fault is None:
-                self._fallback.worked(rung, self._elapsed)
+                self._fallback.worked(rank, self._elapsed)
                 command = self._blend.smooth(action.command, self._elapsed)
                 smooth = Action(command, action.status, action.predicted, action.timings)
                 return smooth, action.status if worst == "ok" else worst
             worst = "late" if fault == "late" else "failed"
-            self._reason = f"{self._chain[rung].name} {fault}"
-            self._fallback.failed(rung, self._elapsed)
+            self._reason = f"{self._chain[rank].name} {fault}"
+            self._fallback.failed(rank, self._elapsed)
         return self._stop(self._reason), "stopped"
 
-    def _asked(self, rung: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
+    def _asked(self, rank: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
         """The answer of one controller of the chain, and what is wrong with it."""
-        controller, changed = self._chain[rung], rung != self._active
+        controller, changed = self._chain[rank], rank != self._active
         began = self._clock()
         try:
             if changed:
@@ -171,12 +171,12 @@ class Supervisor:
         if self._late > self.rules.late_allowed:
             return _NO_ACTION, "late"
         if changed:
-            self._hand_over(rung, command)
+            self._hand_over(rank, command)
         return Action(command, "late" if late else status, action.predicted, action.timings), None
 
-    def _hand_over(self, rung: int, command: float) -> None:
-        self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
-        self._active, self._stopped_at = rung, math.inf
+    def _hand_over(self, rank: int, command: float) -> None:
+        self._note(self._chain[rank].name, "tried again" if 0 <= rank < self._active else self._reason)
+        self._active, self._stopped_at = rank, math.inf
         if not self.envelope.shaken:
             running = self.issued.rate * self._tick if self.envelope.placed else 0.0
             self._blend.begin(self.issued.command + running - command, self._elapsed)

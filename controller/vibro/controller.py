@@ -70,7 +70,7 @@ class VibroController(Controller):
         return value if abs(value) < _FAR else None
 
     def _look(self, now: float, estimate: Estimate) -> None:
-        """Take a new estimate in, at the pace of the localisation."""
+        """Take a new estimate in, at the gait of the localisation."""
         position = self._position(estimate)
         if position is None or not self._stamp + self.tuning.sample_s <= estimate.time_s <= now + self.tuning.tick_s:
             return

@@ -26,7 +26,7 @@ from models.surfaces.surface import Surface
 from models.theta import Theta, spelled
 
 STEP_S = 6e-5  # longest step of a cycle's integration
-SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a pace is measured, and s for which it is
+SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a gait is measured, and s for which it is
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
 """Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm as the other coils of this project have."""
 _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
@@ -118,7 +118,7 @@ class Cycles:
         self._kernel = _metered(assembly, model.drive.reaction_on_body)
         self._parameters = assembly.vector(model.values)
 
-    def pace(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Gait:
+    def gait(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Gait:
         """Mean speed and powers of `waveform` over whole cycles for `measure_s`, after `settle_s` from rest."""
         levels = _sampled(waveform)
         first, last = (max(math.ceil(s / waveform.period_s), 3) for s in (settle_s, measure_s))
@@ -196,10 +196,10 @@ Impact = Literal["none", "front", "rear", "both"]
 IMPACTS: tuple[Impact, ...] = ("none", "front", "rear", "both")
 
 
-def impact_of(model: VibroModel, pace: Gait) -> Impact:
-    """The stops of `model` that lie within the swings of `pace`."""
-    front = model.drive.front is not None and pace.front_m > model.drive.front.gap_m
-    rear = model.drive.rear is not None and pace.rear_m > model.drive.rear.gap_m
+def impact_of(model: VibroModel, gait: Gait) -> Impact:
+    """The stops of `model` that lie within the swings of `gait`."""
+    front = model.drive.front is not None and gait.front_m > model.drive.front.gap_m
+    rear = model.drive.rear is not None and gait.rear_m > model.drive.rear.gap_m
     return IMPACTS[front + 2 * rear]
 
 

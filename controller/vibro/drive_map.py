@@ -72,7 +72,7 @@ def shape_at(
     best, least, in_vain = seed, math.inf, 0
     for guess in guesses:
         optimum = optimal_cycle(nominal, speed_m_s, guess, _ROUNDS, _CLOSE)
-        energy = optimum.pace.energy_J_per_m if optimum.found else math.inf
+        energy = optimum.gait.energy_J_per_m if optimum.found else math.inf
         in_vain += 1
         if energy < least and _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
             in_vain = 0 if energy < (1 - _SAVES) * least else in_vain
@@ -84,17 +84,17 @@ def shape_at(
 
 def _kept(wrong: list[Cycles], wave: Waveform, speed: float) -> float:
     """The least share of `speed` that `wave` keeps with wrong parameters."""
-    return min(c.pace(wave).speed_m_s / speed for c in wrong)
+    return min(c.gait(wave).speed_m_s / speed for c in wrong)
 
 
 def lag(cycles: Cycles, waveform: Waveform) -> float:
     """How long in s the mean speed takes to come up from rest: `t - x(t)/v` once it is steady (area method)."""
-    pace = cycles.pace(waveform)
+    gait = cycles.gait(waveform)
     n = max(math.ceil(1.0 / waveform.period_s), 4)
     path = cycles.path(waveform, n)
-    if pace.speed_m_s == 0:
+    if gait.speed_m_s == 0:
         return _LAG_S[1]
-    return float(np.clip(n * waveform.period_s - path[-1] / pace.speed_m_s, *_LAG_S))
+    return float(np.clip(n * waveform.period_s - path[-1] / gait.speed_m_s, *_LAG_S))
 
 
 def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = None) -> DriveMap:

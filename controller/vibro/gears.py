@@ -76,12 +76,12 @@ def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
         wave = shape.scaled(strength)
         if not path or wave.levels != path[-1].levels:
             path.append(wave)
-    paces = [cycles.pace(w) for w in path]
-    speeds = [direction * pace.speed_m_s if pace.peak_m_s < _ROOM * Limits().speed_m_s else 0.0 for pace in paces]
+    gaits = [cycles.gait(w) for w in path]
+    speeds = [direction * gait.speed_m_s if gait.peak_m_s < _ROOM * Limits().speed_m_s else 0.0 for gait in gaits]
     kept = _longest_rise(speeds)
     if len(kept) < 2:
         return None
-    impact = impact_of(cycles.model, cycles.pace(shape))
+    impact = impact_of(cycles.model, cycles.gait(shape))
     return Gear(tuple(path[i] for i in kept), tuple(direction * speeds[i] for i in kept), home_m_s, impact)
 
 

@@ -116,12 +116,12 @@ _OPTIONS: dict[str, Any] = {  # of ipopt
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best cycle found and its `pace` on the exact model; `found` is False, with a sentence in `reason`, where none
+    """The best cycle found and its `gait` on the exact model; `found` is False, with a sentence in `reason`, where none
     came near the speed, and the cycle is then the nearest.
     """
 
     waveform: Waveform
-    pace: Gait
+    gait: Gait
     found: bool
     reason: str
 
@@ -136,30 +136,30 @@ def optimal_cycle(
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")
     lags = _lags(cycles, guess)
     programs = [smooth_part(cycles.model, eps, STEPS, lags) for eps in _SMOOTHING]
-    best, nearest = None, (abs(cycles.pace(guess).speed_m_s - speed_m_s), guess, cycles.pace(guess))
+    best, nearest = None, (abs(cycles.gait(guess).speed_m_s - speed_m_s), guess, cycles.gait(guess))
     waveform, aim = guess, speed_m_s * cycles.model.mirror
     for k in range(rounds):
         solution = _solve(cycles, programs[min(k, len(programs) - 1)], waveform, aim)
         if solution is None:
             break
         waveform = solution
-        pace = cycles.pace(waveform)
-        off = abs(pace.speed_m_s - speed_m_s)
+        gait = cycles.gait(waveform)
+        off = abs(gait.speed_m_s - speed_m_s)
         if off < nearest[0]:
-            nearest = (off, waveform, pace)
+            nearest = (off, waveform, gait)
         if off <= close * abs(speed_m_s):
-            settled = best is not None and pace.energy_J_per_m > (1 - _SETTLED) * best[1].energy_J_per_m
-            if best is None or pace.energy_J_per_m < best[1].energy_J_per_m:
-                best = (waveform, pace)
+            settled = best is not None and gait.energy_J_per_m > (1 - _SETTLED) * best[1].energy_J_per_m
+            if best is None or gait.energy_J_per_m < best[1].energy_J_per_m:
+                best = (waveform, gait)
             if settled:
                 break
-        ratio = pace.speed_m_s / speed_m_s
+        ratio = gait.speed_m_s / speed_m_s
         aim *= float(np.clip(1 / ratio, 0.75, 1.35)) if ratio > 0 else 1.35
     if best is not None:
         return Optimum(*best, True, "")
-    _, waveform, pace = nearest
-    reason = f"no cycle came within {close:.0%} of the speed; the nearest goes {pace.speed_m_s:.3g} m/s"
-    return Optimum(waveform, pace, False, reason)
+    _, waveform, gait = nearest
+    reason = f"no cycle came within {close:.0%} of the speed; the nearest goes {gait.speed_m_s:.3g} m/s"
+    return Optimum(waveform, gait, False, reason)
 
 
 def _lags(cycles: Cycles, waveform: Waveform) -> dict[Name, float]:

@@ -63,9 +63,9 @@ def speed_map(
     shape = (len(ratios), len(duties), len(amplitudes))
     speed, energy, impact = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=np.int8)
     for i, j, k in np.ndindex(*shape):
-        pace = cycles.pace(Waveform.square(float(periods[i]), duties[j], amplitudes[k]))
-        speed[i, j, k], energy[i, j, k] = pace.speed_m_s, pace.energy_J_per_m
-        impact[i, j, k] = IMPACTS.index(impact_of(cycles.model, pace))
+        gait = cycles.gait(Waveform.square(float(periods[i]), duties[j], amplitudes[k]))
+        speed[i, j, k], energy[i, j, k] = gait.speed_m_s, gait.energy_J_per_m
+        impact[i, j, k] = IMPACTS.index(impact_of(cycles.model, gait))
     return SpeedMap(periods, np.asarray(duties), np.asarray(amplitudes), speed, energy, impact)
 
 
@@ -78,23 +78,23 @@ def best_square(
     ends = sorted((0.75 * speed_m_s, 1.25 * speed_m_s))
     best: tuple[Waveform, Gait] | None = None
     for candidate in table.squares(ends[0], ends[1], impact)[:_TRIED]:
-        wave, pace = _brought_to(cycles, candidate, speed_m_s)
-        fits = abs(pace.speed_m_s / speed_m_s - 1) < _EXACT and impact in (None, impact_of(cycles.model, pace))
-        if fits and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
-            best = (wave, pace)
+        wave, gait = _brought_to(cycles, candidate, speed_m_s)
+        fits = abs(gait.speed_m_s / speed_m_s - 1) < _EXACT and impact in (None, impact_of(cycles.model, gait))
+        if fits and (best is None or gait.energy_J_per_m < best[1].energy_J_per_m):
+            best = (wave, gait)
     return best
 
 
 def _brought_to(cycles: Cycles, wave: Waveform, speed: float) -> tuple[Waveform, Gait]:
     """The square wave near `wave` at `speed`, by a few steps on its amplitude."""
-    pace = cycles.pace(wave)
+    gait = cycles.gait(wave)
     for _ in range(6):
-        ratio = pace.speed_m_s / speed
+        ratio = gait.speed_m_s / speed
         if not ratio > 0 or abs(ratio - 1) < 0.5 * _EXACT:
             break
         wave = wave.scaled(min(max(ratio**-0.6, 0.8), 1.25))
-        pace = cycles.pace(wave)
-    return wave, pace
+        gait = cycles.gait(wave)
+    return wave, gait
 
 
 Shape = Literal["square", "optimal", "map"]
@@ -105,7 +105,7 @@ class Alternative:
     """One way to go at a mean speed, what it does, the stop that it strikes and where it comes from."""
 
     waveform: Waveform
-    pace: Gait
+    gait: Gait
     impact: Impact
     shape: Shape
 

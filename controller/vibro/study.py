@@ -78,8 +78,8 @@ def vibro_study(model: VibroModel, drive: DriveMap, table: SpeedMap, delay_s: fl
     found = {v: squares(cycles, table, v) for v in SPEEDS_M_S}
     for v in reached:
         wave = drive.choose(v).waveform
-        pace = cycles.pace(wave)
-        found[v].append(Alternative(wave, pace, impact_of(model, pace), "map"))
+        gait = cycles.gait(wave)
+        found[v].append(Alternative(wave, gait, impact_of(model, gait), "map"))
     slow = tuple(slow_loop(drive, wrong, v, delay_s) for v in reached)
     return VibroStudy(resonance(model), drive, table, found, slow, delay_s)
 
@@ -105,7 +105,7 @@ def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_
     back = feedback(drive.lag_s, period, speed_m_s)
     loop = closed_loop(name, plant, control.series(plant.system(), back), delay_s)
     near = [drive.choose(f * speed_m_s, choice.gear).waveform for f in (1 - _ABOUT, 1 + _ABOUT)]
-    slopes = [float(np.diff([c.pace(wave).speed_m_s for wave in near])[0]) / (2 * _ABOUT * speed_m_s) for c in wrong]
+    slopes = [float(np.diff([c.gait(wave).speed_m_s for wave in near])[0]) / (2 * _ABOUT * speed_m_s) for c in wrong]
     return SlowLoop(speed_m_s, loop, min(slopes, default=1.0), max(slopes, default=1.0))
 
 

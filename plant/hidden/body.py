@@ -45,7 +45,7 @@ def _with_history(t: float, s: Floats, h: Floats) -> float:
 
 @compiled
 def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> float:
-    """Factor on the hoop stress at place `x` in m, speed `v` in m/s, time `t` in s, memory `s`. Not negative."""
+    """Factor on the hoop stress at position `x` in m, speed `v` in m/s, time `t` in s, memory `s`; not negative."""
     level = _along_lumen(x, h) * _with_history(t, s, h)
     if h[ROW.stribeck, 0] != 0.0:
         level *= 1 + h[ROW.stribeck, 0] / (1 + (v / h[ROW.stribeck, 1]) ** 2)
@@ -56,7 +56,7 @@ def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> floa
 
 @compiled
 def resistance_at_nose(resistance: float, v: float, h: Floats) -> float:
-    """Resistance in N at speed `v` in m/s as effects leave it that the slip limit does not feel. Not negative."""
+    """Resistance in N at speed `v` in m/s with the effects that leave the slip limit unchanged; not negative."""
     if h[ROW.nose_asymmetry, 0] != 0.0:
         resistance *= 1 + h[ROW.nose_asymmetry, 0] * v / math.sqrt(v * v + h[ROW.nose_asymmetry, 1] ** 2)
     if h[ROW.film_weakening, 0] != 0.0:
@@ -66,7 +66,7 @@ def resistance_at_nose(resistance: float, v: float, h: Floats) -> float:
 
 @compiled
 def hoop_at_slip(hoop: float, x: float, h: Floats) -> float:
-    """Factor on the hoop stress that the slip limit feels at place `x` in m, given the one at the nose."""
+    """Factor on the hoop stress in the slip limit at position `x` in m, given the factor at the nose."""
     if h[ROW.slip_folds, 0] != 0.0:
         q = 2 * math.pi * x / h[ROW.slip_folds, 1]
         hoop *= 1 + h[ROW.slip_folds, 0] * math.sin(q) * (1 + 0.5 * math.cos(q))
@@ -75,7 +75,7 @@ def hoop_at_slip(hoop: float, x: float, h: Floats) -> float:
 
 @compiled
 def remember_motion(v: float, dt: float, s: Floats, h: Floats) -> None:
-    """Advance what resistance remembers over one step at speed `v`: path, bond strength, wobble angle."""
+    """Advance the memories of resistance by one step at speed `v`: path, bond strength, wobble angle."""
     path = abs(v) * dt
     s[S_TRAVEL] += path
     if h[ROW.dwell_adhesion, 0] != 0.0:
@@ -120,7 +120,7 @@ def field_reach(r: float, h: Floats) -> float:
 
 @compiled
 def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) -> float:
-    """Sum of the hidden forces in N at `x` in m, `v` in m/s, `t` in s; the forms stand in the registry."""
+    """Sum of the hidden forces in N at `x` in m, `v` in m/s, `t` in s; the forms are in the registry."""
     force = 0.0
     if h[ROW.viscous_drag, 0] != 0.0 and v != 0.0:
         force -= math.copysign(h[ROW.viscous_drag, 0] * (abs(v) * 100.0) ** 0.85, v)
@@ -139,7 +139,7 @@ def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) 
 
 @compiled
 def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
-    """Advance the stress that builds up on the way and relaxes with a power of itself."""
+    """Advance the stress that builds up over the path and relaxes with a power of itself."""
     if h[ROW.stress_relaxation, 0] != 0.0:
         q = s[S_RELAX]
         growth = (v - q * abs(v)) / h[ROW.stress_relaxation, 1]
@@ -148,5 +148,5 @@ def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
 
 @compiled
 def inertia(p: Floats, h: Floats) -> float:
-    """Mass of the body in kg, with what it drags along."""
+    """Mass of the body in kg, with the hidden added mass."""
     return float(p[P_MASS] + h[ROW.added_mass, 0])

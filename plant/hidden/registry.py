@@ -1,38 +1,31 @@
-"""The one list of hidden effects: name, form, numbers with their ranges, and the drives they make sense for."""
+"""The one list of hidden effects: name, form, numbers with ranges, and the drives that can have them."""
 
 from collections import namedtuple
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-import numpy as np
-
 from models.parameter import nearest
 
 PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
-"""The simulated drives by name: `plant.drives` has what is true of each."""
+"""The simulated drives by name; their true numbers are in `plant.drives`."""
 CARRIED: Final = (PULL, MAGNETIC)
 PUSHED: Final = (MAGNETIC, COIL)
 RESTING: Final = (*CARRIED, COIL, FORCE)
 GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
-LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time that each of its stages has
-IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
+LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time, one per stage
+IN_A_ROW: Final = "three first-order lags in series, a/2, a/3 and a/6"
 SIGNED: Final = -1.0
-"""Third number of a range whose values are negative half of the time."""
+"""Third number of a range whose values may be negative."""
 
 
 @dataclass(frozen=True)
 class HiddenNumber:
-    """One number of an effect, `unit` in its name; a random rig draws it from [`lower`, `upper`]."""
+    """One number of an effect, `unit` in its name; random rigs draw it from [`lower`, `upper`]."""
 
     name: str
     lower: float
     upper: float
     sign: float = 1.0
-
-    def draw(self, rng: np.random.Generator) -> float:
-        """A value, evenly from the range; a signed one is negative half of the time."""
-        value = float(rng.uniform(self.lower, self.upper))
-        return -value if self.sign == SIGNED and rng.random() < 0.5 else value
 
     @property
     def middle(self) -> float:
@@ -42,7 +35,7 @@ class HiddenNumber:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect: `numbers[0]` is its amplitude, zero switches it off. `answer` is what a search should name."""
+    """An effect: `numbers[0]` is its amplitude, zero switches it off. `answer` is the effect that a search should name."""
 
     id: str
     form: str
@@ -59,7 +52,7 @@ def _effect(
     called: str = "",
     published: bool = True,
 ) -> Hidden:
-    """An effect with the `ranges` of its numbers; `called` is what the field calls it, where that is not its name."""
+    """An effect with the `ranges` of its numbers; `called` is the catalogue's name if it differs."""
     return Hidden("", form, tuple(HiddenNumber(n, *r) for n, r in ranges.items()), drives, published, called)
 
 
@@ -199,10 +192,10 @@ _BY_NAME: Final = {
 }
 HIDDEN: Final = tuple(replace(one, id=name, answer=one.answer or name) for name, one in _BY_NAME.items())
 ONSET: Final = 3
-"""Where in an effect's row of numbers the time in s stands from which on it is there, 0: from the beginning."""
+"""Position in an effect's row of its onset time in s; 0: from the beginning."""
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
 ROW: Final[Any] = namedtuple("Row", ROWS)(**ROWS)
-"""The same as a constant of compiled steps: `ROW.stribeck`."""
+"""The rows as constants of compiled steps: `ROW.stribeck`."""
 
 
 def hidden(name: str) -> Hidden:

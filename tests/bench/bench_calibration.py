@@ -33,9 +33,10 @@ from hil.app.main import run as capsule
 from hil.log.recorder import code_version
 from models.identification.confidence_map import MAP, ConfidenceMap
 from models.identification.settings import SET
-from plant.experiments.series import BELIEVED, make_series
+from plant.experiments.examples import BELIEVED
 from plant.hidden.registry import HIDDEN, hidden
 from tests.bench.bench_tracing import EFFECTS
+from tests.plant.series import make_series
 
 NONE_SHARE: Final = 1 / 3
 OUTSIDE_SHARE: Final = 1 / 6

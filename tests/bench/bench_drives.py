@@ -23,9 +23,9 @@ from models.rigs.rig import Rig as Belief
 from plant.drives import TrueCoil, TrueVibro
 from plant.experiments.profile import RandomPulses, RandomVoltage
 from plant.experiments.scenario import RunTable, Scenario, record_scenario
-from plant.hidden.table import draw
 from plant.rig import TruePlate, Truth
 from plant.sensing import Sensor
+from tests.plant.series import draw
 
 RIGS = ("coil", "vibro_plate", "vibro_gut")
 NOISE_M = 5e-5

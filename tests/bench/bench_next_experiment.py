@@ -26,13 +26,13 @@ from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
-from plant.experiments.profile import piecewise_runs, random_runs, random_wander
-from plant.experiments.series import BELIEVED, FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, rig_text
+from plant.experiments.examples import BELIEVED, FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M
+from plant.experiments.profile import RandomRuns, Wander, piecewise_runs
 from plant.hidden.registry import hidden
-from plant.hidden.table import draw
 from plant.rig import STEP_S, Plant, Truth
 from plant.sensing import Sensor
 from plant.tables import Floats
+from tests.plant.series import draw
 
 LENGTH_S = 24.0
 ONE_PASS = ((0.0, 0.5), (1.2e-3, LENGTH_S - 1.0), (0.0, 0.5))
@@ -79,8 +79,8 @@ class Series:
     def generic(self, seconds: float) -> Record:
         """A record of the experiment that serves every effect: runs at many speeds, or a wandering carriage."""
         rng = np.random.default_rng(self.seed)
-        made = random_runs if self.kind == "pull" else random_wander
-        return self.record(made(rng, seconds, STEP_S)[: round(seconds / STEP_S) + 1], "generic", 7)
+        profile = RandomRuns() if self.kind == "pull" else Wander()
+        return self.record(profile.values(seconds, STEP_S, rng), "generic", 7)
 
 
 POOR = (
@@ -121,7 +121,7 @@ class Answer:
     @classmethod
     def of(cls, series: Series, records: Sequence[Record]) -> Answer:
         """Search and proposal, as close-loop does both."""
-        rig = parse_rig(parse_toml(rig_text(series.kind), "rig"), "rig")
+        rig = parse_rig(parse_toml(BELIEVED[series.kind].rig_text(), "rig"), "rig")
         train = [ready(record, rig) for record in records]
         kind = kind_for(rig, train)
         wanted = family(hidden(series.effect).answer)

@@ -29,8 +29,8 @@ from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
-from plant.experiments.series import hidden_ids, make_series
 from plant.hidden.registry import hidden
+from tests.plant.series import hidden_ids, make_series
 
 TRAIN: Final = ("train_1", "train_2", "train_3")
 EFFECTS: Final[dict[str, tuple[str, ...]]] = {

@@ -62,23 +62,23 @@ def energies() -> list[Row]:
         better = optima(cycles, v, [*guesses, *(w.flipped() for w in optimal[:1]), *optimal[-1:]])
         row: Row = {"speed_mm_s": 1e3 * v}
         for one in plain + better:
-            row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.pace)
+            row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.gait)
         if (found := phases[v]) is not None:
             row["four-phase"] = _said(*found) | {"impact": impact_of(cycles.model, found[1])}
         chosen, square = cheapest(plain + better), cheapest(plain)
         if chosen is not None:
-            share = None if square is None else round(chosen.pace.energy_J_per_m / square.pace.energy_J_per_m, 3)
+            share = None if square is None else round(chosen.gait.energy_J_per_m / square.gait.energy_J_per_m, 3)
             row["chosen"] = {"shape": chosen.shape, "impact": chosen.impact, "of_square": share}
             optimal += [chosen.waveform] if chosen.shape == "optimal" else []
         rows.append(row)
     return rows
 
 
-def _said(wave: Waveform, pace: Gait) -> Row:
+def _said(wave: Waveform, gait: Gait) -> Row:
     return {
-        "J_per_m": round(pace.energy_J_per_m, 2),
-        "work_J_per_m": round(pace.work_W / abs(pace.speed_m_s), 3),
-        "speed_mm_s": round(1e3 * pace.speed_m_s, 2),
+        "J_per_m": round(gait.energy_J_per_m, 2),
+        "work_J_per_m": round(gait.work_W / abs(gait.speed_m_s), 3),
+        "speed_mm_s": round(1e3 * gait.speed_m_s, 2),
         "period_ms": round(1e3 * wave.period_s, 1),
     }
 

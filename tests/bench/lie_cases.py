@@ -9,7 +9,7 @@ import numpy as np
 
 from models.effects import CATALOGUE
 from plant.hidden.registry import HIDDEN
-from plant.hidden.table import draw
+from tests.plant.series import draw
 
 Fault = Mapping[str, Any]
 REFERENCES: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = MappingProxyType(

@@ -142,7 +142,7 @@ def test_choices_refuse_what_they_cannot_lead() -> None:
 def test_a_trajectory_is_its_speeds_summed() -> None:
     """Positions are the integral of speeds; it ends at rest where it was sent."""
     path = through([4e-3, 1e-3], 2e-3, 0.5, 0.2)
-    t = STEP_S * np.arange(path.places.size - 1)
+    t = STEP_S * np.arange(path.positions.size - 1)
     assert np.cumsum(path.speed(t)) * STEP_S == pytest.approx(path.position(t + STEP_S), abs=1e-12)
     assert path.position(np.array([100.0]))[0] == pytest.approx(1e-3, abs=1e-9)
     assert path.speed(np.array([-1.0, 100.0])) == pytest.approx([0.0, 0.0])

@@ -41,9 +41,9 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
             for gear in found.drive.gears
         ],
         "ways": [
-            {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.pace.speed_m_s}
+            {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.gait.speed_m_s}
             | {"period_s": one.waveform.period_s, "amplitude": max(one.waveform.levels)}
-            | {"energy_J_per_m": one.pace.energy_J_per_m}
+            | {"energy_J_per_m": one.gait.energy_J_per_m}
             for speed, ways in found.alternatives.items()
             for one in ways
         ],
@@ -83,10 +83,10 @@ def _cost_table(found: VibroStudy) -> Table:
     table = text_table("cheapest square wave by impact, and what the drive map does", heads, ("", "impact"))
     for speed, ways in found.alternatives.items():
         for one in ways:
-            wave, pace = one.waveform, one.pace
+            wave, gait = one.waveform, one.gait
             duty = f"{wave.edges[1]:.3g}" if one.shape == "square" else ""
-            numbers = [number(x, 3) for x in (pace.energy_J_per_m, 1e3 * wave.period_s)]
-            rest = (duty, f"{max(wave.levels):.3g}", f"{1e3 * pace.speed_m_s:.3g}")
+            numbers = [number(x, 3) for x in (gait.energy_J_per_m, 1e3 * wave.period_s)]
+            rest = (duty, f"{max(wave.levels):.3g}", f"{1e3 * gait.speed_m_s:.3g}")
             table.add_row(f"{1e3 * speed:g}", one.shape, one.impact, *numbers, *rest)
         if not ways:
             table.add_row(f"{1e3 * speed:g}", "out of reach", *[""] * 6)

@@ -353,7 +353,7 @@ class ControllerNode:
             return
         path = self._experiments.popleft().path
         place = float(self._reference.position(around)[1])
-        if np.max(np.abs(place + path.places)) <= self.task.limits.travel_m:
+        if np.max(np.abs(place + path.positions)) <= self.task.limits.travel_m:
             self._reference = Excursion(self._reference, path, begin_s)
             self.experiments_at.append(begin_s - origin)
 

@@ -19,8 +19,8 @@ from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.surfaces.surface import Plate
 from models.theta import Theta
-from plant.experiments.series import make_series
 from plant.hidden.registry import hidden
+from tests.plant.series import make_series
 
 RIVALS = {
     "slip_folds": ("fold_periodic", "stenosis", "lumen_taper"),

@@ -138,7 +138,7 @@ def test_an_experiment_is_driven_only_where_it_is_allowed() -> None:
     assert forbidden.learner.record["experiments"] == []
     first = allowed.driven[0]
     assert first.at_s == pytest.approx(38.0, abs=0.1)
-    assert 1e-3 < np.max(np.abs(first.path.places)) <= 3e-3
+    assert 1e-3 < np.max(np.abs(first.path.positions)) <= 3e-3
     assert first.path.end_s < 20.0
     assert allowed.asked[1].columns[TIME][-1] == pytest.approx(38.0 + 20.0 + first.path.end_s, abs=0.1)
     assert "experiment from 38.0 s on" in allowed.learner.lessons[0].words

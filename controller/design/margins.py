@@ -16,9 +16,9 @@ _POINTS = 4000  # frequencies up to half the sampling rate
 
 @dataclass(frozen=True)
 class Margins:
-    """`gain` (factor), `phase_deg`, `delay_s` beyond the one that is there, `sensitivity_peak` max |1/(1 + L)|,
-    `crossover_Hz` of |L| = 1, `bandwidth_Hz` where the closed loop has fallen by 3 dB, `stable` by the poles. Inf or
-    NaN where there is no such crossing.
+    """`gain` (factor), `phase_deg`, `delay_s` beyond the present one, `sensitivity_peak` max |1/(1 + L)|,
+    `crossover_Hz` of |L| = 1, `bandwidth_Hz` at which the closed loop has fallen by 3 dB, `stable` by the poles. Inf or
+    NaN without such a crossing.
     """
 
     gain: float
@@ -43,7 +43,6 @@ class OpenLoop:
     poles: Complex
 
     def margins(self) -> Margins:
-        """What the loop can bear before it becomes unstable."""
         frd = control.frd(self.L, self.omega, smooth=True)
         gain, phase, least, _, crossover, _ = control.stability_margins(frd)
         T = np.abs(self.L / (1 + self.L))
@@ -56,7 +55,7 @@ class OpenLoop:
         )
 
     def stable(self) -> bool:
-        """Whether all poles lie inside the unit circle."""
+        """Whether all poles are inside the unit circle."""
         return bool(np.all(np.abs(self.poles) < 1))
 
     def sensitivity(self) -> Array:

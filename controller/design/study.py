@@ -38,7 +38,7 @@ class LimitCycle:
 
     @property
     def hunts(self) -> bool:
-        """Whether it goes to and fro by more than a micrometre; one that still settles does not."""
+        """Whether it repeats with more than a micrometre, peak to peak."""
         return self.peak_to_peak_m > STILL and math.isfinite(self.period_s)
 
 
@@ -52,7 +52,7 @@ class LoopRun:
     command: Array
 
     def cycle(self) -> LimitCycle:
-        """How the error of the last half of the run repeats."""
+        """The periodic error in the last half of the run."""
         half = len(self.t) // 2
         error = (self.position - self.reference)[half:]
         swing = error - np.linspace(error[:50].mean(), error[-50:].mean(), len(error))
@@ -63,7 +63,7 @@ class LoopRun:
 
 
 def pid_law(pid: Pid, tick_s: float, moves_along: bool) -> Law:
-    """The PID as it runs; `moves_along`: the command starts from the reference's position (a carriage)."""
+    """The PID in the loop; `moves_along`: the command starts from the reference's position (a carriage)."""
     system = pid.system(tick_s)
     memory = np.zeros((2, 1))
 
@@ -78,7 +78,7 @@ def pid_law(pid: Pid, tick_s: float, moves_along: bool) -> Law:
 
 
 def lqr_law(lqr: LQR) -> Law:
-    """The LQR as it runs, on states that are seen late."""
+    """The LQR in the loop, on delayed states."""
 
     def law(t: float, state: Array, r: float, speed: float) -> float:
         reference = SetpointMove(*np.array([[t], [r], [speed], [0.0]]))
@@ -96,8 +96,8 @@ def simulate(
     delay_s: float,
     exact: Assembly | None = None,
 ) -> LoopRun:
-    """Run `law`, which sees states `delay_s` late, on `model` with friction that holds a resting capsule (`exact`,
-    `exactly(model)` where None): `seconds` at `speed_m_s`, then a hold of `hold_s`; one sample a tick.
+    """Run `law`, with states `delay_s` late, on `model` with set-valued friction (`exact`, `exactly(model)` if None):
+    `seconds` at `speed_m_s`, then a hold of `hold_s`; one sample per tick.
     """
     exact = exactly(model) if exact is None else exact
     p, state, tick = exact.vector(model.theta), exact.start(), model.tick_s
@@ -128,8 +128,8 @@ RAMP_S, HOLD_S = 5.0, 4.0  # s at a constant speed, and s held after it
 
 @dataclass(frozen=True)
 class Study:
-    """What was designed for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by
-    "ramp" and "hold", the `wall`'s describing function with the plant `free` of the wall that stands across from it.
+    """The designs for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by "ramp" and
+    "hold", the `wall`'s describing function with the plant `free` of the wall.
     """
 
     speed_m_s: float
@@ -143,7 +143,7 @@ class Study:
     free: Linear
 
     def cycles(self) -> dict[str, dict[str, LimitCycle]]:
-        """How each controller's error repeats."""
+        """The limit cycle of each controller and run."""
         return {name: {part: run.cycle() for part, run in parts.items()} for name, parts in self.runs.items()}
 
     def laws(self) -> dict[str, Pid | Gains]:
@@ -151,11 +151,11 @@ class Study:
         return {"pid": self.pid, "lqr": self.lqr}
 
     def balances(self) -> dict[str, list[Balance]]:
-        """The cycles at rest that the harmonic balance has for each controller."""
+        """The cycles at rest from the harmonic balance of each controller."""
         return {name: balances(self.wall, self.free, law, self.delay_s) for name, law in self.laws().items()}
 
     def compliance(self, name: str) -> Complex:
-        """What a force does to the capsule under the controller `name` without a wall, m/N at the wall's `omega`."""
+        """Motion of the capsule per force under the controller `name` without a wall, m/N at the wall's `omega`."""
         return compliance(self.free, self.laws()[name], self.wall.omega, self.delay_s)
 
 

@@ -1,4 +1,4 @@
-"""Fair baselines: PID and LQR with the strongest integral that the plant bears, stuck and slipping, with delay."""
+"""Fair baselines: PID and LQR with the strongest integral that the plant bears in stick and slip, with delay."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from controller.model.linear import Linear
 from controller.signals import Array
 
 FILTER_S = 5e-3  # s, of the PID's derivative
-PEAK = 1.6  # most that the sensitivity may rise to: the loop stays 1/1.6 off -1
-_STEPS = 24  # gains that are tried on a logarithmic axis
-_TIMES = 6  # times of the integral that are tried
+PEAK = 1.6  # greatest sensitivity: the loop stays 1/1.6 away from -1
+_STEPS = 24  # gains on a logarithmic axis
+_TIMES = 6  # time constants of the integral
 
 
 @dataclass(frozen=True)
 class Pid:
-    """`u = K_p e + K_i sum e dt + K_d (e - w)/filter_s` on the error e in m with w the error behind a first-order lag
-    `filter_s`; u in the command's unit. A magnet's carriage moves with the reference beside it.
+    """`u = K_p e + K_i sum e dt + K_d (e - w)/filter_s` on the error e in m with w the error after a first-order lag
+    `filter_s`; u in the command's unit. A magnet's carriage adds the reference's position.
     """
 
     K_p: float
@@ -49,7 +49,7 @@ Law = TypeVar("Law", Pid, Gains)
 
 
 def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
-    """What the controller makes of each state, (n, k) at the points `z`; the command is minus their sum."""
+    """The controller's share of each state, (n, k) at the points `z`; the command is minus their sum."""
     n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
     if isinstance(law, Pid):
         return np.asarray(first * law.response(z, plant.tick_s))
@@ -62,16 +62,16 @@ def pid_loop(plant: Linear, pid: Pid, delay_s: float) -> OpenLoop:
 
 
 def state_loop(plant: Linear, gains: Gains, delay_s: float) -> OpenLoop:
-    """State feedback with integral, states `delay_s` old: what is left where no estimator predicts across the delay."""
+    """State feedback with integral, states `delay_s` old: without an estimator that predicts across the delay."""
     A, B = augmented(plant)
     open_loop = control.ss(A, B, np.r_[gains.K, gains.K_i][None, :], 0.0, plant.tick_s)
     return closed_loop("lqr", plant, open_loop, delay_s)
 
 
 def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> Pid:
-    """The PID with the largest `K_i`, which overcomes friction that nobody knows, whose sensitivity peak is at most
-    `peak` on all of `plants` (Astrom and Hagglund's M-constrained integral gain optimisation, on a grid). Raises
-    ValueError where none of the grid fits.
+    """The PID with the largest `K_i`, which overcomes unknown friction, with a sensitivity peak of at most `peak` on
+    all of `plants` (Astrom and Hagglund's M-constrained integral gain optimisation, on a grid). Raises ValueError if
+    none of the grid fits.
     """
     sizes, rates, leads = np.geomspace(1e-2, 1e2, _STEPS), np.geomspace(0.3, 300, _STEPS), (0.0, 5e-3, 1e-2, 2e-2)
     gains = product(_scale(plants) * sizes, rates, leads)
@@ -80,7 +80,7 @@ def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> P
 
 
 def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: float = PEAK) -> Gains:
-    """The LQR for `design` with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`;
+    """The LQR for `design` with the largest `K_i` and a sensitivity peak of at most `peak` on every one of `plants`;
     see `tuned_pid`. Weights of command and integral vary, the position's is 0.2 mm, the speed's 20 mm/s.
     """
     commands = 2e-4 * _scale(plants) * np.geomspace(0.1, 10, _STEPS // 2)
@@ -90,13 +90,13 @@ def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: fl
 
 
 def _scale(plants: Sequence[Linear]) -> float:
-    """Command for a way at 20 1/s, on the plant that moves furthest."""
+    """Command per distance at 20 1/s, on the plant that moves farthest."""
     omega, z = _points(plants[0].tick_s)
     return 1 / max(float(np.interp(20.0, omega, np.abs(plant.response(z)[0]))) for plant in plants)
 
 
 def _points(tick_s: float) -> tuple[Array, Complex]:
-    """Frequencies in 1/s, and where they lie on the unit circle."""
+    """Frequencies in 1/s, and their points on the unit circle."""
     omega = np.geomspace(0.1, 0.99 * math.pi / tick_s, 300)
     return omega, np.exp(1j * omega * tick_s)
 
@@ -117,11 +117,11 @@ def _strongest(
         peaks = (_peak(late * np.sum(feedback(plant, law, z) * X, axis=0)) for plant, X in pairs)
         if all(one <= peak for one in peaks) and all(loop(plant, law, delay_s).stable() for plant in plants):
             return law
-    raise ValueError(f"sensitivity peak must be one that some {name} keeps on this plant; got {peak:g}")
+    raise ValueError(f"sensitivity peak must be within reach of a {name} on this plant; got {peak:g}")
 
 
 def _peak(L: Complex) -> float:
-    """The highest sensitivity of an open loop; inf where it crosses |L| = 1 more than once or too late."""
+    """The highest sensitivity of an open loop; inf if it crosses |L| = 1 more than once or too late."""
     above = np.abs(L) > 1
     crossings = np.flatnonzero(above[1:] != above[:-1])
     # an unwrapped phase starts between -270 and 90 degrees, where loops with integrals start

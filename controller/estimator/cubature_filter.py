@@ -1,4 +1,4 @@
-"""The Gaussian estimator: late measurements are taken in where they belong, what came after is redone."""
+"""The Gaussian estimator: late measurements are used where they belong, later ticks are computed again."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from controller.tuned import FilterNoise
 from models.parameter import Name
 from models.theta import bare
 
-# of states in their unit, before anything was measured
+# of states in their unit, before any measurement
 _START_STD: Final = {**base.START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
 @dataclass(slots=True)
 class Belief:
-    """`z` (n,) the continuous states in the model's order, the disturbance and the friction level, `P` (n, n) their
-    covariance, `modes` a model state whose switches count; `time_s`, the `command` in force up to then, and by how many
-    standard deviations recent positions were off on average, `surprise`.
+    """`z` (n,): continuous states in the model's order, disturbance and friction level, `P` (n, n) their covariance,
+    `modes` a model state with valid switches. `time_s`, the `command` in force up to then, and the mean normalised
+    innovation of recent positions, `surprise`.
     """
 
     z: Array
@@ -62,17 +62,17 @@ class Process:
         self._seen = ca.Function("seen", [x, t], [shown, ca.gradient(shown, x)])
 
     def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
-        """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
+        """At rest at `position_m`, known to `std_m`, after a long time under `command`."""
         state = self.model.initial(position_m, command)
         spread = [_START_STD.get(bare(name), 1e-3) for name in self.names[1:-2]]
         spread = [std_m, *spread, self.noise.force_std_N, self.noise.level_std]
         return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
     def predict(self, b: Belief, command: float) -> None:
-        """Move `b` a tick on in place, at the end of which the drive is at `command`."""
+        """Advance `b` by a tick in place, at the end of which the drive is at `command`."""
         k, points = self.model.kernels, (self._states, self._d, self._level)
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *points, self._values)
-        before = self.model.left(b.command, command)
+        before = self.model.command_from(b.command, command)
         moved = (self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
         k.run_each(self.level.index, self._values, *moved)
         take_moments(*points, self.where, self._scale, self._noise_of(b), b.z, b.P, b.modes)
@@ -86,11 +86,11 @@ class Process:
         return self._walk
 
     def shown(self, b: Belief) -> float:
-        """What localisation reads of `b`, in m."""
+        """The reading of the localisation in m at `b`."""
         return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
 
     def see_position(self, b: Belief, value: float) -> float:
-        """Take in a localisation in place; its normalised difference, signed, beyond the gate where refused."""
+        """Use a localisation in place; its signed normalised innovation, beyond the gate if refused."""
         expected, self._H[:] = b.z[0], 0.0
         if self._plain:
             self._H[0] = 1.0
@@ -104,7 +104,7 @@ class Process:
         return size
 
     def see_state(self, b: Belief, name: Name, value: float) -> float:
-        """Take in a reading of the state `name` itself, such as a coil's current."""
+        """Use a reading of the state `name`, such as a coil's current."""
         place = self.names.index(name)
         self._H[:] = 0.0
         self._H[place] = 1.0
@@ -122,7 +122,7 @@ class Process:
 
 @dataclass(slots=True)
 class _Tick:
-    """A tick that is kept: the belief at its end with all that was measured there."""
+    """A stored tick: the estimate at its end and its measurements."""
 
     belief: Belief
     seen: list[Measurement] = field(default_factory=list)
@@ -130,8 +130,8 @@ class _Tick:
 
 class CubatureEstimator(base.Estimator):
     """A cubature Kalman filter with the control model as its process. After a late measurement the ticks since are
-    computed again: their number is bounded. Its points lie a standard deviation away, some stick while others slip: the
-    mean glides where the capsule jumps.
+    computed again, a bounded number. Some of its points stick while others slip, so the mean glides where the capsule
+    jumps.
     """
 
     process: ClassVar[type[Process]] = Process
@@ -158,7 +158,7 @@ class CubatureEstimator(base.Estimator):
             belief.z[0] += off
             belief.P[0, 0] += self.noise.position_std_m**2
 
-    def _go_on(self, now: float, command: float) -> None:
+    def _predict(self, now: float, command: float) -> None:
         self._newest += 1
         self._at(0).seen.clear()
         self._redone(0, now, command)
@@ -173,7 +173,7 @@ class CubatureEstimator(base.Estimator):
         return size
 
     def _redone(self, back: int, time_s: float, command: float) -> None:
-        """The belief `back` ticks ago from the one before, with all that was measured in that tick."""
+        """The estimate `back` ticks ago from the one before, with all measurements of that tick."""
         tick = self._at(back)
         tick.belief.copy_from(self._at(back + 1).belief)
         self._process.predict(tick.belief, command)
@@ -186,7 +186,7 @@ class CubatureEstimator(base.Estimator):
             return self._process.see_position(belief, m.value)
         return self._process.see_state(belief, self.model.states[self._current or 0], m.value)
 
-    def _believed(self) -> tuple[Array, Array, float, float] | None:
+    def _estimate(self) -> tuple[Array, Array, float, float] | None:
         b, process = self._at(0).belief, self._process
         if not math.isfinite(b.z.sum() + b.P.sum()):
             return None

@@ -1,4 +1,4 @@
-"""The filter's machine code: points around a belief, their moments, one measurement. Nothing here can fail."""
+"""The filter's machine code: points around an estimate, their moments, one measurement. Nothing here can fail."""
 
 import math
 
@@ -14,8 +14,8 @@ LEAST_SHARE = 1e-12  # of a variance: below it a pivot counts as rounding
 
 @njit(cache=True)
 def root(P: Array, L: Array) -> None:
-    """Lower Cholesky factor `L` (n, n) of any symmetric `P` (n, n), whose lower half is read: a pivot that rounding
-    made too small becomes `LEAST_SHARE` of its diagonal and its column empty.
+    """Lower Cholesky factor `L` (n, n) of a symmetric `P` (n, n), whose lower half is read. A pivot too small by
+    rounding becomes `LEAST_SHARE` of its diagonal, its column empty.
     """
     n = P.shape[0]
     for j in range(n):
@@ -49,9 +49,9 @@ def place_points(
     learned: Array,
 ) -> None:
     """Fill `states` (2 n + 1, model states), `d` and `level` (2 n + 1,) with the points `z`, `z +- scale L_j` of the
-    belief `z` (n,), `P`: the continuous states, which stand at `where`, disturbance and level; switches are `modes`.
-    `bounds` (3,): least and greatest level, the learned parameter at level 0; `learned` (2 n + 1,) becomes its value at
-    each level.
+    estimate `z` (n,), `P`: the continuous states at `where`, disturbance and level; switches are `modes`. `bounds`
+    (3,): least and greatest level, the learned parameter at level 0. `learned` (2 n + 1,) becomes its value at each
+    level.
     """
     root(P, L)
     n = z.shape[0]
@@ -75,9 +75,9 @@ def place_points(
 def take_moments(
     states: Array, d: Array, level: Array, where: Indices, scale: float, Q: Array, z: Array, P: Array, modes: Array
 ) -> None:
-    """The belief after the points moved: the mean `z` (n,) of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`
-    and the noise `Q` (n,) of the step, `modes` of the middle one. Weights of cubature are positive: `P` cannot lose its
-    sign.
+    """The estimate after the prediction: the mean `z` (n,) of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`
+    plus the step's noise `Q` (n,), `modes` of the middle point. The weights of cubature are positive, so `P` stays
+    positive.
     """
     n = z.shape[0]
     points = np.empty((2 * n + 1, n))
@@ -105,9 +105,8 @@ def take_moments(
 
 @njit(cache=True)
 def fuse(z: Array, P: Array, H: Array, difference: float, R: float, gate: float, K: Array) -> float:
-    """Take in, in place, `difference` = measured - expected with slopes `H` (n,) and variance `R`; returns the
-    normalised `|difference|/sqrt(H P H' + R)`. Beyond `gate`, or where it is no number, nothing is changed. Joseph's
-    form.
+    """Use, in place, `difference` = measured - expected with slopes `H` (n,) and variance `R`; returns the normalised
+    `|difference|/sqrt(H P H' + R)`. Beyond `gate`, or not a number, nothing changes. Joseph's form.
     """
     n = z.shape[0]
     S = R

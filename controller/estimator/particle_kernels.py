@@ -1,4 +1,4 @@
-"""The arithmetic of the particles as machine code: weights, moments, renewal. Nothing here can fail."""
+"""The arithmetic of the particles as machine code: weights, moments, resampling. Nothing here can fail."""
 
 import math
 
@@ -13,7 +13,7 @@ Indices = NDArray[np.int64]
 
 @njit(cache=True)
 def expected(weights: Array, values: Array) -> tuple[float, float]:
-    """Mean and variance of `values` (P,) under `weights` (P,); those of no weight are not looked at."""
+    """Mean and variance of `values` (P,) under `weights` (P,); values of zero weight are ignored."""
     mean, square = 0.0, 0.0
     for k in range(weights.size):
         if weights[k] > 0:
@@ -26,9 +26,8 @@ def expected(weights: Array, values: Array) -> tuple[float, float]:
 
 @njit(cache=True)
 def weigh(weights: Array, values: Array, measured: float, variance: float) -> float:
-    """Multiply `weights` (P,), in place, by the likelihood of `measured` where `values` (P,) were expected, noise of
-    `variance`; returns how many particles the weights are worth, `1/sum w^2`. A particle that is no number loses its
-    weight.
+    """Multiply `weights` (P,), in place, by the likelihood of `measured` for the expected `values` (P,) with noise of
+    `variance`; returns the effective sample size `1/sum w^2`. A particle that is not a number gets zero weight.
     """
     least = math.inf
     for k in range(weights.size):
@@ -49,8 +48,8 @@ def weigh(weights: Array, values: Array, measured: float, variance: float) -> fl
 
 @njit(cache=True)
 def draw(weights: Array, share: float, chosen: Indices) -> None:
-    """Systematic resampling: fill `chosen` (P,) with who goes on, each about as often as P times its weight says;
-    `share` in [0, 1) is where the first of P even steps begins.
+    """Systematic resampling: fill `chosen` (P,) with the survivors, each about P times its weight; `share` in [0, 1) is
+    the start of the first of P even steps.
     """
     n, k, total = weights.size, 0, weights[0]
     for i in range(n):
@@ -64,9 +63,9 @@ def draw(weights: Array, share: float, chosen: Indices) -> None:
 def scatter(
     x: Array, level: Array, force: Array, brisk: Array, walks: Array, bounds: Array, normals: Array, chances: Array
 ) -> None:
-    """Let position, level and force of each particle (P,) walk, in place: `walks` are the standard deviations of
-    position, calm level, brisk level and force, then how likely a particle draws anew whether its level is `brisk` (1
-    or 0). `normals` (3, P), `chances` (P,) even in [0, 1); the level stays within `bounds`.
+    """Random walks of position, level and force of each particle (P,), in place. `walks`: standard deviations of
+    position, calm level, brisk level and force, then the probability that a particle redraws whether it is `brisk` (1
+    or 0). `normals` (3, P), `chances` (P,) uniform in [0, 1); the level stays within `bounds`.
     """
     for k in range(x.size):
         if chances[k] < walks[4]:
@@ -79,7 +78,7 @@ def scatter(
 
 @njit(cache=True)
 def survey(weights: Array, states: Array, level: Array, force: Array, mean: Array, std: Array) -> tuple[float, float]:
-    """Fill `mean` and `std` (n,) with those of `states` (P, n); the means of `level` and `force` (P,)."""
+    """Fill `mean` and `std` (n,) with those of `states` (P, n); returns the means of `level` and `force` (P,)."""
     mean[:], std[:] = 0.0, 0.0
     levels, forces = 0.0, 0.0
     for k in range(weights.size):
@@ -109,8 +108,8 @@ def led(
     far: Array,
     leader: int,
 ) -> int:
-    """Who leads: `leader` (-1: nobody) as long as its place, level and wall (the state `wall`) are no more than `far`
-    (3,) standard deviations off the mean of all, else the particle that is nearest to it in these.
+    """The leading particle: `leader` (-1: none) as long as its position, level and wall (the state `wall`) are within
+    `far` (3,) standard deviations of the mean, else the particle nearest to the mean in these.
     """
     spread = 0.0
     for k in range(weights.size):

@@ -1,4 +1,4 @@
-"""filterpy's unscented filter on the same process: selectable, and what the fast ones are tested against."""
+"""filterpy's unscented filter on the same process: selectable, and the reference of the fast filters' tests."""
 
 import math
 from typing import Any, ClassVar
@@ -15,8 +15,8 @@ from models.parameter import Name
 
 
 def safe_root(P: Array) -> Array:
-    """Upper Cholesky factor (n, n) of `P`, symmetrised first and lifted where rounding made it indefinite: `P = U' U`.
-    filterpy takes SciPy's Cholesky as it is, which raises for a covariance that lost its sign by rounding.
+    """Upper Cholesky factor (n, n) of `P`, symmetrised and lifted where rounding made it indefinite: `P = U' U`.
+    SciPy's Cholesky, filterpy's default, would raise.
     """
     L = np.zeros_like(P)
     root(np.ascontiguousarray(0.5 * (P + P.T)), L)
@@ -35,7 +35,7 @@ class FilterpyProcess(Process):
     def predict(self, b: Belief, command: float) -> None:
         ukf = self._ukf
         ukf.x, ukf.P, ukf.Q = b.z.copy(), b.P.copy(), np.diag(self._noise_of(b))
-        self._from = (b.modes.copy(), self.model.left(b.command, command), command, b.time_s)
+        self._from = (b.modes.copy(), self.model.command_from(b.command, command), command, b.time_s)
         b.modes[:] = self._moved_state(b.z)
         ukf.predict()
         b.z[:], b.P[:] = ukf.x, 0.5 * (ukf.P + ukf.P.T)
@@ -53,8 +53,8 @@ class FilterpyProcess(Process):
         return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])
 
     def _see(self, b: Belief, value: float, std: float, shown: Any) -> float:
-        """Take in a reading unless it is beyond the gate; its normalised difference. filterpy keeps the points of the
-        prediction, which lack its noise: they are drawn anew first.
+        """Use a reading unless it is beyond the gate; its normalised innovation. filterpy keeps the points of the
+        prediction, which lack its noise: they are drawn again first.
         """
         ukf = self._ukf
         ukf.x, ukf.P = b.z.copy(), b.P.copy()
@@ -78,7 +78,7 @@ class FilterpyProcess(Process):
         return np.append(self._moved_state(z)[self.where], z[-2:])
 
     def _place(self, z: Array, b: Belief) -> Array:
-        """The position that the sensor shows at the point `z` of the belief `b`, shape (1,)."""
+        """The position that the sensor shows at the point `z` of the estimate `b`, shape (1,)."""
         if self._plain:
             return z[:1]
         state = b.modes.copy()
@@ -87,6 +87,6 @@ class FilterpyProcess(Process):
 
 
 class UnscentedEstimator(CubatureEstimator):
-    """`CubatureEstimator` with filterpy's arithmetic: same beliefs and late measurements, ten times the cost."""
+    """`CubatureEstimator` with filterpy's arithmetic, at ten times the cost."""
 
     process: ClassVar[type[Process]] = FilterpyProcess

@@ -7,14 +7,14 @@ import numpy as np
 from controller.signals import Array
 
 Task = tuple[Array, float, float]  # reference (3, N + 1), the command's last rate, the stage in s
-EXCESS = 10.0  # of the square beside the share by which a soft bound is exceeded
+EXCESS = 10.0  # weight of the square of the share by which a soft bound is exceeded
 compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 
 
 @compiled
 def keep_feasible(commands: Array, last_rate: float, stage: float, first: float, bounds: Array) -> None:
-    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold and they can
-    stop within the range; the first one stays, the rate may change from `last_rate` within `first` s.
+    """Move `commands` (N + 1,), in place, so that the hard bounds (low, high, rate, acceleration) hold and they can
+    stop within the range. The first one stays; the rate may change from `last_rate` within `first` s.
     """
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
     rate = min(max(last_rate, -most), most)
@@ -53,7 +53,9 @@ def cost(path: Array, commands: Array, forces: Array, task: Task, scales: Array,
 
 @compiled
 def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
-    """Fill `Z` (N + 1, n, N): the states' derivatives by the command's rates, each moving the command by `step`."""
+    """Fill `Z` (N + 1, n, N): derivatives of the states by the command's rates, each of which moves the command by
+    `step`.
+    """
     n = Z.shape[1]
     Z[0] = 0.0
     for k in range(A.shape[0]):
@@ -103,10 +105,10 @@ def quadratic(
             H[j, i] = H[i, j]
 
 
-Pace = tuple[float, float, float, Array]  # stage and tick in s, unit of the rates, hard bounds
+Timing = tuple[float, float, float, Array]  # stage and tick in s, unit of the rates, hard bounds
 FREE = 1e30  # no bound, for the solver
-_NEAR = 0.6  # share of a bound from which on it gets rows
-_ITERATIONS = 300  # of the active set, before a program counts as unsolved
+_NEAR = 0.6  # share of a bound above which it gets rows
+_ITERATIONS = 300  # of the active set, at most
 
 
 @compiled
@@ -143,13 +145,13 @@ def soft_rows(
 
 @compiled
 def hard_rows(
-    commands: Array, last_rate: float, pace: Pace, rows: Array, upper: Array, lower: Array, simple: int, count: int
+    commands: Array, last_rate: float, timing: Timing, rows: Array, upper: Array, lower: Array, simple: int, count: int
 ) -> int:
-    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates over `unit`; returns the rows
-    in use, `count` before. The rates' own bounds are the first N of `upper` and `lower`, row k's at `simple + k`; rows
-    of acceleration and range are there only while the plan comes near them.
+    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates over `unit`; returns the number
+    of rows, `count` before. The rates' own bounds are the first N of `upper` and `lower`, row k's at `simple + k`. Rows
+    of acceleration and range exist only while the plan is near them.
     """
-    n, (stage, tick, unit, bounds) = commands.shape[0] - 1, pace
+    n, (stage, tick, unit, bounds) = commands.shape[0] - 1, timing
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
     before, bent, close = last_rate, False, False
     for k in range(n):
@@ -183,15 +185,15 @@ def hard_rows(
 
 class Program:
     """`min 1/2 y'Hy + f'y` over changes y of the N rates over `unit`, and three slacks. `hard`: low, high, rate,
-    acceleration; `soft` (3,) bounds of gap, speed and wall force, `penalty` (3,) of their slacks. H and f are filled
-    from outside.
+    acceleration; `soft` (3,): bounds of gap, speed and wall force, `penalty` (3,): weights of their slacks. H and f are
+    filled from outside.
     """
 
     def __init__(
         self, stages: int, stage_s: float, tick_s: float, unit: float, hard: Array, soft: Array, penalty: Array
     ) -> None:
         self.stages, self.stage_s, self.unit, self._soft = stages, stage_s, unit, soft
-        self._pace = (stage_s, tick_s, unit, hard)
+        self._timing = (stage_s, tick_s, unit, hard)
         n, most = stages + 3, 5 * stages
         self.H, self.f = np.eye(n), np.concatenate([np.zeros(stages), penalty])
         self.H[range(stages, n), range(stages, n)] = EXCESS * penalty
@@ -200,14 +202,14 @@ class Program:
     def solve(
         self, path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, last_rate: float
     ) -> Array | None:
-        """Changes (N,) of the rates within the bounds that the plan is near to; None without a finite solution."""
+        """Changes (N,) of the rates within the bounds near the plan; None without a finite solution."""
         n, upper, lower = self.stages, self._upper, self._lower
         step = self.unit * self.stage_s
         count = soft_rows((path, commands, forces, slopes), Z, step, self._soft, self._rows, upper[n + 3 :])
         size = n + 3 if count else n
         upper[n:size], lower[n:size] = FREE, 0.0
         lower[size : size + count] = -FREE
-        count = hard_rows(commands, last_rate, self._pace, self._rows, upper, lower, size, count)
+        count = hard_rows(commands, last_rate, self._timing, self._rows, upper, lower, size, count)
         top, rows, H = size + count, self._rows[:count], self.H
         if size == n:
             H, rows = H[:n, :n].copy(), rows[:, :n].copy()

@@ -1,4 +1,4 @@
-"""The drive map of a model: seeds from its speed map, checked against wrong parameters, optimised, in gears."""
+"""The drive map of a model: seeds from its speed map, checked with wrong parameters, optimised, in gears."""
 
 import hashlib
 import math
@@ -17,29 +17,29 @@ from controller.vibro.waveform import Waveform
 from models.files.access import cache_folder, read_text
 
 SEEDS_M_S = (14e-3, 4e-3)
-"""Mean speeds for which a direction's shapes are found, one gear each; a gear's other speeds come from its strength."""
-_ROUNDS, _CLOSE = 5, 0.15  # of the optimal cycle's solver, and how close to the wanted speed it must end
-_WRONG = 0.15  # by which the parameters are off that a wave must bear
-_LEAST = 0.2  # of the seed's speed that a seed must keep with wrong parameters
-# period over the inner mass's own, from which the map's square waves are made
+"""Mean speeds for which the shapes of a direction are designed, one gear each; strength gives a gear's other speeds."""
+_ROUNDS, _CLOSE = 5, 0.15  # of the optimal cycle's solver, and its greatest error of the speed
+_WRONG = 0.15  # error of the parameters that a wave must bear
+_LEAST = 0.2  # least share of its speed that a wave keeps with wrong parameters
+# periods of the map's square waves over the inner mass's own
 _RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
-_DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)  # of them
-_AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)  # of them, of the full force
-_TRIED = 12  # square waves of a speed that are checked
-_SAVES, _IN_VAIN = 0.02, 2  # of the energy, what a guess is worth; guesses in a row that are not
-_FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
+_DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)  # of the square waves
+_AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)  # of the square waves, of the full force
+_TRIED = 12  # square waves checked per speed
+_SAVES, _IN_VAIN = 0.02, 2  # least saving of a guess; guesses in a row below it
+_FURTHER = 1.2  # ratio of reach from which the plain square gets its own gear
 _LAG_S = (0.03, 0.5)  # shortest and longest lag of the mean speed
 _MAPS: Final = TypeAdapter(DriveMap)
-_FORMAT = 12  # of the kept map: another one is made anew
+_FORMAT = 12  # of the cached map
 
 
 def rough_map(cycles: Cycles) -> SpeedMap:
-    """The speed map on the grid that seeds are looked for on."""
+    """The speed map on the grid for seeds."""
     return speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
 
 
 def wrong_models(model: VibroModel) -> list[VibroModel]:
-    """The model with its parameters off by `_WRONG`: spring either way, then drive against friction either way."""
+    """The model with parameters off by `_WRONG`: the spring up and down, then drive against friction up and down."""
     known = {p.key for p in model.assembly().parameters}
     more, less = 1 + _WRONG, 1 - _WRONG
     corners = [{"spring_stiffness_N_per_m": less}, {"spring_stiffness_N_per_m": more}]
@@ -50,7 +50,7 @@ def wrong_models(model: VibroModel) -> list[VibroModel]:
 
 def seed_square(wrong: list[Cycles], table: SpeedMap, speed_m_s: float) -> Waveform | None:
     """The cheapest square wave within 0.6 to 1.5 of `speed_m_s` that keeps its direction with wrong parameters, else
-    the one of the cheapest that keeps most of its speed; None where the map has no such speed.
+    the one of the cheapest that keeps most of its speed; None if the map has no such speed.
     """
     low, high = sorted((0.6 * speed_m_s, 1.5 * speed_m_s))
     best, most = None, -math.inf
@@ -66,8 +66,8 @@ def seed_square(wrong: list[Cycles], table: SpeedMap, speed_m_s: float) -> Wavef
 def shape_at(
     nominal: Cycles, wrong: list[Cycles], speed_m_s: float, seed: Waveform, guesses: list[Waveform]
 ) -> Waveform:
-    """The cheapest least-energy cycle at `speed_m_s` found from `guesses` that keeps its direction with wrong
-    parameters; the square `seed` where there is none. Two guesses in a row that save little are the last.
+    """The cheapest least-energy cycle at `speed_m_s` from `guesses` that keeps its direction with wrong parameters; the
+    square `seed` without any. Two guesses in a row that save little are the last.
     """
     best, least, in_vain = seed, math.inf, 0
     for guess in guesses:
@@ -88,7 +88,7 @@ def _kept(wrong: list[Cycles], wave: Waveform, speed: float) -> float:
 
 
 def lag(cycles: Cycles, waveform: Waveform) -> float:
-    """How long in s the mean speed takes to come up from rest: `t - x(t)/v` once it is steady (area method)."""
+    """Rise time in s of the mean speed from rest: `t - x(t)/v` once it is steady (area method)."""
     gait = cycles.gait(waveform)
     n = max(math.ceil(1.0 / waveform.period_s), 4)
     path = cycles.path(waveform, n)
@@ -98,10 +98,9 @@ def lag(cycles: Cycles, waveform: Waveform) -> float:
 
 
 def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = None) -> DriveMap:
-    """The drive map of `model`; `optimise` False keeps to scaled square waves (seconds instead of a minute). `table` is
-    its speed map where there is one already. A direction that the model does not reach has no gear. Every kind of
-    impact that a square wave has at a gear's speed is among the guesses from which its cycle is optimised, so which
-    stop it strikes, if any, is a matter of energy.
+    """The drive map of `model`; `optimise` False keeps scaled square waves (seconds instead of a minute). `table` is
+    its speed map if known. A direction that the model does not reach has no gear. Every kind of impact of a square wave
+    at a gear's speed is among the guesses of its cycle, so energy decides which stop it strikes, if any.
     """
     cycles = Cycles(model)
     wrong = [Cycles(m) for m in wrong_models(model)]
@@ -126,7 +125,7 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
 
 
 def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
-    """The same as `design`, kept on disk for the next time under what it was made from."""
+    """The same as `design`, cached on disk under a hash of its inputs."""
     made_from = repr((_FORMAT, model, [(p.key, p.value) for p in model.assembly().parameters], optimise))
     file = cache_folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
     try:
@@ -145,5 +144,5 @@ def to_json(drive: DriveMap) -> str:
 
 
 def from_json(text: str) -> DriveMap:
-    """A map from text. Raises ValueError where it is none."""
+    """A map from text. Raises ValueError for other text."""
     return _MAPS.validate_json(text)

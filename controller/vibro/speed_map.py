@@ -13,15 +13,15 @@ from controller.vibro.waveform import Waveform
 
 # period over the inner mass's own, dense about the resonance
 PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
-# of the square waves; at a half they move nothing
+# of the square waves; a half moves nothing
 DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
 AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)  # of the full force
-_TRIED = 8  # cheapest squares of the map that are brought to the exact speed
-_EXACT = 0.02  # of the wanted speed, by which a wave may miss it
+_TRIED = 8  # cheapest squares of the map that are corrected
+_EXACT = 0.02  # greatest error of the speed, as a share
 
 
 def free_period(model: VibroModel) -> float:
-    """Period in s of the inner mass on its spring with the body held."""
+    """Period in s of the inner mass on its spring with the body fixed."""
     stiffness = float(model.values.get("spring_stiffness_N_per_m", model.drive.spring_stiffness_N_per_m))
     if not stiffness > 0:
         raise ValueError(f"spring_stiffness_N_per_m must be above 0 for a resonant drive; got {stiffness:g}")
@@ -31,7 +31,7 @@ def free_period(model: VibroModel) -> float:
 @dataclass(frozen=True)
 class SpeedMap:
     """`speed` in m/s and `energy` in J/m (= mJ/mm), each (P, D, A), over `period_s` (P,), `duty` (D,), `amplitude`
-    (A,); `impact` (P, D, A) holds the place in `IMPACTS` of the stop that is hit.
+    (A,); `impact` (P, D, A): index in `IMPACTS` of the stop that is hit.
     """
 
     period_s: Array
@@ -42,7 +42,7 @@ class SpeedMap:
     impact: NDArray[np.int8]
 
     def squares(self, low_m_s: float, high_m_s: float, impact: Impact | None = None) -> list[Waveform]:
-        """The square waves with speeds between the two, the cheapest first, of those that hit `impact`."""
+        """The square waves with speeds between the two, the cheapest first, of those with `impact`."""
         fits = (self.speed >= low_m_s) & (self.speed <= high_m_s)
         inside = np.argwhere(fits if impact is None else fits & (self.impact == IMPACTS.index(impact)))
         inside = inside[np.argsort(self.energy[tuple(inside.T)], kind="stable")] if len(inside) else inside
@@ -72,8 +72,8 @@ def speed_map(
 def best_square(
     cycles: Cycles, table: SpeedMap, speed_m_s: float, impact: Impact | None = None
 ) -> tuple[Waveform, Gait] | None:
-    """The cheapest square wave at `speed_m_s`, of those that hit the stops `impact` alone where given: those of the map
-    within a quarter of it, brought there by their amplitude. None where the map has nothing that comes within 2 %.
+    """The cheapest square wave at `speed_m_s`, of those with `impact` if given: those of the map within a quarter of
+    it, corrected by their amplitude. None if the map has nothing within 2 %.
     """
     ends = sorted((0.75 * speed_m_s, 1.25 * speed_m_s))
     best: tuple[Waveform, Gait] | None = None
@@ -86,7 +86,7 @@ def best_square(
 
 
 def _brought_to(cycles: Cycles, wave: Waveform, speed: float) -> tuple[Waveform, Gait]:
-    """The square wave near `wave` at `speed`, by a few steps on its amplitude."""
+    """The square wave near `wave` at `speed`, by a few steps of its amplitude."""
     gait = cycles.gait(wave)
     for _ in range(6):
         ratio = gait.speed_m_s / speed
@@ -102,7 +102,7 @@ Shape = Literal["square", "optimal", "map"]
 
 @dataclass(frozen=True)
 class Alternative:
-    """One way to go at a mean speed, what it does, the stop that it strikes and where it comes from."""
+    """One waveform for a mean speed, its gait, the stop that it strikes and its origin."""
 
     waveform: Waveform
     gait: Gait
@@ -111,6 +111,6 @@ class Alternative:
 
 
 def squares(cycles: Cycles, table: SpeedMap, speed_m_s: float) -> list[Alternative]:
-    """The cheapest square wave at `speed_m_s` of every kind of impact that the map `table` has there."""
+    """The cheapest square wave at `speed_m_s` of every kind of impact in the map `table`."""
     found = ((impact, best_square(cycles, table, speed_m_s, impact=impact)) for impact in IMPACTS)
     return [Alternative(*best, impact, "square") for impact, best in found if best is not None]

@@ -35,7 +35,7 @@ class HiddenNumber:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect: `numbers[0]` is its amplitude, zero switches it off. `answer` is the effect that a search should name."""
+    """An effect: `numbers[0]` is its amplitude, zero switches it off. `answer` is the effect a search should name."""
 
     id: str
     form: str

@@ -53,7 +53,7 @@ class SlowLoop:
 
 @dataclass(frozen=True)
 class VibroStudy:
-    """The result of `capsule design` for a vibro rig; `alternatives` by speed, `table` the speed map of square waves."""
+    """The result of `capsule design` for a vibro rig; `alternatives` by speed, `table`: speed map of square waves."""
 
     resonance: Resonance
     drive: DriveMap

@@ -90,8 +90,7 @@ share of one over that time. Of 0.2 to 1.0 each, over lags of 30 to 150 ms, thes
 1/s the capsule oscillated, two to five times as much.
 """
 
-_CALMEST: Final = 1 / 16
-"""Least share of the first gain after halving: a gain of 40 1/s then bears a delay of 0.4 s."""
+_CALMEST: Final = 1 / 16  # least share of the first gain after halving: a gain of 40 1/s then bears a delay of 0.4 s
 _LOOSE: Final = 2.0
 """Factor on the command for break-away beyond that for motion. With 1 a model with too little friction stays at rest
 with the capsule and learns nothing.

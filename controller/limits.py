@@ -21,14 +21,10 @@ class Limits:
     """
 
     force_N: float = _limit(
-        "greatest force on the wall (choice: half of the 0.9 N/cm of weak contractions, Terry 2012, live pig)",
-        0.5,
-        20.0,
+        "greatest force on the wall (choice: half of weak contractions' 0.9 N/cm, Terry 2012, live pig)", 0.5, 20.0
     )
     speed_m_s: float = _limit(
-        "greatest speed of the capsule (choice: 15 times the speeds of paper V; beyond, the law is extrapolated)",
-        0.3,
-        5.0,
+        "greatest speed of the capsule (choice: 15 times paper V's; beyond, the law is extrapolated)", 0.3, 5.0
     )
     carriage_speed_m_s: float = _limit(
         "greatest speed of the carriage (reduced speed beside a person, ISO 10218-1, from memory)", 0.25, 5.0
@@ -40,9 +36,7 @@ class Limits:
         5.0,
     )
     first_acceleration_m_s2: float = _limit(
-        "growth of that speed (or share) until all of it is allowed (choice: a second)",
-        0.25,
-        1e3,
+        "growth of that speed (or share) until all of it is allowed (choice: a second)", 0.25, 1e3
     )
     carriage_acceleration_m_s2: float = _limit(
         "greatest acceleration of the carriage (choice: from full speed to rest within 25 ms)", 10.0, 1e3

@@ -15,8 +15,7 @@ SPAN_S = 1.0  # length of a forecast
 LEAST_READINGS = 5  # positions needed to judge a second
 REMEMBERED = 2000  # positions in the rms of the innovations
 SHIFT_S = 0.05  # shift in time of the test
-STEADY_S = 0.4
-"""Time constant after which a steady speed is an offset for the estimator and shows no delay."""
+STEADY_S = 0.4  # time constant after which a steady speed is an offset for the estimator and shows no delay
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +141,7 @@ class Health:
     evidence: float = 0.0
 
 
-NOT_WATCHED: Final = Health("not watched")
-"""Of a controller without a friction model."""
+NOT_WATCHED: Final = Health("not watched")  # of a controller without a friction model
 
 
 @dataclass(slots=True)

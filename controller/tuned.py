@@ -10,12 +10,10 @@ from typing import Any, Final
 from models.parameter import Name
 from models.theta import bare
 
-_SURPRISE: Final = 0.7
-"""Mean normalised innovation, three of its standard deviations, beyond which a push is assumed."""
+_SURPRISE: Final = 0.7  # mean normalised innovation, three of its standard deviations, beyond which a push is assumed
 _ASTRAY: Final = 1.5  # the same, more than six: model and capsule move apart
 _RECENT: Final = 0.1  # share of the newest position in that mean
-OLDEST_S: Final = 0.4
-"""Greatest age in s that a localiser can state."""
+OLDEST_S: Final = 0.4  # greatest age in s that a localiser can state
 # A, m and m/s by which the states of a drive wander
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 

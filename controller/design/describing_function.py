@@ -12,8 +12,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.optimize import root
 
 from controller.baselines import Gains
-from controller.design.margins import Complex
-from controller.design.tuning import Pid, feedback
+from controller.design.tuning import Complex, Pid, feedback
 from controller.model.control_model import ControlModel
 from controller.model.linear import Linear, linearise
 from controller.model.symbols import assembled

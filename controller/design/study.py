@@ -9,8 +9,7 @@ import numpy as np
 
 from controller.baselines import LQR, Gains
 from controller.design.describing_function import Balance, Describing, balances, compliance, describe, without_wall
-from controller.design.margins import Complex, OpenLoop
-from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
+from controller.design.tuning import PEAK, Complex, OpenLoop, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import PHASES, Linear, linearise

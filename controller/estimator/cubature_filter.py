@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.estimator import base
-from controller.estimator.cubature_kernels import fuse, place_points, take_moments
+from controller.estimator.kernels import fuse, place_points, take_moments
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from controller.estimator.base import START_STD, Estimator
-from controller.estimator.particle_kernels import draw, expected, led, scatter, survey, weigh
+from controller.estimator.kernels import draw, expected, led, scatter, survey, weigh
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise

@@ -7,7 +7,7 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from controller.estimator.cubature_filter import Belief, CubatureEstimator, Process
-from controller.estimator.cubature_kernels import root
+from controller.estimator.kernels import root
 from controller.model.control_model import ControlModel
 from controller.signals import Array
 from controller.tuned import FilterNoise

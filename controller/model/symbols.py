@@ -81,11 +81,8 @@ class _Model:
         given = self.drive.neutral(n["x"]) if command is None else command
         place = (n["x"], n["v"], n["direction"], given, 0.0, n["travelled"])
         s = Signals(t, *place, stepper.tension(n["u"]), n["u"], 0.0, n["dwell"])
-        rate = 0.0 if not self.surface.dragged else drag_rate(self.drag(), n["v"], stepper.grip(s).recovery)
+        rate = 0.0 if not self.surface.dragged else drag_rate(Drag(n["u"], n["slip"]), n["v"], stepper.grip(s).recovery)
         return replace(s, drag_rate=rate)
-
-    def drag(self) -> Drag:
-        return Drag(self.now["u"], self.now["slip"])
 
     def advance(self, c0: Any, c1: Any, t: Any, h: Any) -> dict[Name, Any]:
         """The states a sub-step later. They have no rates, unlike the assembled model's: those follow from the rest."""
@@ -104,7 +101,7 @@ class _Model:
         stepper = self.stepper()
         s = self.signals(stepper, t)
         grip = stepper.grip(s)
-        tension, mucus = stepper.held(s, self.drag(), s.tension)
+        tension, mucus = stepper.held(s, Drag(self.now["u"], self.now["slip"]), s.tension)
         return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
 
     def pursuit(self, speed: Any, t: Any) -> Any:

@@ -88,7 +88,8 @@ class Planner:
         best.timings["candidates"], longest = moment - begin, 0.0
         best.failed = not math.isfinite(best.cost)
         while not best.failed and best.iterations < self.horizon.iterations:
-            if self._over(moment - begin + longest, best.iterations):
+            late = moment - begin + longest > self.horizon.deadline_s
+            if late if self.allowed is None else best.iterations >= self.allowed:
                 best.cut = True
                 break
             last = moment
@@ -100,10 +101,6 @@ class Planner:
                 break
         best.timings["total"], self.allowed = moment - begin, None
         return best
-
-    def _over(self, elapsed_s: float, steps: int) -> bool:
-        """Whether another step would end too late."""
-        return elapsed_s > self.horizon.deadline_s if self.allowed is None else steps >= self.allowed
 
     def candidates(self, start: Start, reference: Array, guess: Array, last_rate: float) -> tuple[MpcPlan, MpcPlan]:
         """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""

@@ -15,8 +15,7 @@ from models.parameter import nearest
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 
-BETTER: Final = 0.99
-"""Greatest held-out error of a new model as a share of the current model's."""
+BETTER: Final = 0.99  # greatest held-out error of a new model as a share of the current model's
 
 
 @dataclass(frozen=True)

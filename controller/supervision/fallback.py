@@ -95,10 +95,8 @@ class FallbackChain:
             self._wait[rank] = self._rules.retry_s
 
 
-DONE: Final = "done"
-"""The value of `ended` for a run that went as asked."""
-LED: Final = 0.99
-"""Least share of the ticks with the requested controller in such a run."""
+DONE: Final = "done"  # the value of `ended` for a run that went as asked
+LED: Final = 0.99  # least share of the ticks with the requested controller in such a run
 
 
 def shares(led: Counter[str]) -> dict[str, float]:

@@ -18,8 +18,7 @@ from controller.signals import Array, Estimate, Measurement
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.supervisor import Supervisor
 
-ROOM: Final = 1 << 18
-"""Stored readings of a channel: nine minutes at 500 Hz."""
+ROOM: Final = 1 << 18  # stored readings of a channel: nine minutes at 500 Hz
 
 _FIRST_LOOK: Final = 256  # rows of the first search
 

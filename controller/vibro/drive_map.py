@@ -18,24 +18,14 @@ from models.files.access import cache_folder, read_text
 
 SEEDS_M_S = (14e-3, 4e-3)
 """Mean speeds for which the shapes of a direction are designed, one gear each; strength gives a gear's other speeds."""
-_ROUNDS, _CLOSE = 5, 0.15  # of the optimal cycle's solver, and its greatest error of the speed
 _WRONG = 0.15  # error of the parameters that a wave must bear
 _LEAST = 0.2  # least share of its speed that a wave keeps with wrong parameters
-# periods of the map's square waves over the inner mass's own
-_RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
-_DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)  # of the square waves
-_AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)  # of the square waves, of the full force
 _TRIED = 12  # square waves checked per speed
 _SAVES, _IN_VAIN = 0.02, 2  # least saving of a guess; guesses in a row below it
 _FURTHER = 1.2  # ratio of reach from which the plain square gets its own gear
 _LAG_S = (0.03, 0.5)  # shortest and longest lag of the mean speed
 _MAPS: Final = TypeAdapter(DriveMap)
 _FORMAT = 12  # of the cached map
-
-
-def rough_map(cycles: Cycles) -> SpeedMap:
-    """The speed map on the grid for seeds."""
-    return speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
 
 
 def wrong_models(model: VibroModel) -> list[VibroModel]:
@@ -71,7 +61,7 @@ def shape_at(
     """
     best, least, in_vain = seed, math.inf, 0
     for guess in guesses:
-        optimum = optimal_cycle(nominal, speed_m_s, guess, _ROUNDS, _CLOSE)
+        optimum = optimal_cycle(nominal, speed_m_s, guess)
         energy = optimum.gait.energy_J_per_m if optimum.found else math.inf
         in_vain += 1
         if energy < least and _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
@@ -104,7 +94,7 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
     """
     cycles = Cycles(model)
     wrong = [Cycles(m) for m in wrong_models(model)]
-    table = table or rough_map(cycles)
+    table = table or speed_map(cycles)
     gears: list[Gear] = []
     found: list[Waveform] = []
     for speed in (sign * size for sign in (1, -1) for size in SEEDS_M_S):

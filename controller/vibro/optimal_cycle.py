@@ -31,8 +31,7 @@ from models.surfaces.gut import Drag
 from models.theta import Theta
 
 NODES: tuple[Name, ...] = ("x", "v", (Vibro.name, "stretch_m"), (Vibro.name, "rate_m_s"), "u")
-SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
-"""Contents of every node (m, m/s, m, m/s, m) and the size of 1 in it."""
+SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])  # contents of every node (m, m/s, m, m/s, m) and the size of 1 in it
 
 
 @dataclass(frozen=True)
@@ -88,9 +87,6 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[N
 
 PARTS, STEPS = 32, 6  # of a cycle, and integration steps of each
 SHORTEST_S, LONGEST_S = 0.008, 0.25  # least and most period
-ROUNDS = 6  # of the solver
-CLOSE = 0.05
-"""Greatest error of the exact model's speed, as a share, for a solution to count."""
 _SMOOTHING = (3e-3, 1e-3)  # m/s over which stick passes into slip, by round
 _TIME = 0.01  # s, size of 1 of the scaled period
 _STRETCH = 1.3  # factor by which a round may change the period
@@ -125,9 +121,7 @@ class Optimum:
     reason: str
 
 
-def optimal_cycle(
-    cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = ROUNDS, close: float = CLOSE
-) -> Optimum:
+def optimal_cycle(cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = 5, close: float = 0.15) -> Optimum:
     """The least-energy cycle at the mean `speed_m_s`, not 0, from `guess`; the exact model's speed may be off by the
     share `close`. Local: it keeps the order of events of `guess`. Raises ValueError for a speed of 0.
     """

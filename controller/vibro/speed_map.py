@@ -11,11 +11,10 @@ from controller.signals import Array
 from controller.vibro.cycles import IMPACTS, Cycles, Gait, Impact, VibroModel, impact_of
 from controller.vibro.waveform import Waveform
 
-# period over the inner mass's own, dense about the resonance
-PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
-# of the square waves; a half moves nothing
-DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
-AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)  # of the full force
+# of the square waves: periods over the inner mass's own, dense about the resonance; a duty of a half moves nothing
+PERIOD_RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
+DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)
+AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)  # of the full force
 _TRIED = 8  # cheapest squares of the map that are corrected
 _EXACT = 0.02  # greatest error of the speed, as a share
 

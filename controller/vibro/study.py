@@ -8,7 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from controller.design.margins import OpenLoop, closed_loop
+from controller.design.tuning import OpenLoop, closed_loop
 from controller.model.linear import Linear
 from controller.vibro.cycles import Cycles, VibroModel, impact_of
 from controller.vibro.drive_map import wrong_models

@@ -44,6 +44,10 @@ SECONDS = 9.0
 WRONG = 0.15
 IDENTIFIED = CAPSUBOT_MODEL
 Row = dict[str, Any]
+# of the square waves, finer than the design's
+RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
+DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
+AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
 
 
 def energies() -> list[Row]:
@@ -52,7 +56,7 @@ def energies() -> list[Row]:
     fixed square wave's energy.
     """
     cycles = Cycles(gut_model())
-    table = speed_map(cycles)
+    table = speed_map(cycles, RATIOS, DUTIES, AMPLITUDES)
     phases = best_four_phase(cycles, SPEEDS_M_S)
     rows: list[Row] = []
     optimal: list[Waveform] = []

@@ -9,7 +9,8 @@ import plotly.graph_objects as go
 from rich.table import Table
 
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.drive_map import designed, rough_map
+from controller.vibro.drive_map import designed
+from controller.vibro.speed_map import speed_map
 from controller.vibro.study import VibroStudy, vibro_study
 from hil.app.console import text_table
 from hil.app.design.page import Drawn, loop_figures, page_html
@@ -24,7 +25,7 @@ def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroS
     """
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
-    return vibro_study(model, designed(model, optimise), rough_map(Cycles(model)), delay_s)
+    return vibro_study(model, designed(model, optimise), speed_map(Cycles(model)), delay_s)
 
 
 def vibro_json(found: VibroStudy) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.estimator.cubature_filter import Process
-from controller.estimator.cubature_kernels import fuse, root
+from controller.estimator.kernels import fuse, root
 from controller.estimator.ukf import FilterpyProcess, safe_root
 from controller.tuned import FilterNoise
 from tests.controller.loops import model_of

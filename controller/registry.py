@@ -28,19 +28,6 @@ from models.parameter import nearest
 GROUP: Final = "capsule.controllers"
 
 
-def own_controllers(paths: Sequence[Path], taken: Collection[str]) -> dict[str, type[Controller]]:
-    """The controllers of the files `paths` and of installed packages by name; no name may be `taken`. Raises
-    ValueError, one sentence with the file, for one that cannot be used.
-    """
-    found: dict[str, type[Controller]] = {}
-    for where, cls in _declared(paths):
-        failure = _failure(cls, {*taken, *found})
-        if failure is not None:
-            raise ValueError(f"{where}: {failure}")
-        found[cls.name] = cls
-    return found
-
-
 def _declared(paths: Sequence[Path]) -> Iterator[tuple[str, type[Controller]]]:
     for where, cls, _ in installed(GROUP, "controllers"):
         yield where, cls
@@ -132,13 +119,19 @@ def leads(name: str) -> tuple[str, ...]:
 
 def use_controllers(paths: Sequence[Path]) -> None:
     """Make the controllers of the files `paths` and of installed packages available by name, in place of those of an
-    earlier call; a PID is the fallback of one that moves a body. Raises ValueError, and adds none, if one cannot be
-    used.
+    earlier call; a PID is the fallback of one that moves a body. Raises ValueError, one sentence with the file, and
+    adds none, if one cannot be used.
     """
     for name in _OWN:
         del _BUILDERS[name]
     _OWN.clear()
-    for name, cls in own_controllers(paths, CONTROLLERS).items():
+    found: dict[str, type[Controller]] = {}
+    for where, cls in _declared(paths):
+        failure = _failure(cls, {*CONTROLLERS, *found})
+        if failure is not None:
+            raise ValueError(f"{where}: {failure}")
+        found[cls.name] = cls
+    for name, cls in found.items():
         _OWN[name], _BUILDERS[name] = cls, _own(cls)
 
 

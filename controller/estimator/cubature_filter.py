@@ -89,29 +89,24 @@ class Process:
         """The reading of the localisation in m at `b`."""
         return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
 
-    def see_position(self, b: Belief, value: float) -> float:
-        """Use a localisation in place; its signed normalised innovation, beyond the gate if refused."""
-        expected, self._H[:] = b.z[0], 0.0
-        if self._plain:
-            self._H[0] = 1.0
+    def see(self, b: Belief, value: float, state: Name | None = None) -> float:
+        """Use a localisation in place, or a reading of the `state`, such as a coil's current; its signed normalised
+        innovation, beyond the gate if refused.
+        """
+        std = self.noise.position_std_m if state is None else self.noise.feedback_std
+        row = 0 if state is None else self.names.index(state)
+        expected, self._H[:] = b.z[row], 0.0
+        if self._plain or state is not None:
+            self._H[row] = 1.0
         else:
             shown, slopes = self._seen(self.state(b), b.time_s)
             expected = float(shown)
             self._H[:-2] = np.asarray(slopes).ravel()[self.where]
-        size = math.copysign(self._fused(b, value - expected, self.noise.position_std_m), value - expected)
-        if abs(size) <= self.noise.gate:
+        off = value - expected
+        size = math.copysign(float(fuse(b.z, b.P, self._H, off, std**2, self.noise.gate, self._K)), off)
+        if state is None and abs(size) <= self.noise.gate:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
-
-    def see_state(self, b: Belief, name: Name, value: float) -> float:
-        """Use a reading of the state `name`, such as a coil's current."""
-        place = self.names.index(name)
-        self._H[:] = 0.0
-        self._H[place] = 1.0
-        return self._fused(b, value - b.z[place], self.noise.feedback_std)
-
-    def _fused(self, b: Belief, difference: float, std: float) -> float:
-        return float(fuse(b.z, b.P, self._H, difference, std**2, self.noise.gate, self._K))
 
     def state(self, b: Belief) -> Array:
         """`b` as a state (n,) of the model."""
@@ -182,9 +177,8 @@ class CubatureEstimator(base.Estimator):
             self._see(tick.belief, m)
 
     def _see(self, belief: Belief, m: Measurement) -> float:
-        if m.channel == "position_m":
-            return self._process.see_position(belief, m.value)
-        return self._process.see_state(belief, self.model.states[self._current or 0], m.value)
+        state = None if m.channel == "position_m" else self.model.states[self._current or 0]
+        return self._process.see(belief, m.value, state)
 
     def _estimate(self) -> tuple[Array, Array, float, float] | None:
         b, process = self._at(0).belief, self._process

@@ -42,28 +42,19 @@ class FilterpyProcess(Process):
         b.time_s += self.model.tick_s
         b.command = command
 
-    def see_position(self, b: Belief, value: float) -> float:
-        size = self._see(b, value, self.noise.position_std_m, lambda z: self._place(z, b))
-        if abs(size) <= self.noise.gate:
-            b.surprise = self.noise.surprised(b.surprise, size)
-        return size
-
-    def see_state(self, b: Belief, name: Name, value: float) -> float:
-        place = self.names.index(name)
-        return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])
-
-    def _see(self, b: Belief, value: float, std: float, shown: Any) -> float:
-        """Use a reading unless it is beyond the gate; its normalised innovation. filterpy keeps the points of the
-        prediction, which lack its noise: they are drawn again first.
-        """
-        ukf = self._ukf
+    def see(self, b: Belief, value: float, state: Name | None = None) -> float:
+        ukf, row = self._ukf, 0 if state is None else self.names.index(state)
+        std = self.noise.position_std_m if state is None else self.noise.feedback_std
         ukf.x, ukf.P = b.z.copy(), b.P.copy()
+        # filterpy keeps the points of the prediction, which lack its noise: they are drawn again
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
+        shown = (lambda z: self._position(z, b)) if state is None else (lambda z: z[row : row + 1])
         ukf.update(np.array([value]), R=std**2, hx=shown)
         spread = math.sqrt(max(float(ukf.S[0, 0]), 0.0))
         size = float(ukf.y[0]) / spread if spread > 0 else math.inf
         if abs(size) <= self.noise.gate:
             b.z[:], b.P[:] = ukf.x, 0.5 * (ukf.P + ukf.P.T)
+            b.surprise = self.noise.surprised(b.surprise, size) if state is None else b.surprise
         return size if size == size else math.inf
 
     def _moved_state(self, z: Array) -> Array:
@@ -77,7 +68,7 @@ class FilterpyProcess(Process):
     def _moved(self, z: Array, dt: float) -> Array:
         return np.append(self._moved_state(z)[self.where], z[-2:])
 
-    def _place(self, z: Array, b: Belief) -> Array:
+    def _position(self, z: Array, b: Belief) -> Array:
         """The position that the sensor shows at the point `z` of the estimate `b`, shape (1,)."""
         if self._plain:
             return z[:1]

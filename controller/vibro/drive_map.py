@@ -24,7 +24,7 @@ _TRIED = 12  # square waves checked per speed
 _SAVES, _IN_VAIN = 0.02, 2  # least saving of a guess; guesses in a row below it
 _FURTHER = 1.2  # ratio of reach from which the plain square gets its own gear
 _LAG_S = (0.03, 0.5)  # shortest and longest lag of the mean speed
-_MAPS: Final = TypeAdapter(DriveMap)
+MAPS: Final = TypeAdapter(DriveMap)
 _FORMAT = 12  # of the cached map
 
 
@@ -119,20 +119,10 @@ def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
     made_from = repr((_FORMAT, model, [(p.key, p.value) for p in model.assembly().parameters], optimise))
     file = cache_folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
     try:
-        return from_json(read_text(file, "drive map"))
+        return MAPS.validate_json(read_text(file, "drive map"))
     except (OSError, ValueError):
         found = design(model, optimise)
     draft = file.with_suffix(f".{os.getpid()}")
-    draft.write_text(to_json(found), encoding="utf-8")
+    draft.write_bytes(MAPS.dump_json(found, indent=1))
     os.replace(draft, file)
     return found
-
-
-def to_json(drive: DriveMap) -> str:
-    """The map as text; `from_json` reads it back exactly."""
-    return _MAPS.dump_json(drive, indent=1).decode()
-
-
-def from_json(text: str) -> DriveMap:
-    """A map from text. Raises ValueError for other text."""
-    return _MAPS.validate_json(text)

@@ -46,18 +46,17 @@ class KnownSlip(Stepper):
 
 @dataclass(frozen=True)
 class CyclePart:
-    """`advance(z, c, h, slip) -> z` over `steps` steps of h in s from the scaled node z (n,), the level c held;
+    """`advance(z, c, h, slip) -> z` over `STEPS` steps of h in s from the scaled node z (n,), the level c held;
     `strain(z)` = T(u)/f_c of the wall, None on a plate. A node has the states `names` in units of `scale`.
     """
 
     names: tuple[Name, ...]
     scale: Array
-    steps: int
     advance: ca.Function
     strain: ca.Function | None
 
 
-def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[Name, float]) -> CyclePart:
+def smooth_part(model: VibroModel, smoothing: float, lags: Mapping[Name, float]) -> CyclePart:
     """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s. Nodes have `NODES` and the
     effects' states in `lags`, each with its size; other states of effects stay at their start.
     """
@@ -72,17 +71,17 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[N
     def stepper() -> KnownSlip:
         return KnownSlip(model.surface, model.drive, Active.of(model.effects, p, now), None, smoothing)
 
-    for _ in range(steps):
+    for _ in range(STEPS):
         now, _output = stepper().advance(now, c, c, 0.0, h)
     end = ca.vertcat(*(now[name] / scale[i] for i, name in enumerate(names)))
     advance = ca.Function("advance", [z, c, h, slip], [end])
     if not model.surface.dragged:
-        return CyclePart(names, scale, steps, advance, None)
+        return CyclePart(names, scale, advance, None)
     u, v = z[4] * SCALE[4], z[1] * SCALE[1]
     _, onset = model.surface.hold(np.sqrt(v * v + smoothing**2), p.base, model.drive.carried_kg)
     own = stepper()
     strain = ca.Function("strain", [z], [own.tension(u) * own.stiffening(Signals(), u) / onset])
-    return CyclePart(names, scale, steps, advance, strain)
+    return CyclePart(names, scale, advance, strain)
 
 
 PARTS, STEPS = 32, 6  # of a cycle, and integration steps of each
@@ -128,7 +127,7 @@ def optimal_cycle(cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int
     if speed_m_s == 0 or not np.isfinite(speed_m_s):
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")
     lags = _lags(cycles, guess)
-    programs = [smooth_part(cycles.model, eps, STEPS, lags) for eps in _SMOOTHING]
+    programs = [smooth_part(cycles.model, eps, lags) for eps in _SMOOTHING]
     best, nearest = None, (abs(cycles.gait(guess).speed_m_s - speed_m_s), guess, cycles.gait(guess))
     waveform, aim = guess, speed_m_s * cycles.model.mirror
     for k in range(rounds):
@@ -212,7 +211,7 @@ class _Program:
 
     def solver(self, slip: Array, start: Array) -> tuple[ca.Function, Array, Array]:
         """The solver with the bounds of its constraints."""
-        h = self.T * (_TIME / (PARTS * self.part.steps))
+        h = self.T * (_TIME / (PARTS * STEPS))
         ends = self.part.advance.map(PARTS)(self.Z[:, :-1], self.C.T, h, ca.DM(slip).T)
         distance = self.aim * self.T * _TIME / SCALE[0]
         rows = [ca.vec(ends - self.Z[:, 1:]), self.Z[1:, -1] - self.Z[1:, 0], self.Z[0, 0], self.Z[0, -1] - distance]

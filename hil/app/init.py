@@ -1,7 +1,6 @@
 """`capsule init`: a rig file with every key explained, a template record and the command to run."""
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -80,7 +79,7 @@ def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
     if made is None:
         belief = BELIEVED[kind.id]
         truth, _, record = (np.random.default_rng(child) for child in np.random.SeedSequence(1).spawn(3))
-        return tomllib.loads(belief.rig_text()), belief.record(belief.truth(truth), record, _SECONDS)
+        return belief.tables(), belief.record(belief.truth(truth), record, _SECONDS)
     rng = np.random.default_rng(1)
     tables, columns = made(rng)
     blank = {name: np.ones(len(next(iter(columns.values())))) for name in kind.columns(columns).measured}

@@ -1,6 +1,5 @@
 """The example rigs: what their experimenter believes, what is true, what drives them, and their records."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Final
 
@@ -67,26 +66,14 @@ class Believed:
         columns = record_scenario(scenario, rng if self.plain else None)
         return {name: values for name, values in columns.items() if name not in self.unlogged}
 
-    def rig_text(self, noise: float = 1.0) -> str:
-        """The rig file: nominal values, `noise` times the usual noise."""
-        capsule, tissue = self.nominal.capsule, Tissue()
-        lines = ["# rig of one experiment series; SI units", "[capsule]"]
-        sizes = () if self.nominal.surface else ("radius_m", "cylinder_length_m")
-        lines += [f"{name} = {getattr(capsule, name)!r}" for name in (*sizes, "mass_kg")]
-        if sizes:
-            lines += ["", "[tissue]", 'preset = "jejunum"']
-            lines += [f"{name} = {getattr(tissue, name)!r}" for name in tissue.__dataclass_fields__]
-        name, std = ("force_std_N", FORCE_STD_N) if self.pulled else ("position_std_m", POSITION_STD_M)
-        return "\n".join([*lines, *self._tables(), "", "[noise]", f"{name} = {noise * std!r}", ""])
-
-    def _tables(self) -> list[str]:
-        """Lines of the rig file from `[rig]` on, `[surface]` among them."""
-        drive, plate = self.nominal.drive, self.nominal.surface
-        surface: Mapping[str, object] = (
-            {"kind": "gut"} if plate is None else {"kind": "plate", "friction_coefficient": plate.friction_coefficient}
-        )
-        below = [] if self.plain else _table("surface", surface)
-        rig: dict[str, object] = {"kind": self.kind}
+    def tables(self, noise: float = 1.0) -> dict[str, dict[str, object]]:
+        """The tables of the rig file: nominal values, `noise` times the usual noise."""
+        drive, plate, capsule = self.nominal.drive, self.nominal.surface, self.nominal.capsule
+        tables: dict[str, dict[str, object]] = {"capsule": {"mass_kg": capsule.mass_kg}}
+        if plate is None:
+            tables["capsule"] |= {"radius_m": capsule.radius_m, "cylinder_length_m": capsule.cylinder_length_m}
+            tables["tissue"] = {"preset": "jejunum", **asdict(Tissue())}
+        rig = tables["rig"] = {"kind": self.kind}
         if isinstance(drive, TrueCoil):
             rig["force_constant_N_per_A"] = drive.gain_N_per_A
             if self.unlogged:
@@ -94,17 +81,15 @@ class Believed:
                 rig["current_limit_A"] = drive.current_limit_A
         elif isinstance(drive, TrueVibro):
             names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N")
-            below = [*_table("drive", {n: getattr(drive, n) for n in (*names, "reaction_on_body")}), *below]
+            tables["drive"] = {name: getattr(drive, name) for name in (*names, "reaction_on_body")}
         elif not self.pulled:
             rig |= asdict(drive)
-        return [*_table("rig", rig), *below]
-
-
-def _table(name: str, values: Mapping[str, object]) -> list[str]:
-    """A TOML table after an empty line."""
-    words = {True: "true", False: "false"}
-    rows = (words[v] if isinstance(v, bool) else f'"{v}"' if isinstance(v, str) else repr(v) for v in values.values())
-    return ["", f"[{name}]", *(f"{key} = {row}" for key, row in zip(values, rows, strict=True))]
+        if plate is not None:
+            tables["surface"] = {"kind": "plate", "friction_coefficient": plate.friction_coefficient}
+        elif not self.plain:
+            tables["surface"] = {"kind": "gut"}
+        name, std = ("force_std_N", FORCE_STD_N) if self.pulled else ("position_std_m", POSITION_STD_M)
+        return tables | {"noise": {name: noise * std}}
 
 
 _LIGHT, _SLIPPERY, _HEAVY = Capsule(mass_kg=0.02), TruePlate(0.29), Capsule(mass_kg=0.193)

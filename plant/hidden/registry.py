@@ -14,8 +14,7 @@ RESTING: Final = (*CARRIED, COIL, FORCE)
 GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
 LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time, one per stage
 IN_A_ROW: Final = "three first-order lags in series, a/2, a/3 and a/6"
-SIGNED: Final = -1.0
-"""Third number of a range whose values may be negative."""
+SIGNED: Final = -1.0  # third number of a range whose values may be negative
 
 
 @dataclass(frozen=True)
@@ -191,11 +190,9 @@ _BY_NAME: Final = {
     "mains_hum": _effect("a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", {"span": (0.02, 0.05)}),
 }
 HIDDEN: Final = tuple(replace(one, id=name, answer=one.answer or name) for name, one in _BY_NAME.items())
-ONSET: Final = 3
-"""Position in an effect's row of its onset time in s; 0: from the beginning."""
+ONSET: Final = 3  # position in an effect's row of its onset time in s; 0: from the beginning
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
-ROW: Final[Any] = namedtuple("Row", ROWS)(**ROWS)
-"""The rows as constants of compiled steps: `ROW.stribeck`."""
+ROW: Final[Any] = namedtuple("Row", ROWS)(**ROWS)  # the rows as constants of compiled steps: `ROW.stribeck`
 
 
 def hidden(name: str) -> Hidden:

@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.effects import CATALOGUE
-from models.files.toml import parse_toml
 from models.identification.experiment.propose import propose
 from models.identification.finding import Proposal
 from models.identification.identify import narrowed
@@ -121,7 +120,7 @@ class Answer:
     @classmethod
     def of(cls, series: Series, records: Sequence[Record]) -> Answer:
         """Search and proposal, as close-loop does both."""
-        rig = parse_rig(parse_toml(BELIEVED[series.kind].rig_text(), "rig"), "rig")
+        rig = parse_rig(BELIEVED[series.kind].tables(), "rig")
         train = [ready(record, rig) for record in records]
         kind = kind_for(rig, train)
         wanted = family(hidden(series.effect).answer)

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from models.files.toml import toml_text
 from plant.experiments.examples import BELIEVED
 from plant.experiments.scenario import write_record
 from plant.hidden.registry import SIGNED, hidden
@@ -49,7 +50,7 @@ def make_series(
     out.mkdir(parents=True, exist_ok=True)
     for name, rng in zip(RECORDS, record_streams, strict=True):
         write_record(out / f"{name}.csv.gz", belief.record(rig, rng, duration_s, noise, rate_Hz))
-    (out / "rig.toml").write_text(belief.rig_text(noise), encoding="utf-8")
+    (out / "rig.toml").write_text(toml_text(belief.tables(noise)), encoding="utf-8")
     (out / "answer.toml").write_text(_answer_text(rig, effect, seed), encoding="utf-8")
     return out
 

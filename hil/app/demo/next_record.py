@@ -41,7 +41,7 @@ class NextRecordStory:
         """
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         first = raw["scenario"].get("seed", 0) + SEEDS * seed
-        write_files({folder / RIG: BELIEVED["pull"].rig_text()})
+        write_files({folder / RIG: toml_text(BELIEVED["pull"].tables())})
         rig, before = read_rig(folder / RIG), folder / BEFORE
         before.mkdir()
 

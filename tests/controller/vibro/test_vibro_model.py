@@ -7,7 +7,7 @@ import pytest
 
 from controller.limits import Limits
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.drive_map import DriveMap, from_json, lag, to_json, wrong_models
+from controller.vibro.drive_map import MAPS, DriveMap, lag, wrong_models
 from controller.vibro.gears import gear_of
 from controller.vibro.optimal_cycle import optimal_cycle
 from controller.vibro.speed_map import best_square, free_period, speed_map
@@ -109,7 +109,7 @@ def test_a_gear_gives_the_speeds_that_it_says_and_its_map_survives_the_disk(gut:
     for speed in (4e-3, 9e-3, 16e-3, 25e-3):
         assert gut.gait(gear.waveform(speed)).speed_m_s == pytest.approx(speed, rel=0.06)
     drive = DriveMap((gear,), lag(gut, NEAR))
-    assert from_json(to_json(drive)) == drive
+    assert MAPS.validate_json(MAPS.dump_json(drive)) == drive
     assert 0.02 < drive.lag_s < 0.5
 
 

@@ -211,7 +211,7 @@ class Supervisor:
             self._too_long({"rate"})
 
     def _too_long(self, names: Iterable[str]) -> None:
-        self._reason = f"{self.active} held by limits: {', '.join(sorted(names))}"
+        self._reason = f"{self.active} limited too long: {', '.join(sorted(names))}"
         self._fallback.failed(self._active, self._elapsed)
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 

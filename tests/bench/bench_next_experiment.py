@@ -27,11 +27,10 @@ from models.rigs.reader import parse_rig
 from plant import layout as at
 from plant.experiments.examples import BELIEVED, FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M
 from plant.experiments.profile import RandomRuns, Wander, piecewise_runs
-from plant.hidden.registry import hidden
 from plant.rig import STEP_S, Plant, Truth
 from plant.sensing import Sensor
 from plant.tables import Floats
-from tests.plant.series import draw
+from tests.plant.series import answer_of, draw
 
 LENGTH_S = 24.0
 ONE_PASS = ((0.0, 0.5), (1.2e-3, LENGTH_S - 1.0), (0.0, 0.5))
@@ -123,7 +122,7 @@ class Answer:
         rig = parse_rig(BELIEVED[series.kind].tables(), "rig")
         train = [ready(record, rig) for record in records]
         kind = kind_for(rig, train)
-        wanted = family(hidden(series.effect).answer)
+        wanted = family(answer_of(series.effect))
         own = tuple(effect for effect in kind.effects if effect.id in wanted)
         kind, _ = narrowed(replace(kind, effects=own), rig, train)
         found = search(kind, train, lambda *_: None, np.random.default_rng(0))
@@ -133,7 +132,7 @@ class Answer:
 
     def resolves(self, effect: str) -> bool:
         """Whether `effect` is named and nothing in its class is left."""
-        return self.effects.get(hidden(effect).answer) == ()
+        return self.effects.get(answer_of(effect)) == ()
 
     def __str__(self) -> str:
         return ", ".join("/".join((e, *alike)) for e, alike in self.effects.items()) or "-"

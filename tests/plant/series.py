@@ -13,6 +13,17 @@ from plant.hidden.registry import SIGNED, hidden
 from plant.rig import Truth
 
 KINDS: Final = tuple(BELIEVED)
+_CATALOGUE: Final = {
+    "nose_asymmetry": "directional_asymmetry",
+    "film_weakening": "stribeck",
+    "slip_folds": "fold_periodic",
+    "dipole_load": "magnet_normal_load",
+    "driver_lag": "actuator_lag",
+    "spring_stiffening": "spring_hardening",
+    "guide_rubbing": "guide_friction",
+    "coil_field": "coil_reach",
+}  # names of hidden effects in the catalogue, if they differ
+_OUTSIDE: Final = ("travel_step", "rolling_wobble", "attraction_load")  # of the catalogue
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
 
 
@@ -70,7 +81,7 @@ def _answer_text(rig: Truth, effect: str | None, seed: int) -> str:
             "",
             f"[parameters.{name}]" if len(rig.hidden) > 1 else "[parameters]",
             f'form = "{hidden(name).form}"',
-            f"published = {str(hidden(name).published).lower()}",
+            f"published = {str(published(name)).lower()}",
         ]
         lines += [f"{key} = {value:.6g}" for key, value in numbers.items()]
     return "\n".join([*lines, ""])
@@ -83,3 +94,13 @@ def draw(name: str, rng: np.random.Generator) -> dict[str, float]:
         value = float(rng.uniform(number.lower, number.upper))
         numbers[number.name] = -value if number.sign == SIGNED and rng.random() < 0.5 else value
     return numbers
+
+
+def answer_of(effect: str) -> str:
+    """The effect of the catalogue that a search should name for a hidden one."""
+    return _CATALOGUE.get(effect, effect)
+
+
+def published(effect: str) -> bool:
+    """Whether the catalogue has the hidden effect."""
+    return effect not in _OUTSIDE

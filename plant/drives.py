@@ -75,10 +75,6 @@ class TrueDrive(ABC):
             elif "place" in own.metadata:
                 p[own.metadata["place"]] = value
 
-    def numbers(self) -> dict[str, float]:
-        """The true numbers under the names of a calibration."""
-        return {name: getattr(self, own) for name, own in self.calibrated.items()}
-
     def varied(self, *factors: float) -> TrueDrive:
         """The same drive with force and spring multiplied by `factors`."""
         new = {own: getattr(self, own) * f for own, f in zip(self.calibrated.values(), factors, strict=False)}
@@ -153,10 +149,6 @@ class TrueMagnetPair(Carriage):
     def gap_limit_m(self) -> float:
         gaps = np.linspace(0.0, self.height_m, 2001)
         return float(gaps[np.argmax(self.forces(gaps)[0])])
-
-    def numbers(self) -> dict[str, float]:
-        small = 1e-4 * self.height_m
-        return {"magnet_stiffness_N_per_m": float(self.forces(np.array([small]))[0][0]) / small}
 
 
 @dataclass(frozen=True)

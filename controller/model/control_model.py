@@ -46,7 +46,7 @@ class ControlModel:
 
     `step(x, command, disturbance_N, t) -> x_next` goes one tick of `tick_s` with the command held. `jacobians`, same
     arguments, gives `(x_next, A (n, n), B (n, 1), E (n, 1))` with respect to x, command and disturbance. `kernels` has
-    the same step compiled, many times faster (`kernels.step`). `measured(x, t) -> m` is the position sensor's reading
+    the same step compiled, many times faster. `measured(x, t) -> m` is the position sensor's reading
     of `x`, late by `delay_s`. The drive follows its command with the time constant `response_s`. `held_out_error`: the
     model's error on held-out records in the measured column's unit (None: unknown, or of a model with another effect).
 

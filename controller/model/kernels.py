@@ -160,7 +160,6 @@ class Kernels:
     """Compiled functions of one model; arrays are C-contiguous float64, n states, changed in place, only scratch memory
     is allocated.
 
-    - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
     - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: m states, each with its
       own disturbance, while the command moves linearly from `command` to `after`; `run_each(which, values (m,), states,
       ...)`: with the parameter at `which` per state.
@@ -183,13 +182,6 @@ class Kernels:
     linearise: Callable[..., None]
     pursue: Callable[..., None]
     holds: Callable[..., None]
-
-    def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
-        """The state (n,) a tick later."""
-        states = np.array(x, dtype=float).reshape(1, -1)
-        d = np.array([disturbance_N])
-        self.run(states, command, command, d, t, self.tick_s, self.substeps, self.parameters)
-        return np.asarray(states[0])
 
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:

@@ -61,12 +61,11 @@ def shape_at(
     """
     best, least, in_vain = seed, math.inf, 0
     for guess in guesses:
-        optimum = optimal_cycle(nominal, speed_m_s, guess)
-        energy = optimum.gait.energy_J_per_m if optimum.found else math.inf
+        found = optimal_cycle(nominal, speed_m_s, guess)
         in_vain += 1
-        if energy < least and _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
-            in_vain = 0 if energy < (1 - _SAVES) * least else in_vain
-            best, least = optimum.waveform, energy
+        if found and found[1].energy_J_per_m < least and _kept(wrong, found[0], speed_m_s) >= _LEAST:
+            in_vain = 0 if found[1].energy_J_per_m < (1 - _SAVES) * least else in_vain
+            best, least = found[0], found[1].energy_J_per_m
         if least < math.inf and in_vain == _IN_VAIN:
             break
     return best

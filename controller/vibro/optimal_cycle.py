@@ -108,27 +108,19 @@ _OPTIONS: dict[str, Any] = {  # of ipopt
 }
 
 
-@dataclass(frozen=True)
-class Optimum:
-    """The best cycle found and its `gait` on the exact model. `found` is False, with a sentence in `reason`, if none
-    came near the speed; the cycle is then the nearest.
-    """
+def optimal_cycle(
+    cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = 5, close: float = 0.15
+) -> tuple[Waveform, Gait] | None:
+    """The least-energy cycle at the mean `speed_m_s`, not 0, from `guess`, with its gait on the exact model, whose
+    speed may be off by the share `close`; None if no cycle is so near.
 
-    waveform: Waveform
-    gait: Gait
-    found: bool
-    reason: str
-
-
-def optimal_cycle(cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = 5, close: float = 0.15) -> Optimum:
-    """The least-energy cycle at the mean `speed_m_s`, not 0, from `guess`; the exact model's speed may be off by the
-    share `close`. Local: it keeps the order of events of `guess`. Raises ValueError for a speed of 0.
+    Local: it keeps the order of events of `guess`. Raises ValueError for a speed of 0.
     """
     if speed_m_s == 0 or not np.isfinite(speed_m_s):
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")
     lags = _lags(cycles, guess)
     programs = [smooth_part(cycles.model, eps, lags) for eps in _SMOOTHING]
-    best, nearest = None, (abs(cycles.gait(guess).speed_m_s - speed_m_s), guess, cycles.gait(guess))
+    best: tuple[Waveform, Gait] | None = None
     waveform, aim = guess, speed_m_s * cycles.model.mirror
     for k in range(rounds):
         solution = _solve(cycles, programs[min(k, len(programs) - 1)], waveform, aim)
@@ -136,10 +128,7 @@ def optimal_cycle(cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int
             break
         waveform = solution
         gait = cycles.gait(waveform)
-        off = abs(gait.speed_m_s - speed_m_s)
-        if off < nearest[0]:
-            nearest = (off, waveform, gait)
-        if off <= close * abs(speed_m_s):
+        if abs(gait.speed_m_s - speed_m_s) <= close * abs(speed_m_s):
             settled = best is not None and gait.energy_J_per_m > (1 - _SETTLED) * best[1].energy_J_per_m
             if best is None or gait.energy_J_per_m < best[1].energy_J_per_m:
                 best = (waveform, gait)
@@ -147,11 +136,7 @@ def optimal_cycle(cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int
                 break
         ratio = gait.speed_m_s / speed_m_s
         aim *= float(np.clip(1 / ratio, 0.75, 1.35)) if ratio > 0 else 1.35
-    if best is not None:
-        return Optimum(*best, True, "")
-    _, waveform, gait = nearest
-    reason = f"no cycle came within {close:.0%} of the speed; the nearest has {gait.speed_m_s:.3g} m/s"
-    return Optimum(waveform, gait, False, reason)
+    return best
 
 
 def _lags(cycles: Cycles, waveform: Waveform) -> dict[Name, float]:

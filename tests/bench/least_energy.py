@@ -15,7 +15,10 @@ def optima(cycles: Cycles, speed_m_s: float, guesses: list[Waveform]) -> list[Al
     """
     best: dict[Impact, Alternative] = {}
     for guess in guesses:
-        wave, gait = brought_to(cycles, optimal_cycle(cycles, speed_m_s, guess, 6, _ROUGHLY).waveform, speed_m_s)
+        optimum = optimal_cycle(cycles, speed_m_s, guess, 6, _ROUGHLY)
+        if optimum is None:
+            continue
+        wave, gait = brought_to(cycles, optimum[0], speed_m_s)
         impact = impact_of(cycles.model, gait)
         if abs(gait.speed_m_s / speed_m_s - 1) < _EXACT and (
             impact not in best or gait.energy_J_per_m < best[impact].gait.energy_J_per_m

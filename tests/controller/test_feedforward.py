@@ -22,7 +22,7 @@ from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.sensing import Instrument
 from plant.session import Instruments
-from tests.controller.loops import believed, closed_loop, model_of
+from tests.controller.loops import believed, closed_loop, model_of, ticked
 
 MODEL = model_of()
 ENVELOPE = envelope_of(MODEL.drive)
@@ -37,7 +37,7 @@ def test_the_inverse_inverts(speed: float, slip: float) -> None:
     x[MODEL.index("u")], x[MODEL.index("slip")], x[1] = 1e-4, slip, speed
     command = inverse.command(x, 2e-3, speed, 0.0)
     assert abs(command - x[0]) < ENVELOPE.gap_m
-    assert inverse.model.kernels.step(x, command, 2e-3, 0.0)[1] == pytest.approx(speed, rel=0.05)
+    assert ticked(inverse.model.kernels, x, command, 2e-3, 0.0)[1] == pytest.approx(speed, rel=0.05)
 
 
 def test_the_inverse_of_too_much_is_the_end_of_the_range() -> None:

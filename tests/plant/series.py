@@ -75,7 +75,10 @@ def _answer_text(rig: Truth, effect: str | None, seed: int) -> str:
     lines = [f'effect = "{effect or "none"}"', f"seed = {seed}"]
     lines += [] if rig.surface else [f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
     lines += [f"friction_coefficient = {(rig.surface or rig.tissue).friction_coefficient:.6g}"]
-    lines += [f"{name} = {value:.6g}" for name, value in rig.drive.numbers().items()]
+    lines += [
+        f"{name} = {value:.6g}"
+        for name, value in ((key, getattr(rig.drive, own)) for key, own in rig.drive.calibrated.items())
+    ]
     for name, numbers in rig.hidden.items():
         lines += [
             "",

@@ -11,10 +11,9 @@ from scipy.linalg import solve_discrete_are
 from controller.design.tuning import OpenLoop, closed_loop
 from controller.model.linear import Linear
 from controller.vibro.cycles import Cycles, VibroModel, impact_of
-from controller.vibro.drive_map import wrong_models
+from controller.vibro.drive_map import Alternative, SpeedMap, free_period, squares, wrong_models
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
-from controller.vibro.speed_map import Alternative, SpeedMap, free_period, squares
 
 SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))
 _ABOUT = 0.2  # share of the speed for the slope of the map

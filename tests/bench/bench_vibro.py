@@ -15,10 +15,9 @@ import numpy as np
 
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.drive_map import design, designed
+from controller.vibro.drive_map import design, designed, speed_map, squares
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import Tuning
-from controller.vibro.speed_map import speed_map, squares
 from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.vibro.cycles import SETTLE_S, Cycles, Gait
-from controller.vibro.speed_map import free_period
+from controller.vibro.drive_map import free_period
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]

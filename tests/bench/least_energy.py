@@ -1,8 +1,8 @@
 """The least-energy cycles of every kind of impact, which the drive map's choices are held against."""
 
 from controller.vibro.cycles import Cycles, Gait, Impact, impact_of
+from controller.vibro.drive_map import Alternative
 from controller.vibro.optimal_cycle import optimal_cycle
-from controller.vibro.speed_map import Alternative
 from controller.vibro.waveform import Waveform
 
 _EXACT = 0.02  # share of the speed to which a cycle is brought

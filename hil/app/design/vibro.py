@@ -9,8 +9,7 @@ import plotly.graph_objects as go
 from rich.table import Table
 
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.drive_map import designed
-from controller.vibro.speed_map import speed_map
+from controller.vibro.drive_map import designed, speed_map
 from controller.vibro.study import VibroStudy, vibro_study
 from hil.app.console import text_table
 from hil.app.design.page import Drawn, loop_figures, page_html

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from controller.signals import Estimate
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles
-from controller.vibro.drive_map import design, lag
+from controller.vibro.drive_map import design, lag, speed_map
 from controller.vibro.gears import DriveMap, gear_of
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
-from controller.vibro.speed_map import speed_map
 from controller.vibro.waveform import Waveform
 from plant.sensing import Instrument
 from plant.session import Instruments

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.speed_map import free_period, speed_map, squares
+from controller.vibro.drive_map import free_period, speed_map, squares
 from controller.vibro.waveform import Waveform
 from models.drives.vibro import Stop
 from tests.bench.least_energy import cheapest, optima

@@ -7,10 +7,9 @@ import pytest
 
 from controller.limits import Limits
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.drive_map import MAPS, DriveMap, lag, wrong_models
+from controller.vibro.drive_map import MAPS, DriveMap, best_square, free_period, lag, speed_map, wrong_models
 from controller.vibro.gears import gear_of
 from controller.vibro.optimal_cycle import optimal_cycle
-from controller.vibro.speed_map import best_square, free_period, speed_map
 from controller.vibro.waveform import Waveform
 from models.rigs.reader import parse_rig
 from models.theta import Theta

@@ -56,7 +56,7 @@ def _failure(cls: type[Controller], taken: Collection[str]) -> str | None:
 LATE_SLIP, _LEAST_LATE = 0.25, 0.05
 """Share of its limit by which slip may come later than the model predicts; the lesser share for a proved model. Of 0 to
 0.5, those from 0.15 to 0.3 tracked best on ramp and sine in a straight tube and in random guts, seeds from 100 on. With
-augmented models (fading grip, drag, drying) the least did.
+augmented models (fading grip, drag, drying) 0.05 did.
 """
 HOLD_S = 0.01
 """A period of the localisation. Of 0, 10 and 20 ms the latter two tracked alike, and no worse than 0, on ramp, sine,

@@ -14,7 +14,7 @@ from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro
-from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
+from models.effects.friction import DirectionalAsymmetry
 from models.identification.kinds.vibro_table.solver import VibroCycle, mean_velocities
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.rigs.parts import drive_of, surface_of

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals, by_name
-from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
+from models.effects.wall import SmallStrainStiffening
 from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.table import left_out_in_turn
 from models.identification.settings import SET

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.drives.drive import Drive
 from models.effects.equation import lines_of
-from models.effects.refinements.level_at_onset import LevelAtOnset
+from models.effects.refinements import LevelAtOnset
 from models.identification.kinds.series.series import SeriesKind
 from models.records.record import Record
 from models.theta import Theta

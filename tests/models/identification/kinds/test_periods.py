@@ -8,8 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from models.effects.effect import Signals
-from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
-from models.effects.wall.wall_viscosity import WallViscosity
+from models.effects.wall import SmallStrainStiffening, WallViscosity
 from models.identification.kinds.periods import report
 from models.identification.kinds.periods.periods import COLUMNS, PeriodsKind, relative_errors
 from models.identification.settings import SET

@@ -9,7 +9,7 @@ from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
-from models.laws.dynamic_modulus import DynamicModulus
+from models.laws.five_elements import DynamicModulus
 from models.parameter import Parameter, Role
 
 Value = Any

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 from models.effects.formula import Formula
-from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
+from models.laws.five_elements import DynamicModulus, springpot_modulus
 
 
 class WallViscosity(Effect):

@@ -17,7 +17,8 @@ from models.identification.confidence_map import confidence_map
 from models.identification.experiment import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
-from models.identification.kinds import NOTHING_KNOWN, AnyKind, Known, kind_for, ready, report_of
+from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
+from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records

@@ -20,7 +20,7 @@ from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from models.theta import Theta
 from tests.models.running import Array, pulses, run
 

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 
 from models.effects.effect import Signals
 from models.effects.wall import SmallStrainStiffening, WallViscosity
-from models.identification.kinds.periods import report
-from models.identification.kinds.periods.periods import COLUMNS, PeriodsKind, relative_errors
+from models.identification.kinds.periods import COLUMNS, PeriodsKind, relative_errors
+from models.identification.kinds.reports import periods as report
 from models.identification.settings import SET
 from models.parameter import SETS
 from models.records.record import Record

@@ -14,8 +14,7 @@ from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array, Kind, Split, present
 from models.identification.settings import SET
-from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
-from models.laws.hoop import Moduli
+from models.laws.five_elements import Moduli, angular_frequency, five_element_modulus
 from models.parameter import Parameter, load_set
 from models.records.record import Record
 from models.rigs.dma import DMA

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.identification.kinds.friction.effects import cannot_show
-from models.identification.kinds.friction.friction import FORCE, SPEED, FrictionKind
+from models.identification.kinds.friction import FORCE, SPEED, FrictionKind, cannot_show
 from models.records.record import Record
 from models.rigs.friction import FRICTION
 from models.theta import Theta

@@ -1,11 +1,19 @@
-"""The one way in which a file that a user names is opened and read: regular files alone, never beyond a bound."""
+"""Files that a user names, opened and read in one way: regular ones alone, within a bound; drafts, private folders."""
 
+import atexit
 import codecs
 import json
 import os
+import shutil
 import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, Final
+from uuid import uuid4
 
 LARGEST_TEXT: Final = 1 << 20  # bytes of a file that a person writes
 LARGEST_DATA: Final = 1 << 31
@@ -94,3 +102,68 @@ def read_json(path: Path, what: str, largest: int = LARGEST_TEXT) -> dict[str, A
     if not isinstance(found, dict):
         raise ValueError(f"{path}: {what} must be a JSON object; got a {type(found).__name__}")
     return found
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What is written to `path` in here: an OSError names it, which one of a write to an open file does not."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def draft(path: Path, data: bytes) -> Path:
+    """A file beside `path` with `data`, to be moved to `path`; who may read it is as the user's umask has it. Raises
+    OSError, and leaves nothing then.
+    """
+    made = path.with_name(f".{path.name}.{uuid4().hex[:12]}")
+    with writing(path):
+        handle = os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+        except BaseException:
+            made.unlink(missing_ok=True)
+            raise
+    return made
+
+
+def cache_folder() -> Path:
+    """`CAPSULE_CACHE`, else the user's cache folder. Where that is not the user's alone or cannot be written
+    to, one of this process that goes with it; said once on standard error.
+    """
+    return _folder(
+        os.environ.get("CAPSULE_CACHE")
+        or os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "capsule")
+    )
+
+
+@cache
+def _folder(root: str) -> Path:
+    try:
+        folder = private_folder(Path(root))
+        if os.access(folder, os.W_OK):
+            return folder
+        why = "it cannot be written to"
+    except OSError as error:
+        why = error.strerror or str(error)
+    print(f"compiled code is not kept in {root}: {why}", file=sys.stderr)
+    folder = Path(tempfile.mkdtemp(prefix="capsule-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def private_folder(path: Path) -> Path:
+    """Make the folder `path` for its owner alone. Raises OSError where it is another's, a link, or writable by others:
+    what lies in it may then not be ours.
+    """
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = path.lstat()
+    if not stat.S_ISDIR(found.st_mode):
+        raise PermissionError(0, "it must be a folder, not a link", str(path))
+    if found.st_uid != os.geteuid():
+        raise PermissionError(0, f"it must belong to user {os.geteuid()}; got {found.st_uid}", str(path))
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise PermissionError(0, "nobody else must be able to write to it: chmod go-w", str(path))
+    return path

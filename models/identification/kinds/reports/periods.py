@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
 from models.identification.kind import Array
-from models.identification.kinds.periods.periods import PeriodsKind
+from models.identification.kinds.periods import PeriodsKind
 from models.identification.settings import SET
 from models.records.record import Record, named
 from models.theta import Theta

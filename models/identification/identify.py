@@ -1,4 +1,4 @@
-"""From a finished search to the answer: verdict, intervals, checks, errors before and after on held-out data."""
+"""From a finished search to the result: verdict, intervals, checks, errors on training and held-out records."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -152,7 +152,7 @@ def _errors(kind: AnyKind, records: Sequence[Record], thetas: Mapping[str, Theta
 
 
 def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKind, dict[str, str]]:
-    """`kind` with what `records` can show and what no form tells apart; why they cannot show the others, by id."""
+    """`kind` with the effects that `records` can show and the inseparable ones; why they cannot show others, by id."""
     hidden = cannot_show(rig, records, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
@@ -162,7 +162,7 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
 
 
 def _seconds(record: Record) -> float:
-    """How long its residuals count; not limited for a table, whose rows have no time."""
+    """How long in s its residuals count; infinite for a table, whose rows have no time."""
     return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
 
 
@@ -235,7 +235,7 @@ def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str
 
 
 def _proposed(kind: AnyKind, found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
-    """Which records an effect was proposed on, where it was proposed from a residual, and what that means here."""
+    """On which records an effect was proposed, if from a residual, and what follows from it."""
     said = []
     for name in found.effects:
         on = kind.catalogue[name].proposed_on

@@ -75,7 +75,7 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 BAD_RECORDS = {
     "axis, still": ("axis", series(x=0 * X), "position_m must change to identify anything; got 0 throughout"),
     "axis, dead sensor": ("axis", series(f=0 * F + 3), "force_N must change to identify anything; got 3 throughout"),
-    "axis, too short": ("axis", series(T[:100], X[:100], F[:100]), "at least two parts to fit on and to judge by"),
+    "axis, too short": ("axis", series(T[:100], X[:100], F[:100]), "a training and a validation part"),
     "axis, huge position": ("axis", series(x=X * 1e150), "line 3: position_m must be between -100 and 100 m"),
     "axis, huge force": ("axis", series(f=F * 1e200), "line 2: force_N must be between -1e6 and 1e6 N"),
     "axis, gap": (

@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, StringConstraints, ValidationError
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.access import read_json, read_text
-from models.files.toml import parse_toml, shown
+from models.files.toml import parse_toml, shown, toml_text
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -109,22 +109,13 @@ class Model:
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        lines = [f"format = {FORMAT}", f"kind = {json.dumps(self.kind)}", f"verdict = {json.dumps(self.verdict)}", ""]
-        if self.provenance:
-            lines += ["[provenance]", *(f"{key} = {json.dumps(value)}" for key, value in self.provenance.items()), ""]
-        if self.held_out:
-            lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
-        if self.cautions:
-            lines += ["[cautions]", *(f"{stage} = {json.dumps(said)}" for stage, said in self.cautions.items()), ""]
-        for name, origin in self.own_effects.items():
-            lines += [f"[own_effects.{name}]", *(f"{key} = {json.dumps(value)}" for key, value in origin.items()), ""]
+        tables = ("provenance", "held_out", "cautions", "own_effects")
+        content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
+        text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
         for stage in STAGES:
-            lines += [
-                f"[{stage}]",
-                *(f"{json.dumps(spelled(name))} = {value!r}" for name, value in self.stages[stage].items()),
-                "",
-            ]
-        return sealed("\n".join(lines))
+            lines = (f"{json.dumps(spelled(name))} = {value!r}\n" for name, value in self.stages[stage].items())
+            text += f"[{stage}]\n{''.join(lines)}\n"
+        return sealed(text)
 
     @classmethod
     def from_toml(cls, text: str, catalogue: Catalogue = CATALOGUE) -> Model:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -184,9 +185,13 @@ def words_of(proposal: Proposal | None) -> str | None:
     if proposal is None:
         return None
     said = [TEXT(f"next.{proposal.column}", file=NEXT_CSV, length=proposal.times_s[-1])]
-    for one in proposal.separations:
-        case = "next.separates" if one.so_far < SET.apart else "next.separates_better"
-        said += [TEXT(case, **vars(one) | {"effect": effect_words(one.effect), "rival": effect_words(one.rival)})]
+    for effect, group in itertools.groupby(proposal.separations, key=lambda one: one.effect):
+        ones = list(group)
+        cases = ["next.first", *["next.further"] * (len(ones) - 1)]
+        rivals = [TEXT(case, **vars(o) | {"rival": effect_words(o.rival)}) for case, o in zip(cases, ones, strict=True)]
+        so_far = min(one.so_far for one in ones)
+        case = "next.separates" if so_far < SET.apart else "next.separates_better"
+        said.append(TEXT(case, effect=effect_words(effect), rivals=rivals, so_far=so_far))
     if proposal.shows:
         said.append(TEXT("next.shows", names=map(effect_words, proposal.shows)))
     return " ".join(said)

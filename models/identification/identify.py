@@ -135,7 +135,7 @@ def close(
         timings=found.timings,
         findings=findings,
         cannot_show=hidden,
-        reasons=_reasons(verdict, checks, findings),
+        reasons=_reasons(verdict, found.effects, checks, findings),
         proposal=proposal,
         dependence=dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None,
         declared=declared,
@@ -166,11 +166,18 @@ def _seconds(record: Record) -> float:
     return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
 
 
-def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:
+def _reasons(
+    verdict: str, effects: Sequence[str], checks: Sequence[Check], findings: Sequence[RecordFinding]
+) -> tuple[str, ...]:
     """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
     if verdict != "unknown":
         return ()
-    failed = [TEXT("failed", **vars(check)) for check in checks if not check.ok]
+    last = "failed" if effects else "failed_of_none"
+    failed = []
+    for check in (check for check in checks if not check.ok):
+        case = f"check.{check.id}.{last}"
+        text = case if case in TEXT else f"check.{check.id}.failed"
+        failed.append(TEXT(text, value=check.value, limit=check.limit, n=round(check.value)))
     return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
 
 

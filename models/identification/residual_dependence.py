@@ -23,7 +23,7 @@ from models.theta import Theta
 
 Index = NDArray[np.int64]
 AXES: Final = ("-v", "+x")
-"""A residual is looked at against the motion, where a resistance is positive, and along the lumen."""
+"""Directions of a residual: against the motion, where a resistance is positive, and along +x."""
 
 
 def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int = 0) -> Dependence | None:

@@ -109,7 +109,7 @@ class SearchSettings:
     rival_imitated: float = setting(0.1, "1", "of the effect's cost beyond noise: an imitator is as close")
     rival_form: float = setting(3e-3, "1", "of the power that the effect explains, the largest error of its form")
     never: float = setting(6.0, "1", "standard errors assumed for rivals that no fit brought close")
-    places: int = setting(24, "1", "positions at which a local effect is tried")
+    positions: int = setting(24, "1", "positions at which a local effect is tried")
     screened_starts: int = setting(2, "1", "best starts of an effect that are kept")
     imitated_s: float = setting(5.0, "s", "length of records that estimates chance, where predictions are slow")
     imitations: int = setting(2, "1", "imitated records without an effect, which show chance")

@@ -44,7 +44,7 @@ def _by_noise(jacobian: Array) -> Array:
 
 
 def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
-    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for what is left
+    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for a misfit
     beyond chance and for residuals that are not independent, and the sandwich.
     """
     rows = fit.jacobian * scale

@@ -102,7 +102,7 @@ class GaussNewton:
         return r, self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, SET.secant_stretch))
 
     def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Point]:
-        """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the points looked at."""
+        """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the evaluated points."""
         points, lengths = [], []
         for direction in basis.T:
             for step in (direction, -direction):

@@ -97,9 +97,7 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
     position = effect.of_role("place")
     if position is not None:
         x = np.concatenate([record["position_m"] for record in records])
-        grid[position] = [
-            float(value) for value in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), SET.places)
-        ]
+        grid[position] = np.linspace(*np.percentile(x, [1, 99]), SET.positions).tolist()
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
 

@@ -97,7 +97,8 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
     position = effect.of_role("place")
     if position is not None:
         x = np.concatenate([record["position_m"] for record in records])
-        grid[position] = np.linspace(*np.percentile(x, [1, 99]), SET.positions).tolist()
+        low, high = np.percentile(x, [1, 99])
+        grid[position] = np.linspace(low, high, SET.positions).tolist()
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
 

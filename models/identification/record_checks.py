@@ -93,7 +93,7 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
             still = next((name for name, column in values.items() if not column.any()), None)
             if still is not None:
                 raise ValueError(
-                    f"{names}: {still} must differ from 0 in some rows to identify anything; got 0 throughout"
+                    f"{names}: {still} must differ from 0 in some rows; got 0 throughout"
                 )
             if KINDS[records[0].kind].scatters and constant:
                 rows = len(values[there[0]])

@@ -92,9 +92,7 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
         if not layout.time and set(group) == set(layout.measured):
             still = next((name for name, column in values.items() if not column.any()), None)
             if still is not None:
-                raise ValueError(
-                    f"{names}: {still} must differ from 0 in some rows; got 0 throughout"
-                )
+                raise ValueError(f"{names}: {still} must differ from 0 in some rows; got 0 throughout")
             if KINDS[records[0].kind].scatters and constant:
                 rows = len(values[there[0]])
                 raise ValueError(f"{names}: periods must scatter as measured ones do; got {rows} times the same row")

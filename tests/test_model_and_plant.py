@@ -12,7 +12,7 @@ from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces.gut import Wall
 from models.surfaces.surface import Plate
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.drives import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.rig import Plant, TruePlate, Truth
 from plant.tables import resistance
 from tests.models.running import Array, pulses, run
@@ -85,7 +85,7 @@ def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_pla
     carriage = 0.03 * np.sin(2 * t)
     pair = TrueMagnetPair(400.0, 1.0, 0.1, along)
     rows = Plant(Truth(pair, surface=TruePlate(0.2) if on_plate else None)).advance(carriage)
-    k = pair.numbers()["magnet_stiffness_N_per_m"]
+    k = float(pair.forces(np.array([1e-5]))[0][0]) / 1e-5
     drive = MagnetPair(k, height_m=0.1, orientation="along" if along else "across")
     surface = Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
     x = run(assemble(surface, drive), carriage, STEP_S)[: rows.shape[0]]

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueDrive, TruePull, TrueVibro
+from plant.drives import TrueCoil, TrueDrive, TruePull, TrueVibro
 from plant.rig import Truth
 from plant.tables import Floats
 

@@ -19,8 +19,8 @@ from hil.simulated.faults.table import DRIVE, Fault
 from hil.simulated.makers_drive import MakersDrive
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from plant import layout as at
-from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
-from plant.sensing.instruments import Reading
+from plant.drives import Carriage, TrueCoil, TrueVibro
+from plant.sensing import Reading
 from plant.session import Session
 
 SLOT_S: Final = 1e-3  # the drives' firmware runs this often

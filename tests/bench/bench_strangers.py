@@ -22,8 +22,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from plant.experiments.series import make_series, write_record
+from plant.experiments.scenario import write_record
 from tests.places import SHARED
+from tests.plant.series import make_series
 
 _FINER = 10
 Columns = dict[str, npt.NDArray[np.float64]]

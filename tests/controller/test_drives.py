@@ -13,7 +13,7 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
 from models.rigs.kinds import KINDS
-from plant.drives.kinds import DRIVES as SIMULATED
+from plant.drives import DRIVES as SIMULATED
 
 ROOT = Path(__file__).parents[2]
 NAMED = re.compile(r"""["'](pull|magnetic|coil|vibro|vibro_table|axis|periods|friction|dma)["']""")

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from controller.excursion import Experiment
+from controller.reference import Experiment
 from hil.app.scenario.deployment import Pace
 from models.identification.finding import Proposal
 

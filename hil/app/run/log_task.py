@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from controller.excursion import Experiment
+from controller.reference import Experiment
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of

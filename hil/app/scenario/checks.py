@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from controller.reference import STEP_S, Trajectory
 from controller.registry import CONTROLLERS, leads
-from controller.trajectory import STEP_S, Trajectory
 from models.parameter import nearest
 from models.rigs.schema import NamedTable
 from plant.session import Instruments

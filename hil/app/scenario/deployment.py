@@ -10,9 +10,9 @@ from pydantic import Field
 
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
+from controller.reference import Trajectory
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.acceptance import Acceptance, judge
-from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator

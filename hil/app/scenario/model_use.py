@@ -7,7 +7,7 @@ from typing import Any
 
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import Health
+from controller.monitor import Health
 from hil.app.console import note
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import check_word

@@ -14,7 +14,7 @@ from hil.app.track.score import shares
 from hil.nodes.frame_map import QUICK_STOP_M_S2
 from hil.simulated.faults.table import DRIVE, LIES, Fault
 from plant import layout as at
-from plant.drives.kinds import Carriage
+from plant.drives import Carriage
 
 Array = NDArray[np.float64]
 TICKS: Final = 2

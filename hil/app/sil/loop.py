@@ -15,9 +15,9 @@ import can
 import numpy as np
 
 from controller.model.control_model import ControlModel
+from controller.reference import STEP_S, Trajectory
 from controller.supervision.fallback import DONE, shares
 from controller.supervision.model_switch import Offer
-from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from controller.limits import Envelope
-from controller.monitor.monitor import Health
+from controller.monitor import Health
 from controller.signals import Measurement, Reference
 from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import not_led
 from controller.supervision.probe import Probe
-from controller.tuned import TOLD_S
+from controller.tuned import OLDEST_S
 from hil.nodes.controller.view import sampled
 from hil.nodes.frame_map import STANDBY, WAITING
 
@@ -29,7 +29,7 @@ class Onlooker:
         """`rests` is `Driven.rests`, `friction` the command that overcomes it."""
         self._tick_s, self._placed = tick_s, envelope.placed
         self.contradiction = Contradiction(envelope, noise_m, friction)
-        self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(TOLD_S / tick_s))
+        self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(OLDEST_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, rests
         self._astray = 0

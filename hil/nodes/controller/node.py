@@ -10,9 +10,9 @@ import can
 import numpy as np
 
 from controller.drives import envelope_of, friction_command
-from controller.excursion import Excursion, Experiment
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
+from controller.reference import Excursion, Experiment
 from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT
@@ -353,7 +353,7 @@ class ControllerNode:
             return
         path = self._experiments.popleft().path
         place = float(self._reference.position(around)[1])
-        if np.max(np.abs(place + path.places)) <= self.task.limits.travel_m:
+        if np.max(np.abs(place + path.positions)) <= self.task.limits.travel_m:
             self._reference = Excursion(self._reference, path, begin_s)
             self.experiments_at.append(begin_s - origin)
 

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from typing import Any, Final
 
-from controller.move import SetpointMove, brake, move, rest
+from controller.reference import SetpointMove, brake, move, rest
 from controller.signals import Reference
 from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver

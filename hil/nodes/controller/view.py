@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import Health
+from controller.monitor import Health
 from controller.signals import Estimate, Reference
 from hil.bus.codec import NO_SURPRISE
 from hil.nodes.frame_map import LONGEST_S

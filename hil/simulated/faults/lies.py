@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Final
 
 from hil.simulated.faults.table import Fault
-from plant.drives.kinds import TrueCoil, TrueDrive
-from plant.sensing.instruments import Instrument, Reading
+from plant.drives import TrueCoil, TrueDrive
+from plant.sensing import Instrument, Reading
 
 SWAY_S: Final = 8.0  # period
 FASTEST_M_S: Final = 0.5  # of a carriage that jumps

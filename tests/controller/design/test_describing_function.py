@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from controller.design.describing_function import Describing, balances, compliance, describe, without_wall
-from controller.design.limit_cycle import exactly, pid_law, simulate
+from controller.design.study import exactly, pid_law, simulate
 from controller.design.tuning import Pid, tuned_pid
 from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise

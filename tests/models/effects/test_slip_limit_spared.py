@@ -19,8 +19,7 @@ from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.surfaces.surface import Plate
 from models.theta import Theta
-from plant.experiments.series import make_series
-from plant.hidden.registry import hidden
+from tests.plant.series import answer_of, make_series
 
 RIVALS = {
     "slip_folds": ("fold_periodic", "stenosis", "lumen_taper"),
@@ -44,7 +43,7 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     splits = [(records[:1], records[1:])]
     base = refit(kind, records[:1], [], kind.nominal())
     trials = compare_candidates(FittedModel.of(kind, splits, [], [base]), screen(kind, records[:1], [], base))
-    assert trials[0].effect == hidden(name).answer
+    assert trials[0].effect == answer_of(name)
     assert all(ahead(trials[0].blocks, trial.blocks) > SET.apart for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
     assert trials[0].refinements[model][0]["level_at_onset", "spared"] == pytest.approx(SPARED[name], abs=0.15)

@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
-from controller.move import rest
+from controller.reference import rest
 from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus

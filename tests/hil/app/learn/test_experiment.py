@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.excursion import Experiment
+from controller.reference import Experiment
 from hil.app.learn.experiment import experiment_of
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import parse_sil_scenario
@@ -109,8 +109,8 @@ def test_an_experiment_stays_within_its_pace(reach: float, speed: float, longest
     pace = Pace(experiment_mm=reach, experiment_mm_s=speed, experiment_s=longest)
     experiment = experiment_of(motion, pace, 3.0)
     assert experiment is not None
-    assert np.max(np.abs(experiment.path.places)) <= 1e-3 * reach * (1 + 1e-9)
-    assert experiment.path.places[-1] == pytest.approx(0.0, abs=1e-9)
+    assert np.max(np.abs(experiment.path.positions)) <= 1e-3 * reach * (1 + 1e-9)
+    assert experiment.path.positions[-1] == pytest.approx(0.0, abs=1e-9)
     assert experiment.at_s == 3.0
 
 

@@ -5,7 +5,7 @@ from typing import get_args
 
 import pytest
 
-from controller.monitor.monitor import Change, Health, State
+from controller.monitor import Change, Health, State
 from hil.bus.protection import Receiver, Sender
 from hil.nodes.controller.view import CHANGES, HEALTH_S, STATES, health_values
 from hil.nodes.frame_map import frames

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.move import SetpointMove, move
+from controller.reference import SetpointMove, move
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.controller.operator import Operator, OperatorLimits
 from hil.nodes.frame_map import ENABLED, MOVING

@@ -20,13 +20,11 @@ from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.surfaces.surface import Plate
 from models.theta import Theta
-from plant.drives.kinds import TrueCoil, TrueVibro
-from plant.experiments.excitation import pulse_width
-from plant.experiments.profile import RandomPulses
-from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import RunTable, Scenario
+from plant.drives import TrueCoil, TrueVibro
+from plant.experiments.profile import RandomPulses, pulse_width
+from plant.experiments.scenario import RunTable, Scenario, record_scenario
 from plant.rig import TruePlate, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
 from tests.bench.bench_drives import believed, series
 
 FINE_S = 2e-5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plant.hidden.table import effect_table
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
 
 T = np.linspace(0.0, 10.0, 50_001)
 

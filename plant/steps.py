@@ -16,8 +16,17 @@ from plant.hidden.actuation import (
     remember_drive,
     sideways_load,
 )
-from plant.hidden.forces import field_reach, hidden_force, inertia, remember_stress, suspension_force
-from plant.hidden.resistance import hoop_at_slip, remember_motion, resistance_at_nose, resistance_level
+from plant.hidden.body import (
+    field_reach,
+    hidden_force,
+    hoop_at_slip,
+    inertia,
+    remember_motion,
+    remember_stress,
+    resistance_at_nose,
+    resistance_level,
+    suspension_force,
+)
 from plant.hidden.table import has_drive, has_force, has_level
 from plant.tables import Floats
 from plant.wall import clipped_speed, kinetic_limit, move_wall, sliding_limit, wall_force
@@ -26,12 +35,12 @@ PULL, MAGNET, PAIR, FORCE, LINK, COIL, INNER_FORCE, INNER_VOLTAGE = range(8)
 """Kinds of drive: position in m (PULL stiff, LINK elastic), carriage in m (MAGNET, PAIR of dipoles), N, V; the last two
 drive an inner mass by the mean force or voltage of a step.
 """
-_LEAST_M_S: Final = 1e-12  # imposed speed, below it a pull rests
+_LEAST_M_S: Final = 1e-12  # imposed speed below which a pull rests
 
 
 @compiled
 def _write_row(row: Floats, t: float, s: Floats, force: float, drive: float) -> None:
-    """The columns of `plant.layout` as the state `s` is at `t` in s."""
+    """The columns of `plant.layout` in the state `s` at `t` in s."""
     row[at.O_T], row[at.O_X], row[at.O_V], row[at.O_U] = t, s[at.S_X], s[at.S_V], s[at.S_U]
     row[at.O_FORCE], row[at.O_DRIVE], row[at.O_CURRENT] = force, drive, s[at.S_CURRENT]
     row[at.O_INNER_X], row[at.O_INNER_V] = s[at.S_INNER_X], s[at.S_INNER_V]
@@ -39,7 +48,7 @@ def _write_row(row: Floats, t: float, s: Floats, force: float, drive: float) -> 
 
 @compiled
 def _coil_current(voltage: float, emf: float, dt: float, current: float, p: Floats) -> float:
-    """A after a step of `L i' = U - R i - e`, backward Euler, held within the limit; `L = 0` follows at once."""
+    """A after a step of `L i' = U - R i - e`, backward Euler, limited; `L = 0` follows at once."""
     if p[at.P_COIL_L] > 0.0:
         lag = dt / p[at.P_COIL_L]
         current = (current + lag * (voltage - emf)) / (1 + lag * p[at.P_COIL_R])
@@ -69,7 +78,7 @@ def pair_force(gap: float, s: Floats, p: Floats) -> float:
 def _drive_force(
     kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats, steered: bool
 ) -> float:
-    """Force in N of a drive at `value`, which changes by `rate` a second; a coil's current moves on. `steered`: the
+    """Force in N of a drive at `value`, which changes by `rate` per second; a coil's current advances. `steered`: the
     table `h` has effects between drive and body.
     """
     x, v = s[at.S_X], s[at.S_V]
@@ -110,7 +119,7 @@ def spring_force(r: float, rate: float, p: Floats) -> float:
 
 @compiled
 def _swing(force: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
-    """Move the inner mass on by a step under `force`; what it puts on the body in N, at the positions of mid-step."""
+    """Advance the inner mass by a step under `force`; its force on the body in N, at the positions of mid-step."""
     v = s[at.S_INNER_V]
     rate = v - s[at.S_V]
     offset = s[at.S_INNER_X] - s[at.S_X] + 0.5 * dt * rate
@@ -126,8 +135,8 @@ def _swing(force: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
 def _move(
     v: float, mean: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats, felt: tuple[bool, bool]
 ) -> None:
-    """Wall and what is remembered at the end of a step at speed `v` in which it was `mean`; `felt`: whether the table
-    `h` has effects on the level, and forces.
+    """Wall and memories at the end of a step at speed `v`, `mean` on average; `felt`: whether the table `h` has effects
+    on the level, and forces.
     """
     if v != 0.0:
         s[at.S_DIRECTION] = 1.0 if v > 0 else -1.0
@@ -143,8 +152,8 @@ def _move(
 def _advance_pull(
     s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
 ) -> int:
-    """`F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest the last direction's R is kept. A row has the rate
-    of `x` at which the capsule came to where it is.
+    """`F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest R keeps the last direction. A row has the rate of
+    `x` of the step that ends there.
     """
     rows, step = 0, int(s[at.S_STEP])
     leveled, forced = has_level(h), has_force(h)
@@ -189,13 +198,14 @@ def advance(
     every: int,
     out: Floats,
 ) -> int:
-    """Steps of `dt` under `drive[0], drive[1], ...`, one more value than steps, a row of `out` each `every` steps; `s`
-    is changed in place. Returns the rows written. Steps that cannot change anything are passed over.
+    """Steps of `dt` under `drive[0], drive[1], ...`, one more value than steps, a row of `out` every `every` steps; `s`
+    changes in place. Returns the number of rows. Steps that cannot change anything are skipped.
 
     `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped
-    to what R can give. First order in `dt`. An inner mass, `M_m X_m'' = -F_i + F`, pushes with `F_act = F_i - a F`, a =
-    1 with the reaction on the body, 0 for a field from outside: second order while nothing sticks or hits, exact for
-    PWM edges.
+    to what R can give. First order in `dt`.
+
+    An inner mass, `M_m X_m'' = -F_i + F`, pushes with `F_act = F_i - a F`, a = 1 with the reaction on the body, 0 for
+    an external field. Second order while nothing sticks or hits, exact for PWM edges.
     """
     if kind == PULL:
         return _advance_pull(s, p, h, tab, profile, drive, dt, every, out)

@@ -1,4 +1,4 @@
-"""The simulated drives: what is true of each, its compiled steps, what it feeds back. One class a kind, one table."""
+"""The simulated drives: true numbers, compiled steps, feedback and recorded columns; one class per kind, one table."""
 
 from __future__ import annotations
 
@@ -10,27 +10,31 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from plant import layout as at
-from plant.drives import steps
+from plant import steps
 from plant.hidden.registry import COIL, MAGNETIC, PULL, ROW, VIBRO
 from plant.tables import Floats
 
 
 def _at(place: int, default: float) -> Any:
-    """A number that stands at `place` among the plant's parameters."""
+    """A number at `place` among the plant's parameters."""
     return field(default=default, metadata={"place": place})
 
 
 @dataclass(frozen=True)
 class TrueDrive(ABC):
-    """A drive's true numbers; `kind` is that of its rig. `free`: the capsule can be led in closed loop; `straight`: a
-    command is gone to in a straight line, else it is held; `pushes`: it puts a force on the body that a limit applies
-    to; `measured`: the plant's column that a record measures; `reports`: the column of its own feedback; `calibrated`:
-    the names that a calibration gives to its fields of force and spring; `step`: its compiled step.
+    """A drive's true numbers; `kind` is that of its rig.
+
+    - `free`: the capsule can be controlled in closed loop. `straight`: a new command is approached in a straight line,
+      else held. `pushes`: it puts a force on the body that a limit applies to.
+    - `measured`: the plant's column that a record measures, `reports`: the column of its own feedback, `recorded`: see
+      `columns`.
+    - `calibrated`: the names in a calibration of its force and spring. `step`: its compiled step.
     """
 
     kind: ClassVar[str] = ""
     step: ClassVar[int]
     reports: ClassVar[str] = ""
+    recorded: ClassVar[dict[str, str]] = {}
     free: ClassVar[bool] = False
     straight: ClassVar[bool] = False
     pushes: ClassVar[bool] = True
@@ -39,28 +43,28 @@ class TrueDrive(ABC):
 
     @property
     def feedback(self) -> str:
-        """The column of the drive's feedback; empty where it has none."""
+        """The column of the drive's feedback; empty without feedback."""
         return self.reports
 
     @property
     def inner_kg(self) -> float:
-        """Mass in kg that the body carries."""
+        """Mass in kg carried by the body."""
         return 0.0
 
     @property
     def command_scale(self) -> float:
-        """What a command of 1 is in the unit that the plant takes."""
+        """A command of 1 in the unit of the plant."""
         return 1.0
 
     def steps(self, effects: Floats) -> int:
-        """Which of the compiled steps (`plant.drives.steps`) are its own under the hidden `effects`."""
+        """Its compiled steps (`plant.steps`) under the hidden `effects`."""
         return self.step
 
     def columns(self) -> dict[str, str]:
         """The columns of a record beside time: what is `commanded` at each sample, its `mean` since the last one, the
         sensor's `reading`, the coil's `current`.
         """
-        raise NotImplementedError(f"a {type(self).__name__.lower()} has no record")
+        return self.recorded
 
     def fill(self, p: Floats) -> None:
         """Write the drive's numbers into the plant's parameters `p`."""
@@ -71,12 +75,8 @@ class TrueDrive(ABC):
             elif "place" in own.metadata:
                 p[own.metadata["place"]] = value
 
-    def numbers(self) -> dict[str, float]:
-        """The true numbers under the names that a calibration gives them."""
-        return {name: getattr(self, own) for name, own in self.calibrated.items()}
-
     def varied(self, *factors: float) -> TrueDrive:
-        """The same drive with its force and its spring by these `factors` other."""
+        """The same drive with force and spring multiplied by `factors`."""
         new = {own: getattr(self, own) * f for own, f in zip(self.calibrated.values(), factors, strict=False)}
         return replace(self, **new)
 
@@ -87,15 +87,13 @@ class TruePull(TrueDrive):
 
     kind: ClassVar[str] = PULL
     measured: ClassVar[int] = at.O_FORCE
+    recorded: ClassVar[dict[str, str]] = {"position_m": "commanded", "force_N": "reading"}
     link_stiffness_N_per_m: float = _at(at.P_LINK_K, 0.0)
     link_damping_N_s_per_m: float = _at(at.P_LINK_C, 0.05)
 
     def steps(self, effects: Floats) -> int:
         elastic = self.link_stiffness_N_per_m > 0 or effects[ROW.string_compliance, 0] > 0
         return steps.LINK if elastic else steps.PULL
-
-    def columns(self) -> dict[str, str]:
-        return {"position_m": "commanded", "force_N": "reading"}
 
 
 @dataclass(frozen=True)
@@ -106,14 +104,12 @@ class Carriage(TrueDrive):
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
     reports: ClassVar[str] = "carriage_position_m"
-
-    def columns(self) -> dict[str, str]:
-        return {"carriage_position_m": "commanded", "position_m": "reading"}
+    recorded: ClassVar[dict[str, str]] = {"carriage_position_m": "commanded", "position_m": "reading"}
 
     @property
     @abstractmethod
     def gap_limit_m(self) -> float:
-        """The gap in m at which the magnet pulls most."""
+        """The gap in m of the greatest pull."""
 
 
 @dataclass(frozen=True)
@@ -132,8 +128,8 @@ class TrueMagnet(Carriage):
 
 @dataclass(frozen=True)
 class TrueMagnetPair(Carriage):
-    """A carriage magnet and the capsule's as two dipoles at a height across the lumen, whose attraction presses the
-    capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
+    """Carriage magnet and capsule magnet as two dipoles at a height across the lumen; their attraction presses the
+    capsule on its surface. `along`: opposite moments along the lumen, else across it.
     """
 
     step: ClassVar[int] = steps.PAIR
@@ -154,10 +150,6 @@ class TrueMagnetPair(Carriage):
         gaps = np.linspace(0.0, self.height_m, 2001)
         return float(gaps[np.argmax(self.forces(gaps)[0])])
 
-    def numbers(self) -> dict[str, float]:
-        small = 1e-4 * self.height_m
-        return {"magnet_stiffness_N_per_m": float(self.forces(np.array([small]))[0][0]) / small}
-
 
 @dataclass(frozen=True)
 class TrueCoil(TrueDrive):
@@ -168,30 +160,29 @@ class TrueCoil(TrueDrive):
     reports: ClassVar[str] = "coil_current_A"
     free: ClassVar[bool] = True
     calibrated: ClassVar[dict[str, str]] = {"coil_force_N_per_A": "gain_N_per_A"}
+    recorded: ClassVar[dict[str, str]] = {
+        "coil_current_A": "current",
+        "position_m": "reading",
+        "coil_voltage_V": "commanded",
+    }
     gain_N_per_A: float = _at(at.P_COIL_GAIN, 0.5)
     resistance_ohm: float = _at(at.P_COIL_R, 10.0)
     inductance_H: float = _at(at.P_COIL_L, 10e-3)
     current_limit_A: float = _at(at.P_COIL_LIMIT, 1.0)
     back_emf_V_s_per_m: float = _at(at.P_COIL_EMF, 0.5)
 
-    def columns(self) -> dict[str, str]:
-        return {"coil_current_A": "current", "position_m": "reading", "coil_voltage_V": "commanded"}
-
 
 @dataclass(frozen=True)
 class TrueVibro(TrueDrive):
-    """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
-    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the
-    inner mass alone.
+    """Inner mass on a spring with damping and stops, driven by force, or by voltage with `coil`. `reaction_on_body`:
+    the actuator is on board and pushes back on the body; else an external field acts on the inner mass alone.
     """
 
     kind: ClassVar[str] = VIBRO
     free: ClassVar[bool] = True
     pushes: ClassVar[bool] = False
-    calibrated: ClassVar[dict[str, str]] = {
-        "force_N": "force_N",
-        "spring_stiffness_N_per_m": "spring_stiffness_N_per_m",
-    }
+    calibrated: ClassVar[dict[str, str]] = {name: name for name in ("force_N", "spring_stiffness_N_per_m")}
+    recorded: ClassVar[dict[str, str]] = {"drive_on": "mean", "position_m": "reading"}
     inner_mass_kg: float = _at(at.P_INNER_MASS, 0.074)
     spring_stiffness_N_per_m: float = _at(at.P_SPRING_K, 256.23)
     spring_damping_N_s_per_m: float = _at(at.P_SPRING_C, 0.0)
@@ -219,10 +210,10 @@ class TrueVibro(TrueDrive):
         return steps.INNER_FORCE if self.coil is None else steps.INNER_VOLTAGE
 
     def columns(self) -> dict[str, str]:
-        if self.coil is not None:
-            return {"coil_voltage_V": "mean", "position_m": "reading", "coil_current_A": "current"}
-        return {"drive_on": "mean", "position_m": "reading"}
+        if self.coil is None:
+            return self.recorded
+        return {"coil_voltage_V": "mean", "position_m": "reading", "coil_current_A": "current"}
 
 
 DRIVES: Final[dict[str, type[TrueDrive]]] = {drive.kind: drive for drive in (TruePull, TrueMagnet, TrueCoil, TrueVibro)}
-"""The drives that a scenario can name, by the kind of rig."""
+"""The drives of scenarios, by the kind of rig."""

@@ -1,4 +1,4 @@
-"""What a drive map and the slow loop are worth on paper: resonances, gears, cost by impact, margins."""
+"""The design of a vibro rig in numbers: resonances, gears, energy by impact, margins of the slow loop."""
 
 import math
 from collections.abc import Sequence
@@ -8,24 +8,22 @@ import control
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from controller.design.margins import OpenLoop, closed_loop
+from controller.design.tuning import OpenLoop, closed_loop
 from controller.model.linear import Linear
 from controller.vibro.cycles import Cycles, VibroModel, impact_of
-from controller.vibro.design.drive_map import wrong_models
-from controller.vibro.design.speed_map import Alternative, SpeedMap, free_period, squares
+from controller.vibro.drive_map import Alternative, SpeedMap, free_period, squares, wrong_models
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
 
 SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))
-_ABOUT = 0.2  # share of the speed over which the map's slope is taken
+_ABOUT = 0.2  # share of the speed for the slope of the map
 _BOUNDLESS = 1e6  # m/s
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """Of the inner mass on its spring: `held_Hz` with the body held, `free_Hz` with it free, `damping` as a share of
-    the critical one, and `contact_s`, how long a touch of the front stop lasts with the body free (NaN without that
-    stop).
+    """Of the inner mass on its spring: `held_Hz` with the body fixed, `free_Hz` with it free, `damping` as a share of
+    the critical one, and `contact_s`, the contact time at the front stop with the body free (NaN without that stop).
     """
 
     held_Hz: float
@@ -36,9 +34,9 @@ class Resonance:
 
 @dataclass(frozen=True)
 class SlowLoop:
-    """The loop of filter and plan about the averaged motion at `speed_m_s`, updated once a cycle: `loop` with its
-    margins, and by how much the true mean speed answers a change of the commanded one, over the wrong models
-    (`slope_low` to `slope_high`; the map has 1).
+    """The loop of filter and plan on the averaged motion at `speed_m_s`, updated once a cycle: `loop` with its margins,
+    and the slope of the true mean speed over the commanded one with wrong models (`slope_low` to `slope_high`; the map
+    has 1).
     """
 
     speed_m_s: float
@@ -48,13 +46,13 @@ class SlowLoop:
 
     @property
     def holds(self) -> bool:
-        """Whether more command means more speed on all wrong models, and the loop bears the steepest of them."""
+        """Whether more command means more speed with all wrong models, and the loop bears the steepest."""
         return self.loop.stable() and self.slope_low > 0 and self.slope_high < self.loop.margins().gain
 
 
 @dataclass(frozen=True)
 class VibroStudy:
-    """What `capsule design` says of a vibro rig; `alternatives` by speed, `table` the speed map of square waves."""
+    """The result of `capsule design` for a vibro rig; `alternatives` by speed, `table`: speed map of square waves."""
 
     resonance: Resonance
     drive: DriveMap
@@ -65,7 +63,6 @@ class VibroStudy:
 
     @property
     def loops(self) -> tuple[OpenLoop, ...]:
-        """The slow loops' frequency responses."""
         return tuple(one.loop for one in self.slow)
 
 
@@ -78,14 +75,14 @@ def vibro_study(model: VibroModel, drive: DriveMap, table: SpeedMap, delay_s: fl
     found = {v: squares(cycles, table, v) for v in SPEEDS_M_S}
     for v in reached:
         wave = drive.choose(v).waveform
-        pace = cycles.pace(wave)
-        found[v].append(Alternative(wave, pace, impact_of(model, pace), "map"))
+        gait = cycles.gait(wave)
+        found[v].append(Alternative(wave, gait, impact_of(model, gait), "map"))
     slow = tuple(slow_loop(drive, wrong, v, delay_s) for v in reached)
     return VibroStudy(resonance(model), drive, table, found, slow, delay_s)
 
 
 def resonance(model: VibroModel) -> Resonance:
-    """The inner mass's own swing, from masses, spring, damping and front stop."""
+    """The swing of the inner mass, from masses, spring, damping and front stop."""
     m, M, drive = model.drive.inner_mass_kg, model.surface.body_kg, model.drive
     held = 2 * math.pi / free_period(model)
     share = math.sqrt(1 + m / M)
@@ -97,7 +94,7 @@ def resonance(model: VibroModel) -> Resonance:
 
 
 def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_s: float) -> SlowLoop:
-    """The averaged loop at `speed_m_s`, linear as long as neither reach nor catching up bounds it."""
+    """The averaged loop at `speed_m_s`, linear while neither reach nor catching up bounds it."""
     choice = drive.choose(speed_m_s)
     period, name = choice.waveform.period_s, f"slow loop, {1e3 * speed_m_s:g} mm/s"
     F, g = transition(period, drive.lag_s)
@@ -105,18 +102,18 @@ def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_
     back = feedback(drive.lag_s, period, speed_m_s)
     loop = closed_loop(name, plant, control.series(plant.system(), back), delay_s)
     near = [drive.choose(f * speed_m_s, choice.gear).waveform for f in (1 - _ABOUT, 1 + _ABOUT)]
-    slopes = [float(np.diff([c.pace(wave).speed_m_s for wave in near])[0]) / (2 * _ABOUT * speed_m_s) for c in wrong]
+    slopes = [float(np.diff([c.gait(wave).speed_m_s for wave in near])[0]) / (2 * _ABOUT * speed_m_s) for c in wrong]
     return SlowLoop(speed_m_s, loop, min(slopes, default=1.0), max(slopes, default=1.0))
 
 
 def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSpace:
     """From progress to minus the commanded mean speed: the filter at its steady gain and the unbounded plan, once a
-    period: `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`; a period's readings count as one of less
+    period: `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`. The readings of a period count as one of less
     variance.
     """
     F, g = transition(period_s, lag_s)
     f, h, kept = ProgressFilter(lag_s), period_s, np.ix_([0, 2], [0, 2])
-    # the gain that the filter settles at; the known s has none
+    # the steady gain of the filter; the known s has none
     Q = (f.wander + f.wander_share * abs(speed_m_s)) ** 2 * np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]])
     R = (f.reading_std_m**2 + f.ripple_m**2) * min(Tuning().sample_s / period_s, 1.0)
     P = solve_discrete_are(F[kept].T, np.array([[1.0], [0.0]]), Q, np.array([[R]]))

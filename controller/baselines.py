@@ -1,24 +1,63 @@
-"""LQR with integral action (python-control): a baseline that knows the linear plant but no stick and slip."""
+"""PID and LQR, the classical controllers to compare with."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
+from controller.drives import Actuator, driven_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.model.linear import Linear, linearise
 from controller.signals import Action, Array, Controller, Estimate, Reference
-from controller.tuned import check_numbers
+from controller.tuned import PidGains, check_numbers
 from models.parameter import Name
+
+_SPEED_M_S: Final = 5e-4  # of the feedforward's tanh
+
+
+class PID(Controller):
+    """PID on the position: the force from the error, with a friction feedforward `F tanh(v_r/v_s)` unless `friction_N`
+    is 0; the command by the drive's static inverse.
+    """
+
+    def __init__(
+        self, model: ControlModel, envelope: Envelope, gains: PidGains | None = None, friction_N: float = 0.0
+    ) -> None:
+        self.name = "pid" if friction_N == 0 else "pid_friction"
+        self.gains = driven_of(model.drive).pid_estimated if gains is None else gains
+        self._actuator, self._tick = Actuator(model.drive, model.theta.base, envelope), model.tick_s
+        self._friction, self._sum, self._start = friction_N, 0.0, math.nan
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """The integral starts so that the first answer repeats `command`."""
+        self._sum, self._start = 0.0, number(command)
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        t = np.array([now])
+        r, rate = number(reference.position(t)[0]), number(reference.speed(t)[0])
+        x, v = number(estimate.state[0]), number(estimate.state[1])
+        error, g = r - x, self.gains
+        free = g.k_p * error + g.k_d * (rate - v) + self._friction * math.tanh(rate / _SPEED_M_S)
+        if not math.isfinite(free):
+            return Action(math.nan, "failed")
+        if math.isfinite(self._start):
+            self._sum = self._held(self._actuator.force(self._start, x, v) - free)
+            self._start = math.nan
+        self._sum = self._held(self._sum + g.k_i * error * self._tick)
+        return Action(self._actuator.command(free + self._sum, x, v))
+
+    def _held(self, value: float) -> float:
+        return min(max(value, -self.gains.windup_N), self.gains.windup_N)
 
 
 @dataclass(frozen=True)
 class LqrWeights:
-    """What the LQR calls large (Bryson): errors of position, speed and of the integral of position, and the command
-    beyond the reference's own (a gap in m, a current in A), each weighed by its inverse square.
+    """Deviations that the LQR weighs equally (Bryson): position, speed, integral of position, and the command beyond
+    the reference's own (a gap in m, a current in A), each by its inverse square.
     """
 
     command: float
@@ -32,8 +71,8 @@ class LqrWeights:
 
 @dataclass(frozen=True)
 class Gains:
-    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`: K (n,) on the deviation from the states that belong
-    to a rest at r.
+    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`: K (n,) acts on the deviation from the states at
+    rest at r.
     """
 
     states: tuple[Name, ...]
@@ -45,7 +84,7 @@ class Gains:
 
 
 def augmented(plant: Linear) -> tuple[Array, Array]:
-    """The plant with the integral of position as last state."""
+    """The plant with the integral of position as its last state."""
     n = len(plant.states)
     A = np.block([[plant.A, np.zeros((n, 1))], [plant.tick_s * np.eye(1, n), np.ones((1, 1))]])
     return A, np.vstack([plant.B, [[0.0]]])
@@ -53,9 +92,9 @@ def augmented(plant: Linear) -> tuple[Array, Array]:
 
 def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
     """The gains of the least `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2`."""
-    import control  # draws matplotlib in, a second that other controllers need not wait
+    import control  # it imports matplotlib, which takes a second
 
-    if weights is None:  # a command is large that moves the capsule by 0.2 mm at 20 1/s
+    if weights is None:  # a command that moves the capsule by 0.2 mm at 20 1/s is large
         moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
         weights = LqrWeights(2e-4 / float(np.abs(moved)))
     A, B = augmented(plant)
@@ -68,7 +107,9 @@ def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
 
 
 class LQR(Controller):
-    """State feedback on the estimate; its integral of the position error stops at the ends of the command's range."""
+    """LQR with integral action (python-control) on the estimate, without stick and slip. The integral stops at the ends
+    of the command's range.
+    """
 
     name = "lqr"
 
@@ -81,11 +122,10 @@ class LQR(Controller):
         self._start: float | None = None
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin with `command` in force: the first answer repeats it."""
+        """The first answer repeats `command`."""
         self._sum, self._start = 0.0, number(command)
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
-        """The command for the tick that begins at `now` in s; `failed` where estimate or reference is not finite."""
         t = np.array([now])
         r, speed = number(reference.position(t)[0]), number(reference.speed(t)[0])
         g = self.gains

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from controller.drives import envelope_of
+from controller.feedforward import Inverse
 from controller.model.control_model import ControlModel, control_model
-from controller.model.inverse import Inverse
 from models.theta import Theta
-from tests.controller.loops import believed, model_of
+from tests.controller.loops import believed, model_of, ticked
 
 PLAY_M, ZONE_A = 1e-3, 0.02
 
@@ -18,7 +18,7 @@ def inverted(model: ControlModel, speed: float) -> float:
     x = inverse.model.initial(0.0)
     x[model.index("u")], x[model.index("slip")], x[1] = np.sign(speed) * 1e-4, np.sign(speed), speed
     command = inverse.command(x, 0.0, speed, 0.0)
-    assert inverse.model.kernels.step(x, command, 0.0, 0.0)[1] == pytest.approx(speed, rel=0.05)
+    assert ticked(inverse.model.kernels, x, command, 0.0, 0.0)[1] == pytest.approx(speed, rel=0.05)
     return command
 
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from controller.drives import DRIVES
 from controller.estimator.base import trusting
-from controller.monitor.forecast import Forecast
-from controller.monitor.monitor import DOUBTFUL, FIRST, MOST, Monitor, Sum, shifted, wider
+from controller.monitor import DOUBTFUL, FIRST, MOST, Forecast, Monitor, Sum, shifted, wider
 from controller.signals import Adapted, Estimate
 from tests.controller.loops import model_of
 
@@ -40,7 +39,7 @@ def estimates(seconds: float) -> tuple[Seen, ...]:
     for k in range(round(seconds / MODEL.tick_s)):
         now, before, command = (k + 1) * MODEL.tick_s, command, SPEED * (k + 1) * MODEL.tick_s
         tick = (now - MODEL.tick_s, MODEL.tick_s, kernels.substeps, kernels.parameters)
-        kernels.run(states, MODEL.left(before, command), command, np.zeros(1), *tick)
+        kernels.run(states, MODEL.command_from(before, command), command, np.zeros(1), *tick)
         seen = (0.0,) if k % 5 == 0 else ()
         state, std = states[0].copy(), np.full(states.shape[1], 1e-4)
         found.append((now, command, Estimate(now, state, std, adapted=RIGHT, innovations=seen)))
@@ -99,7 +98,7 @@ def to_and_fro(late_s: float, seed: int) -> list[Seen]:
     for k in range(1, len(speeds)):
         kernels, now = MODEL.kernels, k * MODEL.tick_s
         tick = (now - MODEL.tick_s, MODEL.tick_s, kernels.substeps, kernels.parameters)
-        kernels.run(run, MODEL.left(at[k - 1], at[k]), at[k], np.zeros(1), *tick)
+        kernels.run(run, MODEL.command_from(at[k - 1], at[k]), at[k], np.zeros(1), *tick)
         off = at[max(k - back, 0)] - at[k] - steady
         steady += MODEL.tick_s / 0.3 * off
         seen = (off / NOISE_M + rng.standard_normal(),) if k % 5 == 0 else ()

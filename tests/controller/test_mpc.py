@@ -9,12 +9,13 @@ import pytest
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Adapted, Estimate
+from controller.tuned import Horizon, Weights
 from models.theta import Theta
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.layout import S_SLIP, S_U, S_V, S_X
 from plant.rig import Plant, Truth
+from tests.controller.loops import ticked
 from tests.controller.model.test_control_model import rig_of
 from tests.models.running import Array
 
@@ -62,7 +63,7 @@ def closed(
     mpc.reset(0.0, Estimate(0.0, state, np.zeros(state.size)), 0.0)
     for k in range(n):
         action = mpc.act(k * TICK_S, Estimate(k * TICK_S, state, np.zeros(state.size), told), reference)
-        state = plant.kernels.step(state, action.command, disturbance, k * TICK_S)
+        state = ticked(plant.kernels, state, action.command, disturbance, k * TICK_S)
         x[k], command[k] = state[0], action.command
         actions.append(action)
     return Run(x, command, actions)
@@ -113,7 +114,7 @@ def test_a_plan_is_followed_while_the_capsule_goes_along_it(model: ControlModel)
         shown = state + np.array([off, 0.0, 0.0, 0.0])
         action = mpc.act(k * TICK_S, Estimate(k * TICK_S, shown, state, 0.0, lost=k == 55), Line(3e-3))
         seen.append((action.status, action.predicted is not None))
-        state = model.kernels.step(state, action.command, 0.0, k * TICK_S)
+        state = ticked(model.kernels, state, action.command, 0.0, k * TICK_S)
     assert seen[50] == ("ok", True)
     assert seen[55] == ("lost", False)
     assert seen[56] == ("ok", True)
@@ -153,7 +154,7 @@ def test_what_the_estimator_learned_is_planned_with(model: ControlModel) -> None
         for k in range(x.size):
             action = mpc.act(k * TICK_S, Estimate(k * TICK_S, state, state, 0.0, False, adapted), Line(3e-3))
             assert action.status == "ok"
-            state = truth.kernels.step(state, action.command, 0.0, k * TICK_S)
+            state = ticked(truth.kernels, state, action.command, 0.0, k * TICK_S)
             x[k] = state[0]
         return float(np.sqrt(np.mean((x - 3e-3 * TICK_S * np.arange(1, x.size + 1)) ** 2)))
 
@@ -174,7 +175,7 @@ def test_a_hold_has_no_limit_cycle(model: ControlModel) -> None:
         state = plant.state[[S_X, S_V, S_U, S_SLIP]]
         force += 20.0 * (state[0] - expected[0])
         action = mpc.act(k * TICK_S, Estimate(k * TICK_S, state, state, force), Line(5e-3, 0.4))
-        expected = model.kernels.step(state, action.command, force, k * TICK_S)
+        expected = ticked(model.kernels, state, action.command, force, k * TICK_S)
         plant.advance(np.linspace(command, action.command, round(TICK_S / plant.rig.step_s) + 1))
         x[k], commands[k], command = plant.state[S_X], action.command, action.command
     late = slice(-1000, None)
@@ -194,7 +195,7 @@ def test_the_warm_start_helps(model: ControlModel) -> None:
             if forget:
                 mpc.reset(k * TICK_S, Estimate(0.0, state, state), command)
             command = mpc.act(k * TICK_S, Estimate(k * TICK_S, state, state), Line(8e-3)).command
-            state = model.kernels.step(state, command, 0.0, 0.0)
+            state = ticked(model.kernels, state, command, 0.0, 0.0)
             assert mpc.last is not None
             total += mpc.last.cost
         return total

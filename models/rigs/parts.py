@@ -11,16 +11,14 @@ from models.surfaces.surface import Air, Plate, Surface
 
 
 def surface_of(rig: Rig) -> Surface:
-    """What the body lies on, as `[surface]` says; the gut where it says nothing."""
+    """What the body lies on by `[surface]`; the gut where nothing is stated."""
     kind = "gut" if rig.surface is None else rig.surface.kind
     return SURFACES[kind](rig)
 
 
 def drive_of(rig: Rig, driven: str = "") -> Drive:
     """The drive of a time-series rig; `driven` is the record's driven column, which for some may be `coil_voltage_V`.
-
-    Raises ValueError for another kind of rig, and for a voltage where the rig file lacks what it takes to turn it into
-    a force.
+    Raises ValueError for another kind of rig, and for a voltage where the rig file lacks the coil's numbers.
     """
     drive = KINDS[rig.kind].drive if rig.kind in KINDS else None
     if drive is None:

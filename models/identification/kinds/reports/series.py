@@ -7,6 +7,7 @@ import numpy as np
 from models.drives.drive import Drive
 from models.effects.equation import lines_of
 from models.effects.refinements import LevelAtOnset
+from models.formula import Line
 from models.identification.kinds.series.series import SeriesKind
 from models.records.record import Record
 from models.theta import Theta
@@ -19,8 +20,8 @@ _FORESIGHTS = (  # memory of the observer in s, and what it makes of an error
 _SPARED = (LevelAtOnset.id, "spared")
 
 
-def equations(kind: SeriesKind, theta: Theta) -> list[str]:
-    """The model in words and numbers."""
+def equations(kind: SeriesKind, theta: Theta) -> list[Line]:
+    """The model: how the surface holds the capsule, how the drive pushes it, and what each effect adds."""
     p = {**kind.nominal().base, **theta.base}
     lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
     return [*lines, *lines_of([kind.catalogue[name] for name in sorted(theta.effects)], theta)]
@@ -41,7 +42,7 @@ def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: S
 
 
 def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> list[str]:
-    """Sentences on the sensor and on what the drive leaves untold."""
+    """Sentences on the sensor and on what records under this drive cannot identify."""
     said = [f"Noise of the sensor: {noise_std:.3g} {unit}."]
     if _SPARED in theta:
         nose, pressed = (f"{100 * min(max(1 + side * theta[_SPARED], 0.0), 1.0):.0f} %" for side in (1, -1))
@@ -49,7 +50,7 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
             f"Of the changed resistance the nose feels {nose} (F_e), what the wall presses on the slip limit {pressed}"
             " (f_c)."
         )
-    said += drive.untold()
+    said += drive.unidentifiable()
     return said
 
 

@@ -21,7 +21,7 @@ from models.effects.effect import Effect
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
-from models.identification.residual.term import law_of
+from models.identification.residual_term import law_of
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
 from models.words.quantities import number
@@ -66,7 +66,7 @@ def report_html(finding: Finding) -> str:
         "equations": equations_html(lines) if lines else "",
         "legend": {symbol_html(symbol) or symbol: meaning for symbol, meaning in legend(lines).items()},
         "calibration": parameters(finding.calibration, finding.nominal),
-        "untold": [name for name, estimate in finding.calibration.items() if not estimate.told],
+        "vague": [name for name, estimate in finding.calibration.items() if not estimate.identifiable],
     }
     return page("report.html.j2", report=report)
 

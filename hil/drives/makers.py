@@ -8,15 +8,15 @@ import can
 
 from controller.limits import Limits
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.cia402.bus import Cia402Bus
-from hil.drives.cia402.protocol import Cia402Table
-from hil.drives.cia402.setup import set_up as set_up_cia402
-from hil.drives.moteus.bus import MoteusBus
-from hil.drives.moteus.protocol import MoteusTable
-from hil.drives.moteus.setup import set_up as set_up_moteus
-from hil.drives.odrive.bus import OdriveBus
-from hil.drives.odrive.protocol import OdriveTable
-from hil.drives.odrive.setup import set_up as set_up_odrive
+from hil.drives.cia402_bus import Cia402Bus
+from hil.drives.cia402_protocol import Cia402Table
+from hil.drives.cia402_setup import set_up as set_up_cia402
+from hil.drives.moteus_bus import MoteusBus
+from hil.drives.moteus_protocol import MoteusTable
+from hil.drives.moteus_setup import set_up as set_up_moteus
+from hil.drives.odrive_bus import OdriveBus
+from hil.drives.odrive_protocol import OdriveTable
+from hil.drives.odrive_setup import set_up as set_up_odrive
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP
 

@@ -12,12 +12,14 @@ from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
 from hil.formats.channels import Array, Channel, Heading
 from hil.formats.clock import between, increasing, mean_before
+from hil.formats.reading import format_of, read_channels
 from hil.formats.record import channel_record
-from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS
+from models.files.csv_reader import read_table
+from models.files.units import split_unit
 from models.records.record import Record, kept_between, read_record
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
@@ -211,3 +213,25 @@ def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) 
             times.append(t + v["TimeToLive_ms"] * 1e-3)
             levels.append(0.0)
     return np.array(times), np.array(levels)
+
+
+def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
+    """All channels of numbers of a file; `tell` as `read_frames`. Raises ValueError of one sentence."""
+    if is_log(path):
+        return log_channels(path, tell)
+    channels = (
+        read_channels(path, lambda headings: [one.name for one in headings]) if format_of(path) else _csv_channels(path)
+    )
+    if len(channels) < 2 or not any(len(channel.values) for channel in channels):
+        raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
+    return channels
+
+
+def _csv_channels(path: Path) -> list[Channel]:
+    """The columns of numbers of a CSV file, unchecked but for its form."""
+    table = read_table(path, lambda names, units: ())
+    return [
+        Channel(Heading(name, table.units.get(name) or split_unit(name)[1]), values)
+        for name, values in zip(table.header, table.values.T, strict=True)
+        if name and not np.isnan(values).all()
+    ]

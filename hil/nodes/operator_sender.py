@@ -11,9 +11,9 @@ import can
 
 from hil.bus.codec import Refusal
 from hil.bus.protection import FrameTransmitter, Receiver
-from hil.nodes.controller.operator import SETPOINT, STATUS
+from hil.bus.wrapping import waiting
 from hil.nodes.frame_map import frames, plain
-from hil.nodes.listening import waiting
+from hil.nodes.operator import SETPOINT, STATUS
 
 CYCLE_S: Final = 0.02  # how often a setpoint is to be sent, released ones too
 _MOST: Final = 256  # frames that are read at once

@@ -6,9 +6,9 @@ from typing import Any, Final
 import can
 import canopen
 
-from hil.drives.cia402 import protocol as p402
-from hil.drives.cia402.protocol import DEADLINE_ERROR, HEARTBEAT_ERROR, SENSOR_ERROR, TEMPERATURE_ERROR, Cia402Table
-from hil.drives.cia402.setup import entries
+from hil.drives import cia402_protocol as p402
+from hil.drives.cia402_protocol import DEADLINE_ERROR, HEARTBEAT_ERROR, SENSOR_ERROR, TEMPERATURE_ERROR, Cia402Table
+from hil.drives.cia402_setup import entries
 from hil.nodes.frame_map import NO_FAULT, plain
 from hil.simulated.cia402_node import MONITORED_OFF, PolledNetwork, dictionary
 from hil.simulated.drive_node import HOT_S
@@ -52,7 +52,7 @@ class Cia402Drive(MakersDrive):
         self.node.nmt.state = "PRE-OPERATIONAL"
 
     def configure(self, time_to_live_ms: int) -> None:
-        """Set it up in its own process, as `hil.drives.cia402.setup` would over the bus."""
+        """Set it up in its own process, as `hil.drives.cia402_setup` would over the bus."""
         for entry in entries(self.table, self.limits, self.tick_s, time_to_live_ms):
             self.node.set_data(entry.index, entry.sub, entry.data)
         self.node.nmt.state = "OPERATIONAL"

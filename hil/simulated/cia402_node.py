@@ -11,9 +11,9 @@ import canopen
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
 from controller.limits import Limits
-from hil.drives.cia402 import protocol as p402
-from hil.drives.cia402.protocol import Cia402Table
-from hil.drives.cia402.setup import PROFILE, entries
+from hil.drives import cia402_protocol as p402
+from hil.drives.cia402_protocol import Cia402Table
+from hil.drives.cia402_setup import PROFILE, entries
 
 KNOWN: Final = (p402.HOMING_MODE, p402.CYCLIC_SYNCHRONOUS_POSITION, p402.CYCLIC_SYNCHRONOUS_VELOCITY)
 """Modes of operation that the drive knows."""

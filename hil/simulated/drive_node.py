@@ -10,14 +10,13 @@ import can
 from controller.limits import Limits
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.protection import FrameTransmitter, Reception
+from hil.bus.wrapping import waiting
 from hil.nodes import frame_map as wire
 from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
-from hil.nodes.listening import waiting
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
-from hil.simulated.state_machine import DriveFacts, Stage
-from hil.simulated.sync_clock import SyncClock
+from hil.simulated.state_machine import DriveFacts, Stage, SyncClock
 
 HEARTBEAT_S: Final = 0.06  # without the controller's, after which a drive stops
 SAFE_STOP_S: Final = 0.06  # for which a safe stop holds

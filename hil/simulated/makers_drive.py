@@ -8,7 +8,7 @@ from typing import Any, Final
 import can
 
 from controller.limits import Limits
-from hil.nodes.listening import waiting
+from hil.bus.wrapping import waiting
 from hil.simulated.power_stage import CarriagePower
 from hil.simulated.state_machine import Stage
 

@@ -6,8 +6,8 @@ from typing import Final
 
 import can
 
-from hil.drives.odrive import protocol as wire
-from hil.drives.odrive.protocol import CLOSED_LOOP, IDLE, INITIALIZING, UNDEFINED, Command, OdriveTable
+from hil.drives import odrive_protocol as wire
+from hil.drives.odrive_protocol import CLOSED_LOOP, IDLE, INITIALIZING, UNDEFINED, Command, OdriveTable
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, NO_FAULT, STANDBY, plain
 from hil.simulated.makers_drive import MakersDrive
 

@@ -14,8 +14,8 @@ from hil.bus.protection import FrameTransmitter
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames, heartbeat
 from hil.simulated.drive_node import DriveNode
-from hil.simulated.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
-from hil.simulated.faults.table import DRIVE, Fault
+from hil.simulated.faults import DRIVE, Fault
+from hil.simulated.lies import Lie, LyingDrive, LyingLocaliser, zero_of
 from hil.simulated.makers_drive import MakersDrive
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from plant import layout as at

@@ -24,7 +24,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.blf_file import SENT
 from hil.log.reader import read_frames
-from hil.nodes.controller.receive import controllers_frames
+from hil.nodes.receive import controllers_frames
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.forked import LONGEST_S, Forked
 from tests.hil.app.run.plant_process import plant_on

@@ -17,9 +17,9 @@ from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
-from hil.nodes.controller.node import ControllerNode, Task
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
+from hil.nodes.node import ControllerNode, Task
+from hil.nodes.receive import FrameReceiver
 
 LISTEN_S: Final = 0.5  # to the bus
 REHEARSED: Final = 400  # ticks

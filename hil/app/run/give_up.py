@@ -3,8 +3,8 @@
 import math
 from typing import Final
 
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import BOOT, FAULT, SELF_TEST, STANDBY, STOPPING, WAITING
+from hil.nodes.node import ControllerNode
 
 _STATES: Final = {
     BOOT: "boots",

@@ -19,7 +19,7 @@ from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
-from hil.nodes.controller.node import ControllerNode, Task
+from hil.nodes.node import ControllerNode, Task
 from models.files.tables import shown
 
 _SHOWN: Final = 5  # differences on the terminal

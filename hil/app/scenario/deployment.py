@@ -19,9 +19,9 @@ from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator
 from hil.bus.catalogue import load_catalogue
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.node import Task
-from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
+from hil.nodes.node import Task
+from hil.nodes.operator import OperatorLimits
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.model import read_model, read_report

@@ -13,10 +13,10 @@ from hil.app.sil.lie_outcomes import lied
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import violations
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
 from hil.nodes.frame_map import CARRIAGE_MAP, frame_map_of
+from hil.nodes.operator import AHEAD_M, OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S
-from hil.simulated.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
+from hil.simulated.faults import KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
 
 WANTED, SOURCE, _, PRESSED = range(4)

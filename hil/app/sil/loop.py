@@ -26,8 +26,8 @@ from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.track.loop import Array, LoopTrace, Progress
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
+from hil.nodes.node import ControllerNode
 from hil.simulated.plant_node import SLOT_S
 from models.theta import Theta
 

@@ -15,17 +15,16 @@ from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.hand import Hand, SecondOperator, Stranger
-from hil.bus.authenticated import AuthenticatedBus, inside
-from hil.bus.key import read_key
+from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import carriage_bus
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode, Task, Tick
-from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.simulated.faults.injection import TAMPERING, FaultInjection
-from hil.simulated.faults.table import LIES, SETPOINTS, Fault
+from hil.nodes.node import ControllerNode, Task, Tick
+from hil.nodes.operator import SETPOINT
+from hil.simulated.faults import LIES, SETPOINTS, Fault
 from hil.simulated.fmu_plant import FmuPlant
+from hil.simulated.injection import TAMPERING, FaultInjection
 from hil.simulated.medium import Medium, SimulatedBus
 from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from models.theta import Theta

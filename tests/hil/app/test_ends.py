@@ -36,8 +36,8 @@ from hil.bus.protection import Sender
 from hil.log.blf_file import BlfFile
 from hil.log.place import record_path
 from hil.log.reader import read_frames
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLED, FAULT
+from hil.nodes.node import ControllerNode
 from tests.hil.app.run.deployments import PLANT, deployment, rig_file
 from tests.hil.app.run.forked import Forked
 from tests.hil.app.run.plant_process import plant_on

@@ -10,8 +10,7 @@ import pytest
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.cmac import CMAC
 
-from hil.bus.authenticated import LENGTH, AuthenticatedBus, authenticator
-from hil.bus.key import next_epoch, read_key
+from hil.bus.authenticated import LENGTH, AuthenticatedBus, authenticator, next_epoch, read_key
 from hil.bus.local import LocalBus
 from tests.bench.bench_forgery import KEY, Wire, forge
 

@@ -13,8 +13,8 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.protection import Sender
 from hil.drives.makers import carriage_bus
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, OFF, READY, frame_map_of
+from hil.nodes.receive import FrameReceiver
 from hil.simulated.makers_drive import MakersDrive
 from hil.simulated.medium import Medium, SimulatedBus
 from hil.simulated.plant_node import SLOT_S, simulated_drive

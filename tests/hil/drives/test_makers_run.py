@@ -12,13 +12,13 @@ import pytest
 
 from hil.app.main import run
 from hil.bus.local import LocalBus
-from hil.drives.cia402.protocol import Cia402Table
+from hil.drives.cia402_protocol import Cia402Table
 from hil.drives.makers import carriage_bus, set_up
-from hil.drives.moteus.protocol import BROADCAST, HOST, POSITION_MODE, QUERY, STOPPED, MoteusTable, frame_to, mode_write
-from hil.drives.odrive.protocol import OdriveTable
+from hil.drives.moteus_protocol import BROADCAST, HOST, POSITION_MODE, QUERY, STOPPED, MoteusTable, frame_to, mode_write
+from hil.drives.odrive_protocol import OdriveTable
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, FAULT, OFF, STANDBY
+from hil.nodes.receive import FrameReceiver
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
 from tests.hil.drives.maker_desk import LIMITS, WIRING, Desk

@@ -1,6 +1,5 @@
 """The numbers in the code are those of the DBC."""
 
-from hil.nodes.controller.node import FAULTY, HALTING, IDLE, RUNNING
 from hil.nodes.frame_map import (
     BOOT,
     BUS_OFF,
@@ -23,6 +22,7 @@ from hil.nodes.frame_map import (
     frame_map_of,
     frames,
 )
+from hil.nodes.node import FAULTY, HALTING, IDLE, RUNNING
 
 
 def test_numbers_are_those_of_the_dbc() -> None:

@@ -9,8 +9,8 @@ import can
 from hil.app.ends import RUN_ENDS
 from hil.app.run.loop import StopSignals
 from hil.bus.protection import Sender
-from hil.nodes.controller.receive import FrameReceiver, Twins
 from hil.nodes.frame_map import frame_map_of, frames
+from hil.nodes.receive import FrameReceiver, Twins
 from hil.simulated.medium import SimulatedBus
 from hil.simulated.plant_node import SLOT_S, PlantNode
 from plant.session import Session

@@ -28,9 +28,9 @@ from hil.log.blf_file import NOTED, SENT
 from hil.log.log import LockstepLog
 from hil.log.reader import read_frames
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode, Tick
-from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
+from hil.nodes.node import ControllerNode, Tick
+from hil.nodes.operator import OperatorLimits
 from plant import layout as at
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.sil.sil_runs import model_of, scenario_of

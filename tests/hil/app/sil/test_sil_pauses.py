@@ -5,8 +5,8 @@ stopped.
 import numpy as np
 import pytest
 
-from hil.nodes.controller.node import FAULTY, RUNNING
 from hil.nodes.frame_map import ENABLED, QUICK_STOP_M_S2
+from hil.nodes.node import FAULTY, RUNNING
 from plant import layout as at
 from tests.hil.app.sil.sil_benches import Full, bench_of, go, pause
 

@@ -1,0 +1,448 @@
+"""The controller as a node on the bus: fresh frames in, estimate, supervised controller, guard, frames out."""
+
+import math
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import can
+import numpy as np
+
+from controller.drives import envelope_of, friction_command
+from controller.excursion import Excursion, Experiment
+from controller.limits import Envelope, Limits
+from controller.model.control_model import ControlModel
+from controller.registry import build
+from controller.signals import Action, Array, Estimate, Measurement, Reference
+from controller.supervision.contradiction import CONTRADICT
+from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.supervision.probe import Probe
+from controller.supervision.supervisor import Supervisor
+from hil.nodes import frame_map as wire
+from hil.nodes import view
+from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
+from hil.nodes.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
+from hil.nodes.onlooker import Onlooker
+from hil.nodes.operator import STATUS, STATUS_S, Operator, OperatorLimits, gap_words, paused
+from hil.nodes.plausibility import Plausibility
+from hil.nodes.receive import FrameReceiver
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a controller node is built from: model, name of a controller in `controller.registry`, where to go, limits;
+    `seen_noise_m` and `resolution_m` of the localisation, `deadline_s` that the MPC's plan may take of a tick (inf: no
+    clock decides), an `offer` that is to take over at a rest, an `estimator` of `ESTIMATORS`, what was `learned` and
+    the `experiments` asked for in a run that is replayed, what setpoints from an `operator` are held to, and whether a
+    `probe` comes first.
+    """
+
+    model: ControlModel
+    controller: str
+    reference: Reference
+    limits: Limits
+    seen_noise_m: float = 5e-4
+    deadline_s: float = math.inf
+    resolution_m: float = 0.0
+    offer: Offer | None = None
+    estimator: str = "default"
+    learned: tuple[Offer, ...] = ()
+    experiments: tuple[Experiment, ...] = ()
+    operator: OperatorLimits | None = None
+    probe: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """What one tick came to, for which time; `seconds` that estimate and controller took."""
+
+    time_s: float
+    estimate: Estimate
+    action: Action
+    passed: Passed
+    state: int
+    active: str
+    seconds: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Shifted:
+    """A reference that begins at `origin_s` of the node's clock, `shift_m` from its own place."""
+
+    path: Reference
+    origin_s: float
+    shift_m: float = 0.0
+
+    def position(self, t: Array) -> Array:
+        return self.path.position(t - self.origin_s) + self.shift_m
+
+    def speed(self, t: Array) -> Array:
+        return self.path.speed(t - self.origin_s)
+
+
+IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
+HEARTBEAT_S: Final = 0.02  # period
+_LAG_S: Final = 8e-3
+"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond."""
+_RESTS_M_S: Final = 1e-4  # speed of a reference that rests
+_REST_S: Final = 0.05  # A reference rests at a time around which, so long before and after, it is no faster
+OTHER_CONTROLLER: Final = 9  # reason of a SafeStop
+_CROWDED_S: Final = 0.1  # after a foreign controller's frame
+_ROUNDING_S: Final = 1e-6  # of a frame's life
+GRID_SLACK: Final = 1e-3  # share of a tick by which a time may lie before its point of the grid, by rounding
+
+
+class ControllerNode:
+    """`tick(now)` once a tick of the model: sends SYNC, takes in what has come, and computes the command for the tick
+    that begins with the *next* SYNC, at which the drive takes it over. It never raises, never sleeps and takes bounded
+    time.
+
+    `now` is in s of the clock that stamps received messages. The node begins idle. `start` leads the drive through
+    ready to enabled, `stop` back. Whatever makes it stop by itself is latched with its `reason` until `start`, which
+    acknowledges a latched fault of the drive first; `acknowledge` does that alone. Another controller on the bus stops
+    it with a SafeStop for all, for as long as it speaks.
+
+    Ticks that did not take place are caught up with while the last command lives; after a longer step of the clock the
+    node stops (`gap_words`). With an `operator` the reference is the task's own until one takes charge, then the
+    operator's; while nobody has been in charge for long enough the drive is stopped. `observer` sees every frame in and
+    out.
+    """
+
+    def __init__(self, task: Task, bus: can.BusABC, *, observer: Observer | None = None, dry_run: bool = False) -> None:
+        """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
+        self.task, self.wiring = task, frame_map_of(task.model.drive.name)
+        self._x = task.model.index("x")
+        self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
+        first = build(task.controller, task.model, self.envelope, task.deadline_s)
+        self.supervisor = Supervisor(first, self.envelope)
+        self._own, self.wanted = self.supervisor, self.supervisor.first
+        models = task.controller, task.model, task.offer, task.deadline_s, task.estimator
+        self.estimator = ModelSwitch(self.supervisor, *models)
+        for offer in task.learned:
+            self.estimator.propose(offer)
+        self.tick_s = task.model.tick_s
+        self.operator = None if task.operator is None else Operator(task.operator)
+        self.receiver = FrameReceiver(bus, self.wiring, self.tick_s, observer, self.operator)
+        fence = Fence.of(self.envelope, self.wiring, self.tick_s)
+        self.guard = Guard(bus, self.wiring, fence, dry=dry_run, observe=observer)
+        self.state, self.reason, self.end = IDLE, "", "stopped"
+        friction = friction_command(task.model, self.envelope)
+        self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
+        self._probe: Probe | None = None
+        self._probed = False
+        lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
+        self._plausibility = Plausibility(self.wiring.drive.follow, task.seen_noise_m, task.resolution_m, lag_ticks)
+        self._reference: Reference = task.reference
+        self._experiments = deque(task.experiments)
+        self.experiments_at: list[float] = []
+        self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
+        self._surprise = math.nan
+        self._origin, self._index = 0.0, 0
+        self._number = 0
+        self._led = self._rested = False
+        self._here = False
+        self._enabled_s, self._probe_ends = -math.inf, math.inf
+        self._told_all_at = -math.inf
+        self._acknowledge = 0
+        self._before = Passed(0.0, 0.0, wire.OFF)
+
+    def start(self, now: float, origin_s: float | None = None) -> None:
+        """The operator's word to run. Ends a latched stop.
+
+        The reference begins where the capsule is when the drive is enabled, whose rate or range then grows from its
+        first limits on (`Fence.after`); with `origin_s`, for benches, at that time and at its own place, without them.
+        """
+        self._here = origin_s is None
+        self._begin_reference(now if origin_s is None else origin_s)
+        self.state, self.reason, self.end, self._led, self._rested = RUNNING, "", "stopped", False, False
+        self._probe, self._probed = None, not self.task.probe
+        if self.operator is not None:
+            self.operator.begin()
+        self._enabled_s = -math.inf
+        self.receiver.foreign.clear()
+        self._plausibility.settle(self.estimator.counts.restarts)
+        self.acknowledge()
+
+    def acknowledge(self) -> None:
+        """Acknowledge a latched fault of the drive, where it has told one; nothing else."""
+        self._acknowledge = 2 if self.receiver.fault else 0
+
+    @property
+    def leads(self) -> bool:
+        """Whether the drive has been asked to move since the last start."""
+        return self._led or self._rested
+
+    @property
+    def enabled(self) -> bool:
+        return self._led and self.receiver.state in wire.MOVING
+
+    @property
+    def follows(self) -> bool:
+        """Whether the drive is enabled and the reference has begun: the probe before it, if there is one, is over."""
+        return self.enabled and self._probed
+
+    def wanted_m(self, at_s: float) -> float:
+        """Where the reference has the capsule at a time of the node's clock, in m."""
+        return view.sampled(self._reference, at_s)[0]
+
+    def _begin_reference(self, origin_s: float, place_m: float | None = None) -> None:
+        """At its own place, or from `place_m` on."""
+        shift_m = 0.0 if place_m is None else place_m - view.sampled(self.task.reference, 0.0)[0]
+        self._reference = Shifted(self.task.reference, origin_s, shift_m)
+        self.estimator.begin(origin_s)
+
+    def drive(self, experiment: Experiment) -> None:
+        """Interrupt the reference at its next rest from `at_s` on, where that stays within the travel allowed."""
+        self._experiments.append(experiment)
+
+    def stop(self, reason: str = "operator") -> None:
+        """A controlled stop: the drive to its safe state and off, until `start`."""
+        if self.state == RUNNING:
+            self.state, self.reason = HALTING, reason
+
+    def tick(self, now: float, solved: bool = True) -> Tick:
+        """One tick at `now` in s. `solved` False: its solution came too late. No number is a jump of the clock."""
+        began = time.perf_counter()
+        if not math.isfinite(now):
+            now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
+            self._fail("clock jumped")
+        missed = self._missed(now)
+        self._speak(now)
+        arrived = self.receiver.listen(now)
+        estimate = self._estimated(now, arrived, missed)
+        self.answer.believe(now, self._place(estimate), self.estimator.counts.followed)
+        middle = time.perf_counter()
+        self._steer(now, estimate)
+        evidence = self.receiver.evidence(now)
+        self._judge(now, arrived, evidence)
+        mode = self._mode(evidence, estimate)
+        action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
+        end = time.perf_counter()
+        self._before = self.guard.sent
+        if mode == wire.READY and self.receiver.challenge >= 0:
+            answer = answer_of(self.receiver.challenge, self.wiring.target)
+            self.guard.send("EnableAnswer", {"Target": self.wiring.target, "Answer": answer}, now)
+            self.receiver.challenge = -1
+        out = self.guard.command(
+            now, action.command, mode, evidence, now - max(self._enabled_s, self.answer.cautious_s)
+        )
+        if out.mode == wire.QUICK_STOP:
+            self._fail(out.reason)
+        if out.mode == wire.ENABLE:
+            self.answer.led[self.supervisor.active] += 1
+        self._stop_all(now)
+        self._show(now, estimate)
+        self._last = now
+        seconds = middle - began, end - middle
+        return Tick(now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, seconds)
+
+    def _speak(self, now: float) -> None:
+        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault."""
+        if self._began == -math.inf:
+            self._began = now
+        self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
+        if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
+            self._beat_at = now
+            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began), now)
+        if not 0 <= now - self._health_at < view.HEALTH_S - 0.5 * self.tick_s:
+            self._health_at = now
+            self.guard.send("ModelHealth", view.health_values(self.estimator.health, self._began), now)
+        if self.operator is not None and not 0 <= now - self._status_at < STATUS_S - 0.5 * self.tick_s:
+            self._status_at = now
+            self.guard.send(STATUS, self.operator.status(now, self._reference, self.state == RUNNING), now)
+        if self._acknowledge:
+            self._acknowledge -= 1
+            self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)
+            if not self._acknowledge:
+                self.receiver.fault = 0
+
+    def _show(self, now: float, estimate: Estimate) -> None:
+        """What is believed and wanted, once in `VIEW_S`, for those who watch."""
+        self._surprise = estimate.surprise if math.isfinite(estimate.surprise) else self._surprise
+        if 0 <= now - self._view_at < view.VIEW_S - 0.5 * self.tick_s:
+            return
+        self._view_at, wanted = now, view.sampled(self._reference, now + self.tick_s)
+        model, follows = self.estimator.model, self.state == RUNNING and self._led
+        self.guard.send("BelievedMotion", view.motion_values(model, estimate, self._surprise), now)
+        self._surprise = math.nan
+        if (forces := view.force_values(model, estimate, self._in_force, now)) is not None:
+            self.guard.send("BelievedForces", forces, now)
+        self.guard.send("WantedMotion", view.wanted_values(*wanted, follows, self.estimator.switches), now)
+
+    def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
+        """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""
+        for m in arrived:
+            if m.channel == "position_m":
+                self._plausibility.saw(m.value)
+        if self._moved:
+            self._plausibility.tick(self._before.value, [m.value for m in arrived if m.channel != "position_m"])
+        if missed < 0:
+            self.estimator.reset(now, self._in_force)
+            self._fail(gap_words(now - self._last, self.tick_s, self.receiver.feedbacks, self.receiver.frames))
+        for k in range(missed, 0, -1):
+            then = now + (1 - k) * self.tick_s
+            self.estimator.observe(then, self._in_force, [m for m in arrived if m.stamp_s <= then])
+            arrived = [m for m in arrived if m.stamp_s > then]
+        return self.estimator.observe(now + self.tick_s, self._in_force, arrived)
+
+    def _missed(self, now: float) -> int:
+        """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new
+        grid from here, after a step of the clock backwards or beyond the life of the last command. A tick that is late
+        by less than a period is its own. SYNC's number goes on with the time, never back.
+        """
+        if not math.isfinite(self._last):
+            self._origin, self._index = now, 0
+            return 0
+        index, before = math.floor((now - self._origin) / self.tick_s + GRID_SLACK), self._index
+        if index > before and now - self._last <= 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
+            self._index = index
+            self._number += index - before
+            return index - before - 1
+        self._number += max(math.ceil((now - self._last) / self.tick_s - GRID_SLACK), 1)
+        self._origin, self._index = now, 0
+        return -1
+
+    @property
+    def _moved(self) -> bool:
+        """Whether the drive is enabled and was asked to move the tick before."""
+        return self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
+
+    def _place(self, estimate: Estimate) -> float:
+        """Where the capsule is believed to be, in m."""
+        return float(estimate.state[self._x])
+
+    @property
+    def _in_force(self) -> float:
+        """The command that the drive takes over with this tick's SYNC; where it is, while it is not enabled."""
+        return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
+
+    def _stop_all(self, now: float) -> None:
+        """A SafeStop: for all drives beside another controller, for the own one while it does not rest."""
+        crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
+        restless = bool(self.answer.unrest) and self.state != IDLE
+        waits = 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s
+        if self.guard.dry or waits or not (crowded or restless):
+            return
+        self._told_all_at = now
+        target, reason = (0, OTHER_CONTROLLER) if crowded else (self.wiring.target, GUARD_REASON)
+        self.guard.send("SafeStop", {"Target": target, "Reason": reason}, now)
+
+    def _steer(self, now: float, estimate: Estimate) -> None:
+        """Let whoever is in charge lead the reference, and the drive rest where nobody has been for long enough."""
+        if self._probe is not None:
+            self._end_probe(now, estimate)
+        elif self.operator is None:
+            self._interrupt(now + self.tick_s)
+        if self.operator is None:
+            return
+        self.operator.expire(now)
+        if self._led and self.operator.resting(now):
+            self._led, self._rested = False, True
+        if self._led and self._probe is None:
+            self._reference = self.operator.follow(now, self._reference, self._place(estimate))
+
+    def _interrupt(self, begin_s: float) -> None:
+        """Let the experiment that is next begin at `begin_s`, where the reference rests there."""
+        origin = self.estimator.origin_s
+        if not (self._experiments and self._led and begin_s >= origin + self._experiments[0].at_s):
+            return
+        around = begin_s + np.array([-_REST_S, 0.0, _REST_S])
+        if np.max(np.abs(self._reference.speed(around))) > _RESTS_M_S:
+            return
+        path = self._experiments.popleft().path
+        place = float(self._reference.position(around)[1])
+        if np.max(np.abs(place + path.places)) <= self.task.limits.travel_m:
+            self._reference = Excursion(self._reference, path, begin_s)
+            self.experiments_at.append(begin_s - origin)
+
+    def _begin_probe(self, begin_s: float, place_m: float) -> None:
+        """Let the probe come before the reference, from `place_m` on, where it is asked for and has not been."""
+        if self._probed:
+            return
+        self._probe = Probe(self.envelope)
+        self._probe_ends = begin_s + self._probe.path.end_s + self.envelope.limits.age_s
+        self._reference = Shifted(self._probe.path, begin_s, place_m)
+        self.estimator.begin(math.inf)
+
+    def _end_probe(self, now: float, estimate: Estimate) -> None:
+        """Once all of the probe's path is driven and what was seen of it is here, begin with the reference, or stop."""
+        assert self._probe is not None
+        if not self._led:
+            self._probe = None
+        elif now >= self._probe_ends:
+            reason, self._probe, self._probed = self._probe.reason(), None, True
+            if reason:
+                self._fail(reason)
+            self._begin_reference(now + self.tick_s, self.wanted_m(now))
+
+    def _judge(self, now: float, arrived: list[Measurement], evidence: Evidence) -> None:
+        if self.receiver.foreign and not self.guard.dry:
+            self._fail(self.receiver.other_controller)
+        self.answer.rests(self.receiver.state, self.receiver.still)
+        if self.answer.unrest:
+            self._fail(self.answer.unrest)
+        if not self.leads:
+            return
+        ahead_s = -evidence.feedback_s
+        reason = paused(ahead_s) if ahead_s > self.tick_s else self.receiver.doubt(now)
+        if self._led:
+            wanted_m = self.wanted_m(now)
+            self._plausibility.wanted(wanted_m)
+            reason = reason or self._plausibility.reason(self.estimator.counts.restarts)
+            drive = self.receiver.report if not self.envelope.shaken else self.guard.sent.value
+            late_s = self.estimator.model.delay_s
+            found = self.answer.look(now, drive, wanted_m, arrived, late_s, self._reference, self._probe)
+            reason = reason or found
+            if self.receiver.state not in (wire.WAITING, *wire.MOVING):
+                reason = reason or "drive left operation"
+            reason = reason or self._own.halted
+        if reason:
+            self._fail(reason)
+
+    def _fail(self, reason: str) -> None:
+        if self.state == RUNNING:
+            self.state, self.reason = FAULTY, reason
+            ends = {CONTRADICT: "sensor_or_drive", "the drive does not rest": "no_rest"}
+            self.end = ends.get(reason.partition(":")[0], "stopped")
+
+    def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
+        """Up through the drive's states one by one while running, off else (quick stop while it still moves)."""
+        if self.state != RUNNING or self._acknowledge:
+            return wire.OFF
+        if self._led:
+            return wire.ENABLE
+        if self.operator is not None and self.operator.let_go:
+            return wire.OFF
+        if (
+            not self.receiver.beating
+            or evidence.feedback_s > self.guard.fence.feedback_s
+            or evidence.state in (wire.BOOT, wire.SELF_TEST)
+        ):
+            return wire.OFF
+        if evidence.state == wire.STANDBY:
+            return wire.READY
+        if evidence.state == wire.WAITING:
+            return wire.READY if estimate.lost else wire.ENABLE
+        return wire.OFF
+
+    def _act(self, now: float, mode: int, estimate: Estimate) -> Action:
+        """The supervised controller's command once the drive is being enabled, else where the drive is."""
+        if mode != wire.ENABLE:
+            return Action(self.receiver.report, "stopped")
+        if not self._led:
+            self._led = True
+            if self.operator is not None and self.operator.taken:
+                self._enabled_s = now
+                self._reference = self.operator.enabled(self._place(estimate))
+                self.estimator.begin(now + self.tick_s)
+            elif self._here:
+                self._enabled_s = now
+                self._begin_reference(now + self.tick_s, self._place(estimate))
+                self._begin_probe(now + self.tick_s, self._place(estimate))
+            self.answer.begin()
+            self._plausibility.settle(self.estimator.counts.restarts)
+            self.supervisor.reset(now, estimate, self.receiver.report)
+        self.supervisor.temperature_C = self.receiver.temperature_C
+        self._own.most = self.answer.contradiction.most
+        return self.supervisor.act(now + self.tick_s, estimate, self._reference)

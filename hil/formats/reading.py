@@ -19,7 +19,7 @@ from hil.formats import matlab_file, mcap_file, mf4_file, parquet_file, ros_bag,
 from hil.formats.channels import Array, Channel, Heading, Pick, Read, check_size, refusing
 from hil.formats.ros_bag import is_bag
 from hil.own_process import own_environment, own_module
-from models.files.source import check_source, opened
+from models.files.access import check_source, opened
 
 Write = Callable[[Path, Sequence[Channel]], None]
 

@@ -52,9 +52,9 @@ class Fence:
     growth: float = math.inf
 
     @classmethod
-    def of(cls, envelope: Envelope, wiring: FrameMap, tick_s: float) -> Fence:
+    def of(cls, envelope: Envelope, frame_map: FrameMap, tick_s: float) -> Fence:
         e, limits, speed = envelope, envelope.limits, envelope.limits.carriage_speed_m_s
-        held = (e.low, e.high, e.rate, e.placed, tick_s, wiring.feedback_s, wiring.braking_m_s2)
+        held = (e.low, e.high, e.rate, e.placed, tick_s, frame_map.feedback_s, frame_map.braking_m_s2)
         first, growth = limits.first_speed_m_s / speed, limits.first_acceleration_m_s2 / speed
         return cls(*held, stop_s=limits.age_s, first_share=first, growth=growth)
 
@@ -142,14 +142,14 @@ class Guard:
     """
 
     def __init__(
-        self, bus: can.BusABC, wiring: FrameMap, fence: Fence, *, dry: bool = False, observe: Observer | None = None
+        self, bus: can.BusABC, frame_map: FrameMap, fence: Fence, *, dry: bool = False, observe: Observer | None = None
     ) -> None:
-        self.fence, self.wiring, self.dry = fence, wiring, dry
+        self.fence, self.frame_map, self.dry = fence, frame_map, dry
         self.refused: Counter[str] = Counter()
         self.unsent = 0
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
-        others = {one.command for one in FRAME_MAPS.values()} - {wiring.command}
+        others = {one.command for one in FRAME_MAPS.values()} - {frame_map.command}
         own = set(controllers_frames().values()) - others
         self._senders = {name: Sender(frames()[name]) for name in own}
         self._time = self._stopped_at = -math.inf
@@ -159,12 +159,12 @@ class Guard:
         fence = self.fence.after(since_s)
         out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)
         self._time, self.sent = now, out
-        self.send(self.wiring.command, self.wiring.values(out.value, out.rate, out.mode), now)
+        self.send(self.frame_map.command, self.frame_map.values(out.value, out.rate, out.mode), now)
         if out.mode != QUICK_STOP:
             self._stopped_at = -math.inf
         elif not 0 <= now - self._stopped_at < STOP_PERIOD_S - 0.5 * self.fence.tick_s:
             self._stopped_at = now
-            self.send("SafeStop", {"Target": self.wiring.target, "Reason": GUARD_REASON}, now)
+            self.send("SafeStop", {"Target": self.frame_map.target, "Reason": GUARD_REASON}, now)
         return out
 
     def send(self, name: str, values: Mapping[str, float], now: float) -> bool:

@@ -111,7 +111,7 @@ class ControllerNode:
 
     def __init__(self, task: Task, bus: can.BusABC, *, observer: Observer | None = None, dry_run: bool = False) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
-        self.task, self.wiring = task, frame_map_of(task.model.drive.name)
+        self.task, self.frame_map = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
         first = build(task.controller, task.model, self.envelope, task.deadline_s)
@@ -123,16 +123,16 @@ class ControllerNode:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
         self.operator = None if task.operator is None else Operator(task.operator)
-        self.receiver = FrameReceiver(bus, self.wiring, self.tick_s, observer, self.operator)
-        fence = Fence.of(self.envelope, self.wiring, self.tick_s)
-        self.guard = Guard(bus, self.wiring, fence, dry=dry_run, observe=observer)
+        self.receiver = FrameReceiver(bus, self.frame_map, self.tick_s, observer, self.operator)
+        fence = Fence.of(self.envelope, self.frame_map, self.tick_s)
+        self.guard = Guard(bus, self.frame_map, fence, dry=dry_run, observe=observer)
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
-        self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
+        self.answer = Onlooker(self.envelope, self.frame_map.drive.rests, self.tick_s, task.seen_noise_m, friction)
         self._probe: Probe | None = None
         self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
-        self._plausibility = Plausibility(self.wiring.drive.follow, task.seen_noise_m, task.resolution_m, lag_ticks)
+        self._plausibility = Plausibility(self.frame_map.drive.follow, task.seen_noise_m, task.resolution_m, lag_ticks)
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
@@ -221,8 +221,8 @@ class ControllerNode:
         end = time.perf_counter()
         self._before = self.guard.sent
         if mode == wire.READY and self.receiver.challenge >= 0:
-            answer = answer_of(self.receiver.challenge, self.wiring.target)
-            self.guard.send("EnableAnswer", {"Target": self.wiring.target, "Answer": answer}, now)
+            answer = answer_of(self.receiver.challenge, self.frame_map.target)
+            self.guard.send("EnableAnswer", {"Target": self.frame_map.target, "Answer": answer}, now)
             self.receiver.challenge = -1
         out = self.guard.command(
             now, action.command, mode, evidence, now - max(self._enabled_s, self.answer.cautious_s)
@@ -253,7 +253,7 @@ class ControllerNode:
             self.guard.send(STATUS, self.operator.status(now, self._reference, self.state == RUNNING), now)
         if self._acknowledge:
             self._acknowledge -= 1
-            self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)
+            self.guard.send("DriveReset", {"Target": self.frame_map.target, "Code": self.receiver.fault}, now)
             if not self._acknowledge:
                 self.receiver.fault = 0
 
@@ -295,7 +295,7 @@ class ControllerNode:
             self._origin, self._index = now, 0
             return 0
         index, before = math.floor((now - self._origin) / self.tick_s + GRID_SLACK), self._index
-        if index > before and now - self._last <= 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
+        if index > before and now - self._last <= 1e-3 * self.frame_map.life_ms(self.guard.sent.rate) + _ROUNDING_S:
             self._index = index
             self._number += index - before
             return index - before - 1
@@ -325,7 +325,7 @@ class ControllerNode:
         if self.guard.dry or waits or not (crowded or restless):
             return
         self._told_all_at = now
-        target, reason = (0, OTHER_CONTROLLER) if crowded else (self.wiring.target, GUARD_REASON)
+        target, reason = (0, OTHER_CONTROLLER) if crowded else (self.frame_map.target, GUARD_REASON)
         self.guard.send("SafeStop", {"Target": target, "Reason": reason}, now)
 
     def _steer(self, now: float, estimate: Estimate) -> None:

@@ -67,17 +67,17 @@ class FrameReceiver:
     def __init__(
         self,
         bus: can.BusABC,
-        wiring: FrameMap,
+        frame_map: FrameMap,
         tick_s: float,
         observer: Observer | None = None,
         operator: Operator | None = None,
     ) -> None:
         sensors = ("CapsuleLocalisation", LOCALISER, "ForceReading", "ForceSensorHeartbeat")
-        names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
+        names = (frame_map.feedback, frame_map.fault, frame_map.heartbeat, frame_map.challenge, *sensors)
         self.reception = Reception(frames()[name] for name in names)
-        self._twins = {frames()[name].id: Twins(frames()[name]) for name in (wiring.heartbeat, LOCALISER)}
+        self._twins = {frames()[name].id: Twins(frames()[name]) for name in (frame_map.heartbeat, LOCALISER)}
         self._beats = tuple(self._twins.values())
-        self.wiring, self.tick_s = wiring, tick_s
+        self.frame_map, self.tick_s = frame_map, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
         self.still = 0.0
         self.challenge, self.feedbacks, self.frames, self.full = -1, 0, 0, 0
@@ -197,20 +197,20 @@ class FrameReceiver:
                 self._place_at = stamp - values["Age_s"]
                 self.told_s = now - self._place_at
                 found.append(Measurement("position_m", values["Position_m"], self._place_at))
-        elif name == self.wiring.feedback:
+        elif name == self.frame_map.feedback:
             self.feedbacks += 1
             self._fed_at, self.state, self.temperature_C = stamp, int(values["State"]), values["Temperature_degC"]
-            self.still = values[self.wiring.still]
-            if not self.wiring.drive.shaken:
-                self.report = values[self.wiring.signal]
+            self.still = values[self.frame_map.still]
+            if not self.frame_map.drive.shaken:
+                self.report = values[self.frame_map.signal]
                 since = max(now - stamp, 0.0)
                 begin = now - self.tick_s * math.ceil(since / self.tick_s - 1e-6)
-                found.append(Measurement(self.wiring.channel, self.report, begin))
-        elif name == self.wiring.fault:
+                found.append(Measurement(self.frame_map.channel, self.report, begin))
+        elif name == self.frame_map.fault:
             self.fault = int(values["Code"])
-        elif name == self.wiring.challenge:
+        elif name == self.frame_map.challenge:
             self.challenge = int(values["Number"])
-        elif name == self.wiring.heartbeat:
+        elif name == self.frame_map.heartbeat:
             self._beat_at = stamp
             self._other = values["Catalogue"] != self._fingerprint
 

@@ -42,29 +42,30 @@ class DriveNode:
     def __init__(
         self,
         bus: can.BusABC,
-        wiring: FrameMap,
+        frame_map: FrameMap,
         power: Power,
         limits: Limits,
         tick_s: float,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         self._draw = draw
-        self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
+        self.bus, self.frame_map, self.power, self.limits, self.tick_s = bus, frame_map, power, limits, tick_s
         self.temperature_C = AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
-        self.broken, self.node_id = False, wiring.target
+        self.broken, self.node_id = False, frame_map.target
         self.boot(0.0)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
-        names = (self.wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
+        names = (self.frame_map.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
         self.reception = Reception(wire.frames()[name] for name in names)
-        for name in (self.wiring.command, "Sync"):
+        for name in (self.frame_map.command, "Sync"):
             receiver = self.reception.receivers[wire.frames()[name].id]
-            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
+            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.frame_map.still_ms)
         self.transmitter = FrameTransmitter(
-            self.bus, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge)
+            self.bus,
+            (self.frame_map.feedback, self.frame_map.fault, self.frame_map.heartbeat, self.frame_map.challenge),
         )
         self.stage = Stage(wire.BOOT, now)
         self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
@@ -130,7 +131,7 @@ class DriveNode:
                     continue
                 self._take_over()
                 synced = True
-            elif name == self.wiring.command:
+            elif name == self.frame_map.command:
                 self._follow(values, stamp, self._metronome.begin(counter, stamp))
             else:
                 self._obey(name, values, stamp)
@@ -142,18 +143,18 @@ class DriveNode:
         if dies_at <= stamp:
             self.stale += 1
             return
-        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.wiring.signal], True
+        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.frame_map.signal], True
         self._dies_at, self.good_at = dies_at, stamp
 
     def _obey(self, name: str, values: dict[str, float], stamp: float) -> None:
-        mine = values.get("Target", 0) in (0, self.wiring.target)
+        mine = values.get("Target", 0) in (0, self.frame_map.target)
         if name == "SafeStop" and mine:
             self._stop_until = stamp + SAFE_STOP_S
         elif name == "DriveReset" and mine:
             self._reset, self._metronome = int(values["Code"]), SyncClock()
         elif name == "EnableAnswer":
-            if values["Target"] == self.wiring.target and self.stage.state == wire.STANDBY:
-                self._answered = values["Answer"] == answer_of(self._number, self.wiring.target)
+            if values["Target"] == self.frame_map.target and self.stage.state == wire.STANDBY:
+                self._answered = values["Answer"] == answer_of(self._number, self.frame_map.target)
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2
@@ -181,16 +182,16 @@ class DriveNode:
     def _report(self, now: float, due: bool) -> None:
         if self._tell:
             self._tell -= 1
-            self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
+            self.transmitter.say(self.frame_map.fault, {"Code": self.stage.fault, "Detail": 0})
         if self.stage.state == wire.STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
             self._asked_at = now
-            self.transmitter.say(self.wiring.challenge, {"Number": self._number})
+            self.transmitter.say(self.frame_map.challenge, {"Number": self._number})
         if due and self.stage.state != wire.BOOT:
-            self.transmitter.say(self.wiring.feedback, self._feedback())
+            self.transmitter.say(self.frame_map.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
             beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began)
-            self.transmitter.say(self.wiring.heartbeat, beat)
+            self.transmitter.say(self.frame_map.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:
         warm = min(max(self.temperature_C, NOT_MEASURED_C + 1), 150.0)

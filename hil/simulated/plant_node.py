@@ -74,15 +74,15 @@ class PlantNode:
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
-        wiring, power = power_of(session, limits)
+        frame_map, power = power_of(session, limits)
         self.session = session
         self._localisers: dict[int, LyingLocaliser] = {}
         self._told: list[tuple[float, float]] = []
         self._lie: LyingDrive | None = None
         self._now = 0.0
-        own = (drive_bus, wiring, power, limits, tick_s, draw)
+        own = (drive_bus, frame_map, power, limits, tick_s, draw)
         self.drive: DriveNode | MakersDrive = drive or DriveNode(*own)
-        self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
+        self._parts = _COIL_PARTS if frame_map is COIL_MAP else 1
         self._localiser = _Localiser(sensor_bus)
         self._force = None if force_seed is None else _ForceSensor(sensor_bus, force_seed)
         self._readings: list[Reading] = []

@@ -10,7 +10,7 @@ from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from hil.app.console import note
 from models.effects import CATALOGUE, Catalogue
-from models.files.tables import check_word
+from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.theta import Theta

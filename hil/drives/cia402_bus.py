@@ -15,13 +15,13 @@ _ALIVE: Final = struct.pack("B", p402.OPERATIONAL)
 _NMT: Final = {4: STOPPING, p402.OPERATIONAL: ENABLED, 127: STANDBY}
 FOLLOWING_ERROR: Final = 0x8611  # 0x8611, CiA 402
 _FOLLOWS_LATEST, _ASTRAY_REPORTS = 100, 2
-"""Reports until a drive must follow, as a brake takes to open; those in a row that are believed after that."""
+"""Reports within which a drive must begin to follow (a brake opens), and reports in a row that show a later loss."""
 
 
 class Cia402Bus(CarriageBus):
-    """Commands leave as RPDO 1, whose deadline stands for their time to live; TPDOs and heartbeat come in as feedback,
-    heartbeat and faults. A warning, and a limit of the drive's own, show as "derated". Where it says while it is led
-    that it does not follow its target (bit 12), or is too far off (bit 13), that is a fault, latched here.
+    """Commands are sent as RPDO 1, with its deadline as time to live; TPDOs and heartbeat become feedback, heartbeat
+    and faults. A warning, or an active limit of the drive's own, is "derated". An enabled drive that reports that it
+    does not follow its target (bit 12), or a following error (bit 13), has a fault, which is latched here.
     """
 
     maker = "CiA 402"
@@ -38,19 +38,18 @@ class Cia402Bus(CarriageBus):
         self._statusword, self._speed_m_s, self._place = 0, 0.0, 0
         self._error = self._word = self._astray = 0
         self._followed, self._doubt = False, ""
-        self._reset = self._told = self._known = False
+        self._reset = self._reported = self._known = False
         self._anew = ""
 
     @property
     def wrong(self) -> str:
-        """The error code 0x603F of the drive's fault, that it does not follow, has booted, or is at a limit."""
         limit = "it is at a limit of its own (bit 11 of its statusword; 0x607D, 0x607F)"
-        told = [f"error code 0x{self._error:04X}" if self._told else self._doubt or self._anew]
-        told += [limit] if self._statusword & p402.LIMITED else []
-        return "; ".join(word for word in told if word)
+        words = [f"error code 0x{self._error:04X}" if self._reported else self._doubt or self._anew]
+        words += [limit] if self._statusword & p402.LIMITED else []
+        return "; ".join(word for word in words if word)
 
     def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """Controlword and target: the place, or the speed that leads there and makes up for what was missed."""
+        """Send controlword and target: the position, or the speed that leads there and corrects the position error."""
         wanted = OFF if self._doubt else mode
         word = p402.controlword(wanted, p402.state_of(self._statusword), reset=self._reset)
         self._reset = False
@@ -84,7 +83,7 @@ class Cia402Bus(CarriageBus):
         return True
 
     def _moved(self, data: bytes, stamp: float) -> bool:
-        """State and position: a feedback. As the next two it says whether the frame was as long as it must be."""
+        """State and position become a feedback. This method and the next two return whether the length is right."""
         if len(data) != p402.TPDO_STATE.size:
             return False
         self._statusword, self._place = p402.TPDO_STATE.unpack(data)
@@ -98,7 +97,7 @@ class Cia402Bus(CarriageBus):
         return True
 
     def _judge(self, stamp: float) -> None:
-        """Whether the drive says that it does as it is told, while it is led."""
+        """Latch a fault if the enabled drive reports that it does not follow."""
         if p402.state_of(self._statusword) != p402.OPERATION or self._word != p402.ENABLE_OPERATION:
             self._followed, self._astray = False, 0
             return
@@ -114,16 +113,16 @@ class Cia402Bus(CarriageBus):
             self.fail(INTERNAL, FOLLOWING_ERROR, stamp)
 
     def _more(self, data: bytes, stamp: float) -> bool:
-        """Speed and error: with the next feedback, and as a fault where one begins."""
+        """Speed and error: the next feedback has the speed, and a new error becomes a fault."""
         if len(data) != p402.TPDO_MORE.size:
             return False
         counts, error = p402.TPDO_MORE.unpack(data)
         self._speed_m_s = counts / self.table.counts_per_m
         faulted = p402.state_of(self._statusword) == p402.FAULTED
-        if faulted and not self._told:
+        if faulted and not self._reported:
             self._error = error
             self.fail(p402.fault_of(error), error, stamp)
-        self._told = faulted
+        self._reported = faulted
         return True
 
     def _beat(self, data: bytes, stamp: float) -> bool:

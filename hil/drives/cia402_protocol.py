@@ -1,4 +1,4 @@
-"""CiA 402 for the carriage: states, the words between, what is on the wire. Standard: IEC 61800-7-201."""
+"""CiA 402 for the carriage: table, states, controlwords, process data. Standard: IEC 61800-7-201."""
 
 import struct
 from collections.abc import Mapping
@@ -16,19 +16,19 @@ DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, 
 NOT_READY: Final = 0  # state of any other statusword
 _MASKS: Final = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)  # of the statusword, CiA 402 state by state
 _WORDS: Final = (0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08)
-"""Masks and values of the statusword's bits that tell each state."""
-WARNING: Final = 0x80  # bit of the statusword: the drive does not do all it is asked for
+"""Masks and values of the statusword's bits for each state."""
+WARNING: Final = 0x80  # bit of the statusword: the drive does not do all that is requested
 VOLTAGE, REMOTE, LIMITED = 1 << 4, 1 << 9, 1 << 11
-"""Further bits: voltage is there, the bus's controlwords are obeyed, a limit of the drive's own is active."""
+"""Further bits: voltage enabled, controlwords of the bus are obeyed, a limit of the drive's own is active."""
 FOLLOWS, DEVIATES = 1 << 12, 1 << 13
-"""In a cyclic mode: the target is followed; led by places, it is beyond 0x6065 for longer than 0x6066."""
+"""In a cyclic mode: the target is followed; the position error is beyond 0x6065 for longer than 0x6066."""
 REACHED, ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13
-"""While homing: at rest at the target, home is found, and it could not be found."""
+"""While homing: at rest at the target, home attained, homing failed."""
 DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAULT = 0x00, 0x06, 0x07, 0x0F, 0x02, 0x80
 """Controlwords."""
 START_HOMING: Final = 1 << 4  # bit of the controlword
-HOMES_HERE: Final = (35, 37)  # homing methods that take the place where the drive stands
-SYNC_ID: Final = 0x6A0  # CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes
+HOMES_HERE: Final = (35, 37)  # homing methods that take the present position
+SYNC_ID: Final = 0x6A0  # of CANopen's SYNC: its usual identifier 0x80 is that of the catalogue's Sync
 MASTER_NODE: Final = 127  # the last node id
 _SDO_WRITES: Final = (0, 1, 6)  # client commands of an SDO download: a segment, its begin, a block
 OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
@@ -45,7 +45,7 @@ MODE_NAMES: Final[Mapping[int, str]] = {
     CYCLIC_SYNCHRONOUS_VELOCITY: "cyclic synchronous velocity",
     10: "cyclic synchronous torque",
 }
-"""Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 says that a drive knows one."""
+"""Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 is set if a drive knows it."""
 MODES: Final[Mapping[str, int]] = {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
 RPDO: Final = struct.Struct("<Hi")  # controlword 0x6040, target position 0x607A or target velocity 0x60FF
 TPDO_STATE: Final = struct.Struct("<Hi")  # statusword 0x6041, actual position 0x6064
@@ -82,30 +82,30 @@ def _options(raw: object) -> object:
 
 
 class Cia402Table(ActuatorTable):
-    """`[cia402]`: a CANopen drive, led in a cyclic synchronous mode; `options`: index, sub, value."""
+    """`[cia402]`: a CANopen drive in a cyclic synchronous mode; `options`: index, sub, value."""
 
     where = "cia402"
     node_id: int = key(NODE, 1, 1, 15)
     counts_per_m: float = key("its position counts, per metre", 1e6, 1e3, 1e9)
     mode: Annotated[str, Among(MODES)] = key(
-        "what the drive is led by: places or speeds, both cyclic and synchronous", "position"
+        "target of the commands: `position` or `velocity`, both cyclic synchronous", "position"
     )
     velocity_gain_Hz: float = key(
-        "led by `velocity`: share of what the carriage is off its place that a second makes up for", 20.0, 0.1, 200.0
+        "for `velocity`: the speed of the correction, as a share of the position error per second", 20.0, 0.1, 200.0
     )
     homing_method: int = key(
-        "object 0x6098: how the drive finds its zero as it is set up, by its own motion; 0: not at all", 0, -128, 127
+        "object 0x6098: how the drive finds its zero during set-up, by its own motion; 0: no homing", 0, -128, 127
     )
-    homing_speed_m_s: float = key("object 0x6099: its speed then", 0.01, 1e-4, 0.1)
-    homing_s: float = key("how long that may take", 30.0, 0.1, 600.0)
+    homing_speed_m_s: float = key("object 0x6099: homing speed", 0.01, 1e-4, 0.1)
+    homing_s: float = key("longest time of homing", 30.0, 0.1, 600.0)
     following_m: float = key(
-        "object 0x6065, led by places: this far off its target for `following_s` the drive must say so, and is stopped;"
-        " 0: 0x6065 and 0x6066 are left as they are",
+        "object 0x6065, for `position`: following error at which, after `following_s`, the drive is stopped; 0: 0x6065"
+        " and 0x6066 are not written",
         0.005,
         0.0,
         1.0,
     )
-    following_s: float = key("object 0x6066: how long it may be so far off", 0.02, 0.001, 1.0)
+    following_s: float = key("object 0x6066: how long that error may last", 0.02, 0.001, 1.0)
     options: Annotated[tuple[tuple[int, int, int], ...], BeforeValidator(_options)] = key(
         'objects of the drive\'s own, `"index.sub" = value`, index and sub hexadecimal, each written and read back', ()
     )
@@ -116,7 +116,7 @@ class Cia402Table(ActuatorTable):
         return frozenset({0x200 + self.node_id, SYNC_ID, 0x700 + MASTER_NODE}), says
 
     def orders(self, message: can.Message) -> bool:
-        """RPDO 1, NMT to it or to all, CANopen's SYNC, the heartbeat that the drive watches, what writes over SDO."""
+        """RPDO 1, NMT to it or to all, CANopen's SYNC, the heartbeat that the drive watches, and SDO writes."""
         if not our.plain(message):
             return False
         data = bytes(message.data[:2])
@@ -127,14 +127,14 @@ class Cia402Table(ActuatorTable):
         return message.arbitration_id in (0x200 + self.node_id, SYNC_ID, 0x700 + MASTER_NODE)
 
     def stops_s(self, speed_m_s: float) -> float:
-        """The deadline of commands, and braking half as hard as it must."""
+        """The deadline of commands, and braking at half the required deceleration."""
         return 1e-3 * our.CARRIAGE_MAP.life_ms(speed_m_s) + 2 * abs(speed_m_s) / our.CARRIAGE_MAP.braking_m_s2
 
 
 def state_of(statusword: int) -> int:
-    """The state that a statusword shows; "not ready" for one that shows none."""
-    told = zip(_MASKS, _WORDS, strict=True)
-    return next((state for state, (mask, word) in enumerate(told) if statusword & mask == word), NOT_READY)
+    """The state that a statusword shows, "not ready" by default."""
+    known = enumerate(zip(_MASKS, _WORDS, strict=True))
+    return next((state for state, (mask, word) in known if statusword & mask == word), NOT_READY)
 
 
 def statusword_of(state: int, *, warning: bool = False) -> int:
@@ -142,7 +142,7 @@ def statusword_of(state: int, *, warning: bool = False) -> int:
 
 
 def shown(statusword: int) -> int:
-    """A drive's state in the catalogue's numbers; enabled with a warning, or at a limit of its own, is derated."""
+    """A drive's state in the catalogue's numbers; enabled with a warning or an active limit is derated."""
     state = _SHOWN[state_of(statusword)]
     return our.DERATED if state == our.ENABLED and statusword & (WARNING | LIMITED) else state
 
@@ -152,14 +152,14 @@ def mode_words(mode: int) -> str:
 
 
 def fault_of(error: int) -> int:
-    """An error code 0x603F as the catalogue's code of a fault: the same, else its group's, else "internal"."""
+    """An error code 0x603F as the catalogue's code of a fault: its own, its group's, or "internal"."""
     return _ERRORS.get(error, _ERRORS.get(error & 0xFF00, our.INTERNAL))
 
 
 def controlword(mode: int, state: int, *, reset: bool = False) -> int:
-    """What to tell a drive in `state` for a `mode` of the catalogue's command: one step up at a time, never from below
-    "ready to switch on" by `ENABLE`, never up with a `reset`. What stops a moving drive brakes it; its voltage goes
-    later.
+    """The controlword to a drive in `state` for a `mode` of the catalogue's command: one step up at a time, never from
+    below "ready to switch on" by `ENABLE`, never up with a `reset`. A moving drive is braked first; its voltage is
+    disabled later.
     """
     if state == FAULTED:
         return RESET_FAULT if reset else DISABLE_VOLTAGE
@@ -177,7 +177,7 @@ def controlword(mode: int, state: int, *, reset: bool = False) -> int:
 
 
 def next_state(state: int, word: int, before: int, *, cause: bool, at_rest: bool) -> int:
-    """The state after controlword `word`, `before` being the last one; `cause`: a present reason for a fault.
+    """The state after controlword `word` that follows `before`; `cause`: a fault's cause is present.
 
     Quick stop option 2: brake, then disabled. A fault ends by the rising edge of bit 7 once its cause is gone.
     """

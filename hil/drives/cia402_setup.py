@@ -13,7 +13,7 @@ from hil.drives import cia402_protocol as p402
 from hil.drives.cia402_protocol import Cia402Table
 from hil.nodes.frame_map import CARRIAGE_MAP, QUICK_STOP_M_S2
 
-_HERE_M: Final = 1e-4  # how far off its home offset such a drive may tell its place afterwards
+_HERE_M: Final = 1e-4  # tolerated distance from its home offset after homing in place
 _WORDS: Final = {
     p402.DISABLED: p402.SHUTDOWN,
     p402.READY_TO_SWITCH_ON: p402.SWITCH_ON,
@@ -21,7 +21,7 @@ _WORDS: Final = {
     p402.OPERATION: p402.ENABLE_OPERATION | p402.START_HOMING,
 }
 _MODE_S, _ERROR_S = 0.5, 0.1
-"""Within how long a drive must show a mode; and from when on after the start a homing error is of this homing."""
+"""Time within which a drive must show a mode; time after the start from which a homing error is a new one."""
 
 
 def word_of(node: Any, index: int, *, signed: bool = False) -> int:
@@ -44,7 +44,7 @@ def _another_mode(table: Cia402Table, mode: int, shown: int) -> str:
 
 
 def home(node: Any, network: Any, table: Cia402Table) -> None:
-    """Let the drive home itself, under our heartbeat, and disable it again, whatever goes wrong. Raises ValueError."""
+    """Let the drive home itself under our heartbeat, and disable it again in any case. Raises ValueError."""
     take_mode(node, table, p402.HOMING_MODE)
     end, run = time.monotonic() + table.homing_s, _Homing(table)
     try:
@@ -54,9 +54,9 @@ def home(node: Any, network: Any, table: Cia402Table) -> None:
             if run.done(node, status):
                 break
             if time.monotonic() > end:
-                left = "; bit 12 is from before it was started" if run.left_over(status) else ""
+                old = "; bit 12 is from before it was started" if status & p402.ATTAINED and not run.away else ""
                 raise ValueError(
-                    f"{table.node} must be home within {table.homing_s:g} s; statusword 0x{status:04X}{left}"
+                    f"{table.node} must be home within {table.homing_s:g} s; statusword 0x{status:04X}{old}"
                 )
             word = _WORDS.get(p402.state_of(status), p402.DISABLE_VOLTAGE)
             node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
@@ -70,20 +70,16 @@ def home(node: Any, network: Any, table: Cia402Table) -> None:
 
 
 class _Homing:
-    """What a statusword means on the way. Bit 12 of an earlier homing may still be set: it counts once it has been away
-    since the start, or where the drive stands at its home offset and was to take that place.
+    """Follows the statusword during homing. Bit 12 may still be set by an earlier homing: it counts once it has been
+    cleared since the start (`away`), or if the drive homes in place and stands at its home offset.
     """
 
     def __init__(self, table: Cia402Table) -> None:
-        self._table, self._away = table, False
+        self._table, self.away = table, False
         self.started_s = math.inf
 
-    def left_over(self, status: int) -> bool:
-        """Whether bit 12 has been set all the time."""
-        return bool(status & p402.ATTAINED) and not self._away
-
     def done(self, node: Any, status: int) -> bool:
-        """Whether it is home: in mode 6, in operation, attained since the start, at rest. Raises ValueError."""
+        """Whether it is home: in mode 6, in operation, home attained since the start, at rest. Raises ValueError."""
         name, state = self._table.node, p402.state_of(status)
         if state in (p402.REACTING, p402.FAULTED):
             raise ValueError(f"{name} must home; got a fault, error code 0x{word_of(node, 0x603F):04X}")
@@ -91,20 +87,20 @@ class _Homing:
             raise ValueError(_another_mode(self._table, p402.HOMING_MODE, mode))
         if state != p402.OPERATION:
             return False
-        self._away = self._away or not status & p402.ATTAINED
+        self.away = self.away or not status & p402.ATTAINED
         since_s = time.monotonic() - self.started_s
         if status & p402.HOMING_ERROR and since_s > _ERROR_S:
             raise ValueError(f"{name} must home; got a homing error (bit 13 of statusword 0x{status:04X})")
         attained = status & p402.ATTAINED and status & p402.REACHED
-        return since_s > 0 and bool(attained) and (self._away or self._here(node))
+        return since_s > 0 and bool(attained) and (self.away or self._here(node))
 
     def _here(self, node: Any) -> bool:
-        """Whether the drive was to take its place as home, and tells its home offset (0x607C) as its place."""
+        """Whether the drive homes in place, and its position is its home offset (0x607C)."""
         if self._table.homing_method not in p402.HOMES_HERE:
             return False
         try:
             offset = word_of(node, 0x607C, signed=True)
-        except Exception:  # noqa: BLE001 - an object that a drive may do without; drivers raise whatever they like
+        except Exception:  # noqa: BLE001 - an optional object; drivers raise whatever they like
             offset = 0
         return abs(word_of(node, 0x6064, signed=True) - offset) <= max(_HERE_M * self._table.counts_per_m, 1.0)
 
@@ -116,10 +112,10 @@ _INVALID: Final = 1 << 31  # bit of a PDO that is off, CiA 301
 _SYNCHRONOUS: Final = 1  # transmission type, CiA 301
 # objects of each mapping: index, sub, bits
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
-_BY_VELOCITY: Final = (0x60400010, 0x60FF0020)  # the same of a drive led by velocity
-_LOOK_S: Final = 0.1  # for how long a drive is looked at to see that it rests
+_BY_VELOCITY: Final = (0x60400010, 0x60FF0020)  # RPDO 1 of a drive that follows speeds
+_LOOK_S: Final = 0.1  # in which a drive must be seen to rest
 ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)
-"""Objects, beside the table's options, that a drive may hold rounded: off by one count, or by 0.1 %."""
+"""Objects, beside the table's options, that a drive may round by one count or 0.1 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,9 +133,9 @@ class Entry:
 
 
 def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> tuple[Entry, ...]:
-    """All that the drive is told, in order. RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry
-    is a fault (0x6007: 1) that brakes (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes
-    and ends disabled (0x605A: 2).
+    """All settings of the drive, in order. RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`. Its expiry is a
+    fault (0x6007: 1) that brakes (0x605E: 2), and so is the loss of the controller's heartbeat. A quick stop brakes and
+    ends disabled (0x605A: 2).
     """
     node, counts = table.node_id, table.counts_per_m
     travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)
@@ -184,7 +180,7 @@ def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry, by: s
 
 
 def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """As `hil.drives.makers.set_up`: objects, homing where the table says so, PDOs. Needs the package canopen."""
+    """See `hil.drives.makers.Maker`: objects, homing if the table asks for it, PDOs. Needs the package canopen."""
     try:
         import canopen
     except ImportError:
@@ -200,17 +196,17 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *
         node.sdo.RESPONSE_TIMEOUT = table.answers_s
         _is_idle(node, table, faulty)
         node.nmt.state = "PRE-OPERATIONAL"
-        told = [_set(node, table, entry) for entry in entries(table, limits, tick_s, life_ms)]
+        rounded = [_set(node, table, entry) for entry in entries(table, limits, tick_s, life_ms)]
         for index, sub, value in table.options:
             size = len(node.sdo.upload(index, sub))
-            told.append(_set(node, table, Entry(index, sub, size, value), rounded=True))
+            rounded.append(_set(node, table, Entry(index, sub, size, value), may_round=True))
         if table.homing_method and not faulty:
             home(node, network, table)
         take_mode(node, table, p402.MODES[table.mode])
         if not faulty:
             _rests_where_known(node, table, limits)
         node.nmt.state = "OPERATIONAL"
-        return [sentence for sentence in told if sentence]
+        return [sentence for sentence in rounded if sentence]
     except ValueError:
         raise
     except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
@@ -221,7 +217,7 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *
 
 
 def _is_idle(node: Any, table: Cia402Table, faulty: bool) -> None:
-    """Of a drive that knows its modes, has no fault (but where `faulty`), and is disabled."""
+    """Check that the drive knows its modes, has no fault (unless `faulty`), and is disabled."""
     try:
         kind = word_of(node, 0x1000) & 0xFFFF
     except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
@@ -252,12 +248,12 @@ def _rests_where_known(node: Any, table: Cia402Table, limits: Limits) -> None:
         speed = word_of(node, 0x606C, signed=True) / table.counts_per_m
         time.sleep(wait_s)
     speed = max(abs(speed), abs(places[1] - places[0]) / _LOOK_S)
-    table.must_rest(speed, f"it tells {speed:.3g} m/s")
+    table.must_rest(speed, f"its speed is {speed:.3g} m/s")
     table.must_stand_within(limits.travel_m, places[1], "home it (cia402.homing_method)")
 
 
-def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) -> str:
-    """Write an object and read it back; a sentence where it is held rounded and may be. Raises ValueError."""
+def _set(node: Any, table: Cia402Table, entry: Entry, *, may_round: bool = False) -> str:
+    """Write an object and read it back; a sentence if it was rounded as it may be, else "". Raises ValueError."""
     where = f"0x{entry.index:04X}:{entry.sub:02X}"
     try:
         node.sdo.download(entry.index, entry.sub, entry.data)
@@ -266,8 +262,8 @@ def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) 
     data = node.sdo.upload(entry.index, entry.sub)
     if data == entry.data:
         return ""
-    held = int.from_bytes(data, "little", signed=entry.value < 0)
-    near = abs(held - entry.value) <= max(1, abs(entry.value) // 1000) and len(data) == entry.size
-    if near and (rounded or entry.index in ROUNDED):
-        return f"{table.node} holds {held} at {where}, rounded from {entry.value}"
+    got = int.from_bytes(data, "little", signed=entry.value < 0)
+    near = abs(got - entry.value) <= max(1, abs(entry.value) // 1000) and len(data) == entry.size
+    if near and (may_round or entry.index in ROUNDED):
+        return f"{table.node} holds {got} at {where}, rounded from {entry.value}"
     raise ValueError(f"{table.node} must take {entry.value} at {where}; it holds {data.hex()}")

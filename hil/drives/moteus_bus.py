@@ -1,4 +1,4 @@
-"""A moteus controller as the catalogue's carriage, over CAN FD. Source: the maker's register reference."""
+"""A moteus controller as the catalogue's carriage, on CAN FD. Source: the maker's register reference."""
 
 import math
 from collections import deque
@@ -14,23 +14,21 @@ from hil.drives.moteus_protocol import FAULTS, WATCHDOG, MoteusTable
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, INTERNAL, STANDBY, STOPPING, WAITING
 
 _BEAT_S: Final = 0.015  # least time between two heartbeats
-_FORGIVEN: Final = 3  # faults after which it is still asked
-_GIVE_UP_TICKS: Final = 250  # without the mode that was asked for
-_SILENT_S: Final = 0.012
-"""A drive that was led and then is silent for so long may have booted anew, and must not be led on unawares."""
-_LOST_TICKS: Final = 50  # after so many without a reply it is looked for by its own can.prefix, too
-_REMEMBERED: Final = 64  # what was sent of late
-_BRAKE_TICKS: Final = 25  # for which a drive that stopped is braked
-_LONGEST: Final = 64  # length of a frame that stops: of bits that a gateway flips most are then in its padding
+_FORGIVEN: Final = 3  # replies after an acknowledgement whose faults are ignored
+_GIVE_UP_TICKS: Final = 250  # without the requested mode
+_SILENT_S: Final = 0.012  # of silence after which an enabled drive may have rebooted and is not commanded further
+_LOST_TICKS: Final = 50  # without a reply, after which its own can.prefix is tried too
+_REMEMBERED: Final = 64  # commands sent recently
+_BRAKE_TICKS: Final = 25  # for which a drive that left position mode is braked
+_LONGEST: Final = 64  # bytes of a stop: a gateway that flips bits then mostly hits padding
 
 
 class MoteusBus(TurningBus):
-    """A command leaves with the SYNC after it as position mode with its own watchdog; the reply to each frame tells
-    mode, place, speed, fault and the command that the drive holds: after one that was not sent it is stopped.
+    """A command is sent with the next SYNC, as position mode with its own watchdog. The reply to each frame reports
+    mode, position, speed, fault and the drive's current command; a command that was not sent stops the drive.
 
-    "Ready" is told once the stopped drive has told the watchdog back; "enable" then begins position mode, without
-    limits of the drive's own. "Stopped" clears its fault, so none is sent while one is latched, until that is
-    acknowledged.
+    The state is "ready" once the stopped drive has confirmed the watchdog; "enable" then begins position mode without
+    the configuration's limits. "Stopped" clears a fault, so it is not sent until a latched fault is acknowledged.
     """
 
     maker = "moteus"
@@ -52,7 +50,7 @@ class MoteusBus(TurningBus):
 
     @property
     def _booted(self) -> bool:
-        """Whether it is not any more as it was set up: it may have another place, too."""
+        """Whether its set-up is lost; its zero may be lost too."""
         return self._in_session and self._prefix != wire.SESSION
 
     @property
@@ -71,7 +69,7 @@ class MoteusBus(TurningBus):
             self._braked, self._garbled = 0, False
 
     def synchronise(self, timeout: float | None) -> None:
-        """One frame a tick: the newest command, once; the watchdog for a drive that is to become ready; else QUERY."""
+        """Send one frame: a new command, or the watchdog to a drive that is to become ready, or QUERY."""
         fresh, self._fresh = self._fresh, False
         self._unanswered += 1
         if self._unanswered > _LOST_TICKS:
@@ -86,15 +84,14 @@ class MoteusBus(TurningBus):
             self._tell(wire.QUERY, timeout)
 
     def acknowledge(self, timeout: float | None) -> None:
-        """Stop, which clears a fault; what is still wrong then is latched again."""
+        """Stop, which clears a fault; a persistent one is latched again."""
         self._latched, self._left, self._forgiven = "", "", _FORGIVEN
         self._stop(timeout)
 
     def take(self, message: can.Message) -> bool:
         if wire.replier(message) != self.table.node_id:
             return False
-        values = wire.told(bytes(message.data))
-        self._prefix = message.arbitration_id >> 16
+        self._prefix, values = message.arbitration_id >> 16, wire.reported(bytes(message.data))
         self._in_session = self._in_session or self._prefix == wire.SESSION
         if wire.MODE in values and math.isfinite(values[wire.MODE]):
             self._replied(values, message.timestamp)
@@ -103,7 +100,7 @@ class MoteusBus(TurningBus):
         return True
 
     def shutdown(self) -> None:
-        """Give a drive that was led and is stopped its own can.prefix back, so that its maker's tools find it."""
+        """Restore the can.prefix of a stopped drive, so that its maker's tools find it."""
         if self._echoes and self._servo == wire.STOPPED and self._prefix == wire.SESSION:
             with suppress(can.CanError, OSError):
                 self._tell(wire.stream("conf set can.prefix 0"), 0.1)
@@ -129,7 +126,7 @@ class MoteusBus(TurningBus):
             self.beat(self.shown, stamp, anew=before < 0)
 
     def _doubt(self, values: Mapping[int, float]) -> str:
-        """Why a drive that is led must not be led on, "" where it does as it is told; faults are `_judge`'s."""
+        """Why an enabled drive must be stopped, "" if it follows; `_judge` handles faults."""
         if self._servo == wire.STOPPED:
             return "it stopped by itself"
         if self._servo not in (wire.POSITION_MODE, wire.FAULTED, wire.TIMED_OUT):
@@ -145,12 +142,12 @@ class MoteusBus(TurningBus):
         if self._servo not in (wire.FAULTED, wire.TIMED_OUT) or self._latched or self._forgiven:
             return
         timed_out = self._servo == wire.TIMED_OUT
-        name, told = WATCHDOG if timed_out else FAULTS.get(code, (f"fault {code}", INTERNAL))
-        self._latched, self._armed, self._left = name, False, ""
-        self.fail(told, code, stamp)
+        self._latched, ours = WATCHDOG if timed_out else FAULTS.get(code, (f"fault {code}", INTERNAL))
+        self._armed, self._left = False, ""
+        self.fail(ours, code, stamp)
 
     def _lead(self, timeout: float | None) -> None:
-        """Position mode: from the last place in a straight line to the wanted one within the tick."""
+        """Position mode: in a straight line from the last position to the commanded one within the tick."""
         begin = self._wanted_m if self._servo != wire.POSITION_MODE else self._last_m
         self._take_wanted(begin)
         self._asked = 0 if self._servo == wire.POSITION_MODE else self._asked + 1
@@ -159,9 +156,9 @@ class MoteusBus(TurningBus):
         self._aim(begin, self._rate_m_s, timeout)
 
     def _rest(self, timeout: float | None) -> None:
-        """For a drive that operates. One that does not answer, or does not get what it is sent, might take a place for
-        its first command: its phases are shorted instead. Where it does not stop, it is only asked on, and its watchdog
-        ends it, if it holds the right one.
+        """Brake and stop an operating drive. One that does not answer, or gets garbled frames, might take a braking
+        position for its first command: its phases are shorted instead. One that does not stop is only queried, so that
+        its watchdog expires, if it has the right watchdog.
         """
         if self._latched or self._servo <= wire.FAULTED:
             return

@@ -18,23 +18,23 @@ VOLTAGE, TEMPERATURE, PATH_POSITION, PATH_VELOCITY = 0x0D, 0x0E, 0x38, 0x39  # t
 COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x21, 0x25, 0x131  # the same
 WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29  # the same
 HELD: Final = (COMMAND_POSITION, COMMAND_VELOCITY, WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
-"""What of a command a drive tells back."""
+"""The registers of a command that a drive reports back."""
 UNLIMITED: Final = -1.0
-"""As a velocity or acceleration limit: none. What is not written has the limit of the drive's configuration."""
+"""No limit of velocity or acceleration. A limit that is not written is the configuration's."""
 RELATIVE, ROTOR, OUTPUT = 0, 1, 2
-"""Home states: the place is known from where the drive was switched on, within a turn of the rotor, at the output."""
+"""Home states: position known relative to power-on, within a turn of the rotor, or at the output."""
 STOPPED, FAULTED, ENABLING, POSITION_MODE, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
-"""Modes; 2 to 4 are on the way to one that operates."""
+"""Modes; 2 to 4 lead to an operating one."""
 WRITE, READ, REPLY = 0x00, 0x10, 0x20  # first byte of a subframe, without form and count
 WRITE_ERROR, READ_ERROR = 0x30, 0x31  # the whole of it
 STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL, NOP = 0x40, 0x41, 0x42, 0x50  # the same; the last one fills a frame
-INT8, INT16, INT32, FLOAT = range(4)  # forms of a register's value
+INT8, FLOAT = 0, 3  # forms of a register's value, of the four in `_FORMS`
 _FORMS: Final = "bhif"  # as struct has them
 REPLY_WANTED: Final = 0x8000  # bit of the identifier
-HOST: Final = 0x7A  # the controller's number as a source: no reply to it has an identifier of the catalogue
+HOST: Final = 0x7A  # our source number: no reply to it has an identifier of the catalogue
 BROADCAST: Final = 0x7F  # node id
 SESSION: Final = 202
-"""The can.prefix of a drive that is led: in its memory alone, so one that has booted anew has its own again."""
+"""The can.prefix of a drive in use. It is volatile, so a rebooted drive has its own prefix again."""
 PREFIXES: Final = (0, SESSION)  # of identifiers that are read
 _LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
 FAULTS: Final[Mapping[int, tuple[str, int]]] = {
@@ -58,39 +58,39 @@ FAULTS: Final[Mapping[int, tuple[str, int]]] = {
     49: ("position control error", INTERNAL),
     50: ("velocity control error", INTERNAL),
 }
-"""Fault codes of mode 1: names, and the catalogue's code of a fault. Codes from 96 on only tell a limit at work."""
+"""Fault codes of mode 1: name, and the catalogue's code. Codes from 96 on only report an active limit."""
 WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 
 
 class MoteusTable(TurningTable):
-    """`[moteus]`: the carriage is a moteus controller, by CAN FD."""
+    """`[moteus]`: the carriage is a moteus controller on CAN FD."""
 
     where = "moteus"
     fd: ClassVar[bool] = True
     node_id: int = key(NODE, 1, 1, 126)
-    most_torque_N_m: float = key("most torque at its output", 0.5, 0.001, 100.0)
+    most_torque_N_m: float = key("maximum torque at its output", 0.5, 0.001, 100.0)
 
     def orders(self, message: can.Message) -> bool:
-        """To this node or to all, by CAN FD or classic, and does not begin with a question."""
+        """Any frame to this node or to all, CAN FD or classic, that does not begin with a query."""
         long = (message.is_fd or message.is_extended_id) and not (message.is_error_frame or message.is_remote_frame)
         mine = message.arbitration_id & 0xFF in (self.node_id, BROADCAST) and message.arbitration_id >> 16 in PREFIXES
         first = message.data[0] if message.data else NOP
         return bool(long and mine and not (READ <= first < REPLY or first in (STREAM_POLL, NOP)))
 
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
-        """With its own can.prefix, and with a session's."""
-        told, says = REPLY_WANTED | HOST << 8 | self.node_id, self.node_id << 8 | HOST
-        both = [frozenset(prefix << 16 | identifier for prefix in PREFIXES) for identifier in (told, says)]
+        """With its own can.prefix, and with that of a session."""
+        sent, received = REPLY_WANTED | HOST << 8 | self.node_id, self.node_id << 8 | HOST
+        both = [frozenset(prefix << 16 | identifier for prefix in PREFIXES) for identifier in (sent, received)]
         return both[0], both[1]
 
 
 def frame_to(node: int, data: bytes, prefix: int = 0, least: int = 0) -> can.Message:
-    """A frame to a node, a reply wanted, padded to a length that CAN FD has, of at least `least` bytes."""
+    """A frame to a node that asks for a reply, padded to a CAN FD length of at least `least` bytes."""
     return fd_frame(prefix << 16 | REPLY_WANTED | HOST << 8 | node, padded(data, least))
 
 
 def padded(data: bytes, least: int = 0) -> bytes:
-    """`data` with as many `NOP` as make a length that CAN FD has, of at least `least` bytes."""
+    """`data` padded with `NOP` to a CAN FD length of at least `least` bytes."""
     return data.ljust(next(n for n in _LENGTHS if n >= max(len(data), least)), bytes([NOP]))
 
 
@@ -101,13 +101,13 @@ def framed(message: can.Message) -> bool:
 
 
 def replier(message: can.Message) -> int:
-    """The node whose reply to this controller a frame is, -1 where it is none."""
+    """The node that replies to this controller by this frame, -1 for any other frame."""
     mine = framed(message) and message.arbitration_id >> 16 in PREFIXES and message.arbitration_id & 0xFF == HOST
     return message.arbitration_id >> 8 & 0x7F if mine and not message.arbitration_id & REPLY_WANTED else -1
 
 
 def head(kind: int, form: int, first: int, count: int) -> bytes:
-    """The beginning of a subframe of `count` registers from `first` on."""
+    """The head of a subframe of `count` registers from `first` on."""
     short = count < 4
     return bytes((kind | form << 2 | count * short, *(() if short else (count,)))) + varuint(first)
 
@@ -125,7 +125,7 @@ def values_in(form: int, values: Sequence[float]) -> bytes:
 
 
 def mode_write(mode: int) -> bytes:
-    """Write the mode, which must come first."""
+    """Write the mode; it must be the first subframe."""
     return head(WRITE, INT8, MODE, 1) + bytes((mode,))
 
 
@@ -139,16 +139,16 @@ def read(first: int, count: int = 1) -> bytes:
 
 
 QUERY: Final = read(MODE, 3) + read(FAULT_CODE) + read(COMMAND_POSITION, 2) + read(WATCHDOG_TIMEOUT, 3)
-"""What every command asks back: mode, position, velocity, fault code, and the command that the drive holds."""
+"""The query of every command: mode, position, velocity, fault code, and the drive's current command."""
 
 
 def hold(watchdog_s: float) -> bytes:
-    """Write how long a command is worth something, and that it goes by no limit of the drive's own."""
+    """Write the watchdog of a command, and that no limit of the configuration applies to it."""
     return write(WATCHDOG_TIMEOUT, (watchdog_s, UNLIMITED, UNLIMITED))
 
 
 def command(place_turns: float, rate_turns_s: float, torque_Nm: float, watchdog_s: float) -> bytes:
-    """Position mode from `place_turns` on at `rate_turns_s`, worth something for `watchdog_s`, and `QUERY`."""
+    """Position mode from `place_turns` at `rate_turns_s`, valid for `watchdog_s`, and `QUERY`."""
     aim = mode_write(POSITION_MODE) + write(COMMAND_POSITION, (place_turns, rate_turns_s))
     return aim + write(MAXIMUM_TORQUE, (torque_Nm,)) + hold(watchdog_s) + QUERY
 
@@ -159,13 +159,13 @@ def stream(line: str) -> bytes:
 
 
 def single(value: float) -> float:
-    """`value` as a float of 32 bits, as it comes back."""
+    """`value` rounded to 32 bits, as a drive reports it."""
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 @dataclass(frozen=True)
 class Part:
-    """One subframe; `count`: of values, of registers or bytes asked for, or an error's number."""
+    """One subframe; `count` is that of values, of queried registers or bytes, or the number of an error."""
 
     kind: int
     first: int = 0
@@ -176,7 +176,7 @@ class Part:
 
 
 def parts(data: bytes) -> Iterator[Part]:
-    """The subframes of a frame, in order. Raises IndexError, ValueError or struct.error where it cannot be read."""
+    """The subframes of a frame, in order. Raises IndexError, ValueError or struct.error if one is unreadable."""
     at = 0
     while at < len(data):
         kind, at = data[at], at + 1
@@ -202,7 +202,7 @@ def parts(data: bytes) -> Iterator[Part]:
             yield Part(kind & 0x30, first, count, form, struct.unpack_from(raw, data, at))
             at += struct.calcsize(raw)
         else:
-            raise ValueError(f"subframe {kind:#x} is none that is known")
+            raise ValueError(f"subframe must be a known one; got {kind:#x}")
 
 
 def _varuint(data: bytes, at: int) -> tuple[int, int]:
@@ -214,8 +214,8 @@ def _varuint(data: bytes, at: int) -> tuple[int, int]:
     raise ValueError("a number must have at most five bytes")
 
 
-def told(data: bytes) -> dict[int, float]:
-    """The registers that a reply tells, as far as it can be read; integers unscaled. Never raises."""
+def reported(data: bytes) -> dict[int, float]:
+    """The registers in a reply, as far as it is readable; integers unscaled. Never raises."""
     found: dict[int, float] = {}
     with suppress(IndexError, ValueError, struct.error):
         for part in parts(data):

@@ -13,20 +13,19 @@ from hil.drives.table import Questions
 
 HOLD_POSITION: Final = wire.POSITION_MODE  # servo.timeout_mode of this name
 BRAKING_MODES: Final = (HOLD_POSITION, wire.ZERO_VELOCITY, wire.BRAKE)
-"""Values of servo.timeout_mode by which it brakes: hold position, zero velocity, phases shorted."""
-LONGEST_S: Final = 0.1
-"""As servo.default_timeout_s is shipped: a command that has lost its own watchdog lives no longer."""
-RESTS_M_S, RESTS_TURNS_S = 0.01, 0.1  # what it may tell as its speed at rest, the larger of both
-FARTHEST_TURNS: Final = 32768.0  # where a place begins anew
-_MOST_POLLS: Final = 100  # that a stream is let go with
+"""Values of servo.timeout_mode that brake: hold position, zero velocity, phases shorted."""
+LONGEST_S: Final = 0.1  # servo.default_timeout_s as shipped: the longest life of a command without its own watchdog
+RESTS_M_S, RESTS_TURNS_S = 0.01, 0.1  # measured speed at rest, at most the larger of both
+FARTHEST_TURNS: Final = 32768.0  # where the position wraps around
+_MOST_POLLS: Final = 100  # to empty a stream
 _HOMES: Final = {wire.RELATIVE: "relative only", wire.ROTOR: "rotor, which is within one of its turns"}
 
 
 def set_up(
     bus: can.BusABC, table: MoteusTable, limits: Limits, tick_s: float = math.nan, *, faulty: bool = False
 ) -> list[str]:
-    """As `hil.drives.makers.set_up`: it takes the watchdog, no limits, and the can.prefix of a session. What it saves
-    is only read. Where it has a fault that stays for the operator, and nothing is written.
+    """See `hil.drives.makers.Maker`. Writes watchdog, no limits, and the can.prefix of a session; the saved
+    configuration is only read. A fault is left to the operator, and nothing is written then.
     """
     ask = MoteusQuestions(bus, table)
     found = ask.values(wire.QUERY + wire.read(wire.HOME_STATE))
@@ -44,18 +43,15 @@ def set_up(
 
 
 def _stops(table: MoteusTable, ask: "MoteusQuestions") -> None:
-    """As `stops_s` states, once nothing comes any more."""
+    """Check that it stops without commands, as `stops_s` states."""
     default, mode = ask.setting("servo.default_timeout_s"), ask.setting("servo.timeout_mode")
-    none = math.isnan(default)
-    table.must(not none, "have a watchdog of its own (servo.default_timeout_s); got nan, which is none")
-    table.must(
-        0 < default <= LONGEST_S * 1.001, f"have servo.default_timeout_s in (0, {LONGEST_S:g}] s; got {default:g}"
-    )
-    table.must(
-        mode in BRAKING_MODES,
-        f"brake once its watchdog expires: servo.timeout_mode must be one of {', '.join(map(str, BRAKING_MODES))}; got"
-        f" {mode:g}",
-    )
+    fine = not math.isnan(default)
+    table.must(fine, "have a watchdog of its own (servo.default_timeout_s); got nan, which is none")
+    fine = 0 < default <= LONGEST_S * 1.001
+    table.must(fine, f"have servo.default_timeout_s in (0, {LONGEST_S:g}] s; got {default:g}")
+    choices = ", ".join(map(str, BRAKING_MODES))
+    words = f"brake once its watchdog expires: servo.timeout_mode must be one of {choices}; got {mode:g}"
+    table.must(mode in BRAKING_MODES, words)
     if mode == HOLD_POSITION:
         limit, least = ask.setting("servo.default_accel_limit", math.nan), table.coast_m_s2 * abs(table.turns_per_m)
         table.must(
@@ -66,10 +62,10 @@ def _stops(table: MoteusTable, ask: "MoteusQuestions") -> None:
 
 
 def _obeys(table: MoteusTable, limits: Limits, ask: "MoteusQuestions") -> None:
-    """The places that it is told, by what it measures."""
+    """Check that it follows commanded positions by measured ones."""
     table.must(
         not ask.setting("servo.fixed_voltage_mode", 0.0),
-        "measure where it is: servo.fixed_voltage_mode must be 0; got 1, which tells the place that it is told",
+        "measure where it is: servo.fixed_voltage_mode must be 0; got 1, which reports the commanded position",
     )
     table.must(
         not ask.setting("servo.bemf_feedforward", 0.0) or bool(ask.setting("servo.bemf_feedforward_override", 0.0)),
@@ -83,7 +79,7 @@ def _obeys(table: MoteusTable, limits: Limits, ask: "MoteusQuestions") -> None:
     )
     table.must(
         farthest <= FARTHEST_TURNS,
-        f"reach limits.travel_m within {FARTHEST_TURNS:g} turns, where its place begins anew; got {farthest:g}",
+        f"reach limits.travel_m within {FARTHEST_TURNS:g} turns, where its position wraps around; got {farthest:g}",
     )
 
 
@@ -91,9 +87,9 @@ def _rests_where_known(table: MoteusTable, limits: Limits, found: dict[int, floa
     scale, home, kept = abs(table.turns_per_m), int(found.get(wire.HOME_STATE, 0.0)), table.home == "kept"
     table.must(
         not kept or home == wire.OUTPUT,
-        f"know its place at the output (home state 2); got {_HOMES.get(home, f'{home}')}: let it have an encoder there"
-        " (motor_position.output.reference_source) or be told ('d nearest', 'd exact') each time it is switched on, or"
-        " moteus.home = 'here' makes the present place zero",
+        f"know its position at the output (home state 2); got {_HOMES.get(home, f'{home}')}: give it an encoder there"
+        " (motor_position.output.reference_source), set its position after each power-on ('d nearest', 'd exact'), or"
+        " take its present position as zero with moteus.home = 'here'",
     )
     place_m, speed_m_s = (found.get(number, math.nan) / scale for number in (wire.POSITION, wire.VELOCITY))
     table.must(math.isfinite(place_m), "measure where it is; got position nan")
@@ -105,12 +101,12 @@ def _rests_where_known(table: MoteusTable, limits: Limits, found: dict[int, floa
 
 
 def _takes(table: MoteusTable, ask: "MoteusQuestions") -> None:
-    """Its zero where that is the present place, the watchdog, and no limits."""
+    """Write and read back its zero (for home "here"), the watchdog, and no limits."""
     if table.home == "here":
         ask.values(wire.write(wire.SET_OUTPUT_EXACT, (0.0,)) + wire.QUERY)
         home = ask.values(wire.QUERY + wire.read(wire.HOME_STATE)).get(wire.HOME_STATE, 0.0)
-        taken = home == wire.OUTPUT
-        table.must(taken, f"take the present place for zero (register 0x131, home state 2); got {home:g}")
+        words = f"take its present position as zero (register 0x131, home state 2); got {home:g}"
+        table.must(home == wire.OUTPUT, words)
     held = ask.values(wire.mode_write(wire.STOPPED) + wire.hold(table.watchdog_s) + wire.QUERY)
     for register, wanted, absent, what, unit in (
         (wire.WATCHDOG_TIMEOUT, table.watchdog_s, math.nan, "the watchdog of", " s"),
@@ -123,36 +119,36 @@ def _takes(table: MoteusTable, ask: "MoteusQuestions") -> None:
 
 
 class MoteusQuestions(Questions):
-    """Registers and lines of the diagnostic stream, by the drive's own can.prefix or a session's."""
+    """Queries of registers and of the diagnostic stream, by the drive's own can.prefix or that of a session."""
 
     def __init__(self, bus: can.BusABC, table: MoteusTable) -> None:
         super().__init__(bus, table, wire.replier)
         self._id, self._answers_s, self._prefix = table.node_id, table.answers_s, 0
 
     def values(self, data: bytes) -> dict[int, float]:
-        """The registers that the drive tells, asked for by both prefixes in turn."""
+        """The registers in the drive's reply, queried with both prefixes in turn."""
         self._prefix = wire.SESSION - self._prefix
 
         def question() -> can.Message:
             self._prefix = wire.SESSION - self._prefix
             return wire.frame_to(self._id, data, self._prefix)
 
-        found = self.answer(question, lambda message: wire.MODE in wire.told(bytes(message.data)))
+        found = self.answer(question, lambda message: wire.MODE in wire.reported(bytes(message.data)))
         if found is not None:
-            return wire.told(bytes(found.data))
+            return wire.reported(bytes(found.data))
         self.send(wire.frame_to(wire.BROADCAST, wire.QUERY))
         next(self.heard(0.2), None)
         causes = "both bit rates, sample points, termination", "supply, wiring, bit rates 1 and 5 Mbit/s, can.prefix 0"
         raise self.silent(*causes)
 
     def setting(self, name: str, absent: float | None = None) -> float:
-        """A value of its configuration; `absent` where its firmware has none of that name."""
+        """A value of its configuration; `absent` if its firmware does not have that name."""
         self._drain()
         self._reply(wire.stream(f"conf get {name}"), 0.05)
         text, end = b"", time.monotonic() + self._answers_s
         while not text.endswith(b"\n"):
             if time.monotonic() > end:
-                raise ValueError(f"{self.node} must tell {name} over its diagnostic stream")
+                raise ValueError(f"{self.node} must report {name} over its diagnostic stream")
             text += self._poll()
         words = " ".join(text.decode("ascii", "replace").split())
         try:
@@ -160,32 +156,32 @@ class MoteusQuestions(Questions):
         except (ValueError, IndexError):
             if absent is not None and words.startswith("ERR"):
                 return absent
-            raise ValueError(f"{self.node} must tell {name} as a number; got {words!r}") from None
+            raise ValueError(f"{self.node} must report {name} as a number; got {words!r}") from None
 
     def begin_session(self) -> bool:
-        """Give it the can.prefix of a session; whether it has it."""
+        """Set the can.prefix of a session; whether the drive took it."""
         if self._prefix != wire.SESSION:
             self._drain()
             self._reply(wire.stream(f"conf set can.prefix {wire.SESSION}"), 0.05)
             self._prefix = wire.SESSION
-            if not any(wire.told(self._reply(wire.QUERY, 0.1)) for _ in range(3)):
+            if not any(wire.reported(self._reply(wire.QUERY, 0.1)) for _ in range(3)):
                 self._prefix = 0
             self._drain()
         return self._prefix == wire.SESSION
 
     def _drain(self) -> None:
-        """Let go what its stream has, where that ends at all."""
+        """Empty its stream, up to `_MOST_POLLS`."""
         for _ in range(_MOST_POLLS):
             if not self._poll():
                 return
 
     def _poll(self) -> bytes:
-        """What the stream has, at most 48 bytes."""
+        """The next bytes of the stream, at most 48."""
         data = self._reply(bytes((wire.STREAM_POLL, 1, 48)), 0.05)
         return data[3 : 3 + data[2]] if len(data) >= 3 and data[:2] == bytes((wire.STREAM_FROM_SERVO, 1)) else b""
 
     def _reply(self, data: bytes, seconds: float) -> bytes:
-        """The next reply within `seconds`, empty where there is none."""
+        """The next reply within `seconds`, empty without one."""
         self.send(wire.frame_to(self._id, data, self._prefix))
         found = next(self.heard(seconds), None)
         return b"" if found is None else bytes(found.data)

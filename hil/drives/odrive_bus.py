@@ -1,4 +1,4 @@
-"""An ODrive as the catalogue's carriage, over CANSimple: states, mapping, limits, safe state."""
+"""An ODrive as the catalogue's carriage, on CANSimple: states, frames, limits, safe state."""
 
 import math
 from collections.abc import Mapping
@@ -16,19 +16,18 @@ _SAID: Final[Mapping[int, tuple[str, Command]]] = {
     wire.GET_ERROR.number: ("CarriageFault", wire.GET_ERROR),
     wire.GET_ENCODER_ESTIMATES.number: ("CarriageFeedback", wire.GET_ENCODER_ESTIMATES),
 }
-"""What becomes of its frames."""
-_ASK_TICKS: Final = 10  # between two questions
+"""Its frames and the catalogue's."""
+_ASK_TICKS: Final = 10  # between two requests of closed loop control
 _GIVE_UP_TICKS, _FAILED_TICKS = 250, 50
-"""How long closed loop control is asked for; and from when on a result is that of asking, not of what was before."""
-_FORGIVEN: Final = 2  # errors after which it is still asked
+"""Ticks after which the request is given up, and after which a failed result is that of the request."""
+_FORGIVEN: Final = 2  # heartbeats after an acknowledgement whose errors are ignored
 
 
 class OdriveBus(TurningBus):
-    """A command leaves with the SYNC after it as Set_Input_Pos, which feeds the watchdog; estimates come in as
-    feedback.
+    """A command is sent with the next SYNC as Set_Input_Pos, which feeds the watchdog; estimates become feedback.
 
-    "Ready" is told of an idle axis without errors once it is asked for; "enable" then asks for closed loop control. An
-    error, and a reason of a disarming, is latched until it is acknowledged, though the drive may forget it.
+    The state is "ready" for an idle axis without errors after a request; "enable" then requests closed loop control.
+    An error or a reason of disarming is latched until acknowledged, though the drive may forget it.
     """
 
     maker = "ODrive"
@@ -47,7 +46,7 @@ class OdriveBus(TurningBus):
 
     @property
     def _why(self) -> str:
-        """The result of the state that was asked for last, where it is one of a failure."""
+        """The result of the last requested state, if it failed."""
         return "" if self._result in (wire.SUCCESS, wire.BUSY) else f" ({wire.result_of(self._result)})"
 
     @property
@@ -61,7 +60,7 @@ class OdriveBus(TurningBus):
         return BOOT
 
     def synchronise(self, timeout: float | None) -> None:
-        """Send the newest command, once; ask for closed loop control where the axis is still idle."""
+        """Send the newest command once; request closed loop control while the axis is idle."""
         fresh, self._fresh = self._fresh, False
         if not fresh or not self._armed:
             return
@@ -76,16 +75,16 @@ class OdriveBus(TurningBus):
         self._place(self._wanted_m, self._rate_m_s, timeout)
 
     def acknowledge(self, timeout: float | None) -> None:
-        """Clear_Errors; what is still wrong then is latched again."""
+        """Clear_Errors; a persistent error is latched again."""
         self._latched, self._forgiven, self._left = 0, _FORGIVEN, ""
         self._tell(wire.CLEAR_ERRORS, timeout)
 
     def live(self, timeout: float | None) -> None:
-        """Ask for the reason of a disarming: the error itself may be gone before a heartbeat tells it."""
+        """Query the reason of disarming: the error itself may be gone before the next heartbeat."""
         self._tell(wire.GET_ERROR, timeout)
 
     def take(self, message: can.Message) -> bool:
-        """The node's frames; that other nodes speak is remembered."""
+        """The node's frames; heartbeats of other nodes are remembered."""
         node, command, data = message.arbitration_id >> 5, message.arbitration_id & 0x1F, bytes(message.data)
         if not plain(message) or node not in FREE_NODES:
             return False
@@ -103,16 +102,16 @@ class OdriveBus(TurningBus):
         elif frame is wire.HEARTBEAT:
             self._beaten(values[0], values[1], values[2], stamp)
         elif frame is wire.GET_ERROR:
-            self._failed((values[0], values[1]), stamp)
+            self._failed(values[0] | values[1], stamp)
         elif frame is wire.GET_ENCODER_ESTIMATES:
-            place_m, speed_m_s = (told / self.table.turns_per_m for told in values)
+            place_m, speed_m_s = (turns / self.table.turns_per_m for turns in values)
             if math.isfinite(place_m) and math.isfinite(speed_m_s):
                 self._place_m, self._speed_m_s = place_m, speed_m_s
             self.feed(self.shown, place_m, speed_m_s, stamp)
         return True
 
     def _beaten(self, errors: int, axis: int, result: int, stamp: float) -> None:
-        """A heartbeat: axis error, state, and the result of the last state asked for."""
+        """A heartbeat: axis error, state, and the result of the last requested state."""
         self._result = result
         anew = bool(errors & wire.INITIALIZING) or axis == wire.UNDEFINED
         if self._led and (anew or (self._armed and axis != wire.CLOSED_LOOP)):
@@ -121,13 +120,12 @@ class OdriveBus(TurningBus):
         self._axis, self._errors = axis, errors
         self._led = self._led or (self._armed and axis == wire.CLOSED_LOOP)
         self._asked = 0 if axis == wire.CLOSED_LOOP else self._asked
-        self._failed((errors & ~wire.INITIALIZING, 0), stamp)
+        self._failed(errors & ~wire.INITIALIZING, stamp)
         self._forgiven = max(self._forgiven - 1, 0)
         self.beat(self.shown, stamp, anew=anew)
 
-    def _failed(self, told: tuple[int, int], stamp: float) -> None:
-        """Active errors and the reason of a disarming: latched, and told where they are new."""
-        errors = told[0] | told[1]
+    def _failed(self, errors: int, stamp: float) -> None:
+        """Latch active errors and the reason of disarming; the first ones become a fault."""
         if not errors or self._forgiven:
             return
         before, self._latched = self._latched, self._latched | errors
@@ -136,7 +134,7 @@ class OdriveBus(TurningBus):
             self.fail(wire.code_of(errors), errors.bit_length() - 1, stamp)
 
     def _rest(self, timeout: float | None) -> None:
-        """At rest the axis is made idle. Where it does not become idle, silence leaves it to its watchdog."""
+        """Brake, then set the axis idle. If it does not become idle, silence leaves it to its watchdog."""
         if self._axis != wire.CLOSED_LOOP:
             return
         if (step := self._brake()) is not None:
@@ -146,7 +144,7 @@ class OdriveBus(TurningBus):
             self._tell(wire.SET_AXIS_STATE, timeout, wire.IDLE)
 
     def _place(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
-        """Set_Input_Pos: position, and its rate in thousandths of a turn a second, which the table has room for."""
+        """Set_Input_Pos: position, and its rate in thousandths of a turn per second."""
         scale = self.table.turns_per_m
         ahead = min(max(round(wire.VEL_FF_SCALE * rate_m_s * scale), -32768), 32767)
         self._tell(wire.SET_INPUT_POS, timeout, place_m * scale, ahead, 0)

@@ -18,20 +18,20 @@ from models.rigs.schema import key
 
 @dataclass(frozen=True)
 class Command:
-    """A frame: the 5 lower bits of its identifier, its signals as struct has them, its least `length` in bytes."""
+    """A frame: the 5 lower bits of its identifier, its signals in struct's notation, its least `length` in bytes."""
 
     number: int
     layout: str = "<"
     length: int = 0
 
     def to(self, node: int, *values: float, more: bytes = b"") -> can.Message:
-        """The frame with these values, `more` following them; without any it is a question, where it has some."""
+        """The frame with these values, then `more`; a frame with signals but without values is a query."""
         asks = not values and self.layout != "<"
         data = b"" if asks else (struct.pack(self.layout, *values) + more).ljust(self.length, b"\0")
         return classic_frame(node << 5 | self.number, data)
 
     def read(self, data: bytes) -> tuple[Any, ...] | None:
-        """The values of a frame, None for one that is shorter than they are."""
+        """The values of a frame, None for one that is too short."""
         return struct.unpack_from(self.layout, data) if len(data) >= struct.calcsize(self.layout) else None
 
 
@@ -48,9 +48,9 @@ SET_INPUT_POS = Command(0x0C, "<fhh")  # turns, rate in thousandths of a turn a 
 SET_LIMITS = Command(0x0F, "<ff")  # turns/s, A
 SET_ABSOLUTE_POSITION = Command(0x19, "<f", 8)
 _SPOKEN: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, ADDRESS, GET_ENCODER_ESTIMATES)
-TOLD: Final = (*(one.number for one in _SPOKEN), 0x14, 0x15, 0x17, 0x1C, 0x1D)
-"""Those by which the drive speaks, asked or unasked."""
-BROADCAST: Final = 63  # the node by which every drive is spoken to, and at which one without an address stands
+SENT_BY_DRIVE: Final = (*(one.number for one in _SPOKEN), 0x14, 0x15, 0x17, 0x1C, 0x1D)
+"""Frames that the drive sends, on request or by itself."""
+BROADCAST: Final = 63  # the node number of all drives, and of a drive without an address
 UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
 AXIS_STATES: Final[Mapping[int, str]] = {
     UNDEFINED: "undefined (it boots)",
@@ -69,7 +69,7 @@ AXIS_STATES: Final[Mapping[int, str]] = {
     13: "encoder hall phase calibration",
     14: "anticogging calibration",
 }
-"""Axis states in words; in all but the first two the motor has a current."""
+"""Axis states in words; the motor has a current in all but the first two."""
 SUCCESS, BUSY, DISARMED, INVALID_STATE, NOT_CALIBRATED = 0, 1, 3, 13, 14  # places in `RESULTS`
 RESULTS: Final[tuple[str, ...]] = (
     "SUCCESS",
@@ -89,7 +89,7 @@ RESULTS: Final[tuple[str, ...]] = (
     "NOT_CALIBRATED",
     "NOT_CONVERGING",
 )
-"""Procedure_Result of the heartbeat: what became of the axis state that was asked for last."""
+"""Procedure_Result of the heartbeat: the result of the last requested axis state."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1  # control and input mode
 VEL_FF_SCALE: Final = 1000  # vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped
 LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
@@ -118,7 +118,7 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = {
     0x10000000: ("THERMISTOR_DISCONNECTED", SENSOR),
     0x40000000: ("CALIBRATION_ERROR", SENSOR),
 }
-"""The bits of an axis error: its name, and the catalogue's code of a fault."""
+"""The bits of an axis error: name, and the catalogue's code of the fault."""
 
 
 def words_of(errors: int) -> str:
@@ -137,7 +137,7 @@ def result_of(result: int) -> str:
 
 _TAKEN: Final = {frame.id >> 5 for frame in frames().frames.values()}
 FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in _TAKEN)
-"""Nodes none of whose 32 identifiers is one of the catalogue's, but for that of all."""
+"""Nodes whose 32 identifiers are all free in the catalogue, without the broadcast."""
 
 
 def _endpoints(raw: object) -> object:
@@ -146,31 +146,30 @@ def _endpoints(raw: object) -> object:
         return raw
     for path, number in raw.items():
         if path not in READ_BACK:
-            raise ValueError(
-                f"must have keys among {', '.join(READ_BACK)}; got {path!r}; {nearest(str(path), list(READ_BACK))}"
-            )
+            known = list(READ_BACK)
+            raise ValueError(f"must have keys among {', '.join(known)}; got {path!r}; {nearest(str(path), known)}")
         if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= 65535:
             raise ValueError(f"{path} must be an integer in [1, 65535]; got {number!r}")
     return tuple(raw.items())
 
 
 class OdriveTable(TurningTable):
-    """`[odrive]`: an ODrive, whose safe state is no torque. `endpoints`: ids by path of `READ_BACK`."""
+    """`[odrive]`: an ODrive; its safe state is no torque. `endpoints`: ids by path of `READ_BACK`."""
 
     where = "odrive"
     node_id: Annotated[int, Field(json_schema_extra={"enum": list(FREE_NODES)})] = key(NODE, 2)
-    firmware: str = key("its firmware, whose endpoint ids the next two are; another one is refused", "0.6.11")
+    firmware: str = key("its firmware, for which the endpoint ids are valid; any other one is refused", "0.6.11")
     enable_watchdog_endpoint: int = key(
-        "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; 0: not stated, and it is not led",
+        "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; with 0 the drive is refused",
         0,
         0,
         65535,
     )
     watchdog_timeout_endpoint: int = key("endpoint id of `axis0.config.watchdog_timeout`, likewise", 0, 0, 65535)
-    motor_current_A: float = key("most current of its motor (Set_Limits)", 10.0, 0.1, 200.0)
+    motor_current_A: float = key("maximum current of its motor (Set_Limits)", 10.0, 0.1, 200.0)
     endpoints: Annotated[tuple[tuple[str, int], ...], BeforeValidator(_endpoints)] = key(
-        'further ids of `flat_endpoints.json`, `"path" = id`, of what is read back then (`docs/bus.md` lists them);'
-        " what is not stated is told as not asked for",
+        'further ids of `flat_endpoints.json`, `"path" = id`, of settings to read back (`docs/bus.md` lists them);'
+        " the set-up names those without an id",
         (),
     )
 
@@ -183,7 +182,7 @@ class OdriveTable(TurningTable):
             )
 
     def check_speed(self, speed_m_s: float) -> None:
-        """Raises ValueError where Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""
+        """Raises ValueError if Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""
         most, turns_s = LARGEST_VEL_FF / VEL_FF_SCALE, abs(self.turns_per_m) * speed_m_s
         if turns_s > most:
             raise ValueError(
@@ -192,9 +191,9 @@ class OdriveTable(TurningTable):
             )
 
     def orders(self, message: can.Message) -> bool:
-        """To this drive or to every one; to read an endpoint is a question."""
+        """Any frame to this drive or to all, except reading an endpoint."""
         node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
-        if not plain(message) or node not in (self.node_id, BROADCAST) or command in TOLD:
+        if not plain(message) or node not in (self.node_id, BROADCAST) or command in SENT_BY_DRIVE:
             return False
         return command != RX_SDO.number or bytes(message.data[:1]) != b"\0"
 
@@ -211,4 +210,4 @@ READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]
     "axis0.config.can.input_vel_scale": ("<I", lambda *_: VEL_FF_SCALE),
     "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
 }
-"""By the path of an endpoint that is stated: its type, and what it must hold for a table and a speed in m/s."""
+"""By path of an endpoint: its type, and its required value for a table and a speed in m/s."""

@@ -15,17 +15,22 @@ from hil.drives.odrive_protocol import FREE_NODES, READ_BACK, Command, OdriveTab
 from hil.drives.table import Questions
 from hil.nodes.frame_map import plain
 
-LISTEN_S: Final = 0.3  # for which a drive is listened to first
-_ZERO_M: Final = 1e-3  # how far off zero a drive may tell its place that has just been made zero
+LISTEN_S: Final = 0.3  # of listening to the drive at first
+_ZERO_M: Final = 1e-3  # tolerance of a position that has just been set to zero
 
 
 def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """As `hil.drives.makers.set_up`; nothing is written to its stored configuration."""
+    """See `hil.drives.makers.Maker`; its stored configuration is not changed."""
     table.check_speed(limits.carriage_speed_m_s)
     ask = _Questions(bus, table)
     _stops(table, ask)
     heard = ask.cycles(LISTEN_S)
-    _tells(table, heard, tick_s)
+    for what, cycle_s, key, count in (
+        ("a heartbeat", wire.HEARTBEAT_S, "heartbeat", heard.beats),
+        ("its encoder estimates", 2 * tick_s, "encoder", len(heard.turns)),
+    ):
+        words = f"send {what} every {1e3 * cycle_s:g} ms (can.{key}_msg_rate_ms); got {count} in {LISTEN_S:g} s"
+        table.must(count >= 0.8 * LISTEN_S / cycle_s, words)
     _idles(table, heard, faulty)
     if not faulty:
         _rests_where_known(heard, table, limits)
@@ -33,7 +38,10 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *
     ask.tell(wire.SET_LIMITS, abs(table.turns_per_m) * limits.carriage_speed_m_s, table.motor_current_A)
     if table.home == "here" and not faulty:
         _is_zero(table, ask)
-    _holds(table, limits.carriage_speed_m_s, ask)
+    for path, number in table.endpoints:
+        kind, required = READ_BACK[path]
+        got, value = ask.endpoint(number, kind), required(table, limits.carriage_speed_m_s)
+        table.must(math.isclose(got, value, rel_tol=1e-6), f"hold {value:g} at {path}; it holds {got:g}")
     last = [f"{table.node}'s last procedure ended with {wire.result_of(heard.result)}"]
     missing = [path for path in READ_BACK if path not in dict(table.endpoints)]
     unread = [f"{table.node} is not asked for {', '.join(missing)}: [odrive.endpoints] does not state their ids"]
@@ -41,7 +49,7 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *
 
 
 def _stops(table: OdriveTable, ask: "_Questions") -> None:
-    """By its watchdog, which must be on, and short enough."""
+    """Check that its watchdog is on and short enough."""
     firmware = ask.firmware()
     words = f"have the firmware {table.firmware} of odrive.firmware, whose endpoint ids are stated; got {firmware}"
     table.must(firmware == table.firmware, words)
@@ -59,18 +67,8 @@ def _stops(table: OdriveTable, ask: "_Questions") -> None:
     table.must(0 < timeout <= table.watchdog_s * (1 + 1e-6), within, "'s watchdog")
 
 
-def _tells(table: OdriveTable, heard: "_Heard", tick_s: float) -> None:
-    """Its state and its place, often enough."""
-    for what, cycle_s, key, count in (
-        ("a heartbeat", wire.HEARTBEAT_S, "heartbeat", heard.beats),
-        ("its encoder estimates", 2 * tick_s, "encoder", len(heard.turns)),
-    ):
-        words = f"send {what} every {1e3 * cycle_s:g} ms (can.{key}_msg_rate_ms); got {count} in {LISTEN_S:g} s"
-        table.must(count >= 0.8 * LISTEN_S / cycle_s, words)
-
-
 def _idles(table: OdriveTable, heard: "_Heard", faulty: bool) -> None:
-    """Without an error but where `faulty`."""
+    """Check that its axis is idle and, unless `faulty`, has no error."""
     doing = wire.AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
     table.must(heard.axis == wire.IDLE, f"be idle before it is led; got {doing}")
     busy = heard.result == wire.BUSY
@@ -85,36 +83,28 @@ def _idles(table: OdriveTable, heard: "_Heard", faulty: bool) -> None:
 def _rests_where_known(heard: "_Heard", table: OdriveTable, limits: Limits) -> None:
     scale = table.turns_per_m
     places, speeds = [turns / scale for turns, _ in heard.turns], [speed / scale for _, speed in heard.turns]
-    nan = "know its place and speed before it is led; its encoder estimates are nan"
+    nan = "know its position and speed before it is led; its encoder estimates are nan"
     table.must(all(map(math.isfinite, places + speeds)), nan)
     speed = max(sum(map(abs, speeds)) / len(speeds), (max(places) - min(places)) / LISTEN_S)
-    table.must_rest(speed, f"its encoder tells {speed:.3g} m/s ({speed * abs(scale):.3g} turns/s)")
+    table.must_rest(speed, f"its encoder shows {speed:.3g} m/s ({speed * abs(scale):.3g} turns/s)")
     if table.home == "kept":
         table.must_stand_within(limits.travel_m, places[-1], 'home it, or state odrive.home = "here"')
 
 
 def _is_zero(table: OdriveTable, ask: "_Questions") -> None:
-    """The present place, and the encoder tells so."""
+    """Set the present position to zero, and wait until the encoder shows it."""
     ask.tell(wire.SET_ABSOLUTE_POSITION, 0.0)
     end, place = time.monotonic() + min(table.answers_s, 1.0), math.inf
     while time.monotonic() < end and not abs(place) <= _ZERO_M:
-        told = ask.cycles(0.02).turns
-        place = told[-1][0] / table.turns_per_m if told else place
-    words = f"take its place as zero (Set_Absolute_Position); its encoder tells {place:g} m"
+        turns = ask.cycles(0.02).turns
+        place = turns[-1][0] / table.turns_per_m if turns else place
+    words = f"take its position as zero (Set_Absolute_Position); its encoder shows {place:g} m"
     table.must(abs(place) <= _ZERO_M, words)
-
-
-def _holds(table: OdriveTable, speed_m_s: float, ask: "_Questions") -> None:
-    """What it was told, where it can be asked."""
-    for path, number in table.endpoints:
-        kind, wanted = READ_BACK[path]
-        held, value = ask.endpoint(number, kind), wanted(table, speed_m_s)
-        table.must(math.isclose(held, value, rel_tol=1e-6), f"hold {value:g} at {path}; it holds {held:g}")
 
 
 @dataclass
 class _Heard:
-    """What a drive tells in its cycles: how often it beats, its last heartbeat, places and speeds in turns."""
+    """The cyclic frames of a drive: count of heartbeats, the last one, positions and speeds in turns."""
 
     beats: int = 0
     axis: int = wire.UNDEFINED
@@ -124,14 +114,14 @@ class _Heard:
 
 
 class _Questions(Questions):
-    """In frames of CANSimple."""
+    """Questions in CANSimple."""
 
     def __init__(self, bus: can.BusABC, table: OdriveTable) -> None:
         super().__init__(bus, table, self._from)
         self._id = table.node_id
 
     def _from(self, message: can.Message) -> int:
-        """The node of a frame of the drive's, and of another one's heartbeat."""
+        """The node of the drive's frames, and of another node's heartbeat."""
         node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
         beats = command == wire.HEARTBEAT.number and node in FREE_NODES and len(message.data) == wire.HEARTBEAT.length
         return node if plain(message) and (node == self._id or beats) else -1
@@ -140,37 +130,34 @@ class _Questions(Questions):
         self.send(command.to(self._id, *values))
 
     def firmware(self) -> str:
-        data = self._told(wire.GET_VERSION.to(self._id), wire.GET_VERSION, lambda data: len(data) == 8)
+        data = self._answer(wire.GET_VERSION.to(self._id), wire.GET_VERSION, lambda data: len(data) == 8)
         return ".".join(map(str, data[4:7]))
 
     def endpoint(self, number: int, kind: str) -> float:
         """The value of an endpoint, read over SDO."""
 
         def fits(data: bytes) -> bool:
-            told = wire.TX_SDO.read(data)
-            return told is not None and told[1] == number and len(data) >= 4 + struct.calcsize(kind)
+            values = wire.TX_SDO.read(data)
+            return values is not None and values[1] == number and len(data) >= 4 + struct.calcsize(kind)
 
-        data = self._told(wire.RX_SDO.to(self._id, 0, number, 0), wire.TX_SDO, fits)
+        data = self._answer(wire.RX_SDO.to(self._id, 0, number, 0), wire.TX_SDO, fits)
         return float(struct.unpack_from(kind, data, 4)[0])
 
-    def _told(self, question: can.Message, answer: Command, fits: Callable[[bytes], bool]) -> bytes:
-
-        def is_answer(message: can.Message) -> bool:
-            return message.arbitration_id & 0x1F == answer.number and fits(bytes(message.data))
-
-        found = self.answer(lambda: question, is_answer)
+    def _answer(self, question: can.Message, answer: Command, fits: Callable[[bytes], bool]) -> bytes:
+        number = answer.number
+        found = self.answer(lambda: question, lambda one: one.arbitration_id & 0x1F == number and fits(bytes(one.data)))
         if found is None:
             raise self.silent("bit rate, wiring, termination", "supply, wiring, bit rate")
         return bytes(found.data)
 
     def cycles(self, seconds: float) -> _Heard:
-        """What it tells within `seconds`."""
+        """The cyclic frames received within `seconds`."""
         found = _Heard()
         for message in self.heard(seconds):
             command, data = message.arbitration_id & 0x1F, bytes(message.data)
             if command == wire.HEARTBEAT.number and (beat := wire.HEARTBEAT.read(data)):
                 found.beats += 1
                 found.errors, found.axis, found.result, _ = beat
-            elif command == wire.GET_ENCODER_ESTIMATES.number and (told := wire.GET_ENCODER_ESTIMATES.read(data)):
-                found.turns.append((told[0], told[1]))
+            elif command == wire.GET_ENCODER_ESTIMATES.number and (turns := wire.GET_ENCODER_ESTIMATES.read(data)):
+                found.turns.append((turns[0], turns[1]))
         return found

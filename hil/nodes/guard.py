@@ -1,4 +1,4 @@
-"""The guard between controller and bus: what leaves is allowed, finite, within range and slew, and in time."""
+"""The guard between controller and bus: every sent command is allowed, finite, in range, in slew rate and in time."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ from hil.nodes.frame_map import (
 )
 
 STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
-GUARD_REASON: Final = 2  # `Reason` of the guard's stop
+GUARD_REASON: Final = 2  # `Reason` of the guard's SafeStop
 LATE: Final = "controller late"
 
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """What a command is held to: range [`low`, `high`] and `rate` a second in the drive's unit. `rests`: the safe
-    command is to stay (carriage), else it is 0. Feedback older than `feedback_s` less the time to brake at `braking` a
-    second squared, or localisation older than `stop_s` stop the drive; localisation older than `derate_s` halves range
-    or rate. One missing command is held, from the second on it fades, the `late_stop`-th stops. `first_share` of the
-    rate (carriage) or range is there when the drive is enabled, and `growth` a second more until it is all (`after`).
+    """The limits of a command: range [`low`, `high`] and `rate` per second, in the drive's unit. The safe command is to
+    stay where `rests` (carriage), else 0.
+
+    Feedback older than `feedback_s` less the time to brake (deceleration `braking`) stops the drive, and so does
+    localisation older than `stop_s`; localisation older than `derate_s` halves range or rate. The first missing command
+    is replaced by the last one, the next one by half of it; the `late_stop`-th stops. An enabled drive begins with
+    `first_share` of its rate (carriage) or range, which grows by `growth` per second (`after`).
     """
 
     low: float
@@ -59,7 +61,7 @@ class Fence:
         return cls(*held, stop_s=limits.age_s, first_share=first, growth=growth)
 
     def after(self, since_s: float) -> Fence:
-        """The fence `since_s` s after the drive was enabled on a rig."""
+        """The limits `since_s` s after the drive was enabled."""
         share = self.first_share + self.growth * max(since_s, 0.0)
         if share >= 1.0:
             return self
@@ -70,7 +72,7 @@ class Fence:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Ages in s of the newest good localisation and drive feedback (inf: none), and the drive's `state`."""
+    """Ages in s of the newest good localisation and drive feedback (inf: none yet), and the drive's `state`."""
 
     localisation_s: float
     feedback_s: float
@@ -79,7 +81,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Passed:
-    """What the guard lets out; commands missing in a row; why it is not what was asked for."""
+    """The command that the guard sends, the count of missing commands in a row, why it differs from the request."""
 
     value: float
     rate: float
@@ -89,8 +91,8 @@ class Passed:
 
 
 def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: float, fence: Fence) -> Passed:
-    """The command that may leave `dt` s after `before`. Never raises. Any mode but `ENABLE` moves nothing and passes. A
-    stop holds until another mode than `ENABLE` has been asked for. A `wanted` that is no finite number is missing.
+    """The permitted command `dt` s after `before`. Never raises. Modes other than `ENABLE` move nothing and pass. A
+    stop is latched until a mode other than `ENABLE` is requested. A non-finite `wanted` counts as missing.
     """
     aim = number(wanted)
     here = _within(aim, fence.low, fence.high) if fence.rests and math.isfinite(aim) else _rest(before.value, fence)
@@ -115,7 +117,7 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
 
 
 def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:
-    """Why a drive that moves by `rate` a second must stop; what comes from the future shows a pause."""
+    """Why a drive that moves by `rate` per second must stop, "" without a reason. A stamp in the future is a pause."""
     if missed >= fence.late_stop or min(evidence.feedback_s, evidence.localisation_s) < -fence.tick_s:
         return LATE
     if not evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
@@ -136,8 +138,8 @@ def _within(value: float, low: float, high: float) -> float:
 
 
 class Guard:
-    """The only one who sends for the controller: its frames, the drive's command through `passed`. `refused` counts
-    what was not allowed or did not fit, `unsent` what the bus did not take. Where `dry` nothing is sent. `observe` sees
+    """Sends all frames of the controller; the drive's command goes through `passed`. `refused` counts frames that were
+    not allowed or did not fit, `unsent` those that the bus did not take. With `dry` nothing is sent. `observe` gets
     each frame that was sent, or would have been. No method raises.
     """
 
@@ -155,7 +157,7 @@ class Guard:
         self._time = self._stopped_at = -math.inf
 
     def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
-        """Send the command for `wanted`, `since_s` after the drive was enabled, and a safe stop beside the guard's."""
+        """Send the command for `wanted`, `since_s` after the drive was enabled; a stop is sent with a SafeStop."""
         fence = self.fence.after(since_s)
         out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)
         self._time, self.sent = now, out
@@ -168,7 +170,7 @@ class Guard:
         return out
 
     def send(self, name: str, values: Mapping[str, float], now: float) -> bool:
-        """Send one frame of the whitelist; whether it went out."""
+        """Send one of the allowed frames; whether it was sent."""
         try:
             message = self._senders[name].message(values, now)
         except (KeyError, ValueError):

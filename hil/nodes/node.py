@@ -1,4 +1,4 @@
-"""The controller as a node on the bus: fresh frames in, estimate, supervised controller, guard, frames out."""
+"""The controller as a node on the bus: received frames, estimate, supervised controller, guard, sent frames."""
 
 import math
 import time
@@ -31,11 +31,10 @@ from hil.nodes.receive import FrameReceiver
 
 @dataclass(frozen=True)
 class Task:
-    """What a controller node is built from: model, name of a controller in `controller.registry`, where to go, limits;
-    `seen_noise_m` and `resolution_m` of the localisation, `deadline_s` that the MPC's plan may take of a tick (inf: no
-    clock decides), an `offer` that is to take over at a rest, an `estimator` of `ESTIMATORS`, what was `learned` and
-    the `experiments` asked for in a run that is replayed, what setpoints from an `operator` are held to, and whether a
-    `probe` comes first.
+    """What a controller node is built from: model, name of a controller in `controller.registry`, reference, limits;
+    noise `seen_noise_m` and `resolution_m` of the localisation; `deadline_s` of the MPC's plan within a tick (inf: no
+    deadline); an `offer` that takes over while the capsule rests; an `estimator` of `ESTIMATORS`; the models `learned`
+    and the `experiments` of a run that is replayed; the limits of an `operator`; whether a `probe` comes first.
     """
 
     model: ControlModel
@@ -55,7 +54,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What one tick came to, for which time; `seconds` that estimate and controller took."""
+    """The result of one tick for `time_s`; `seconds` is the computing time of estimate and controller."""
 
     time_s: float
     estimate: Estimate
@@ -68,7 +67,7 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Shifted:
-    """A reference that begins at `origin_s` of the node's clock, `shift_m` from its own place."""
+    """A reference that begins at `origin_s` of the node's clock, shifted by `shift_m`."""
 
     path: Reference
     origin_s: float
@@ -84,33 +83,32 @@ class Shifted:
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
-"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond."""
-_RESTS_M_S: Final = 1e-4  # speed of a reference that rests
-_REST_S: Final = 0.05  # A reference rests at a time around which, so long before and after, it is no faster
-OTHER_CONTROLLER: Final = 9  # reason of a SafeStop
-_CROWDED_S: Final = 0.1  # after a foreign controller's frame
-_ROUNDING_S: Final = 1e-6  # of a frame's life
-GRID_SLACK: Final = 1e-3  # share of a tick by which a time may lie before its point of the grid, by rounding
+"""Tolerated lag of a drive's report behind its command; `Driven.follow` applies beyond it."""
+_RESTS_M_S: Final = 1e-4  # maximum speed of a reference at rest
+_REST_S: Final = 0.05  # A reference rests where it is this slow for so long before and after
+OTHER_CONTROLLER: Final = 9  # `Reason` of a SafeStop
+_CROWDED_S: Final = 0.1  # after the last frame of another controller
+_ROUNDING_S: Final = 1e-6  # of a frame's time to live
+GRID_SLACK: Final = 1e-3  # share of a tick by which rounding may put a time before its grid point
 
 
 class ControllerNode:
-    """`tick(now)` once a tick of the model: sends SYNC, takes in what has come, and computes the command for the tick
-    that begins with the *next* SYNC, at which the drive takes it over. It never raises, never sleeps and takes bounded
+    """`tick(now)` runs once per tick of the model: it sends SYNC, reads the bus, and computes the command for the tick
+    that begins with the *next* SYNC, at which the drive applies it. It never raises, never sleeps and takes bounded
     time.
 
-    `now` is in s of the clock that stamps received messages. The node begins idle. `start` leads the drive through
-    ready to enabled, `stop` back. Whatever makes it stop by itself is latched with its `reason` until `start`, which
-    acknowledges a latched fault of the drive first; `acknowledge` does that alone. Another controller on the bus stops
-    it with a SafeStop for all, for as long as it speaks.
+    `now` is in s of the clock that stamps received messages. The node begins idle. `start` takes the drive through
+    ready to enabled, `stop` back. A stop by the node itself is latched with its `reason` until `start`, which first
+    acknowledges a latched fault of the drive; `acknowledge` does only that. Another controller on the bus stops the
+    node; it sends a SafeStop to all drives as long as the other one speaks.
 
-    Ticks that did not take place are caught up with while the last command lives; after a longer step of the clock the
-    node stops (`gap_words`). With an `operator` the reference is the task's own until one takes charge, then the
-    operator's; while nobody has been in charge for long enough the drive is stopped. `observer` sees every frame in and
-    out.
+    Missed ticks are made up for while the last command is valid; after a longer step of the clock the node stops
+    (`gap_words`). With an `operator` the reference is the task's own until an operator takes charge; when nobody has
+    been in charge for a while the drive is stopped. `observer` gets every received and sent frame.
     """
 
     def __init__(self, task: Task, bus: can.BusABC, *, observer: Observer | None = None, dry_run: bool = False) -> None:
-        """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
+        """Raises ValueError for a rig without a drive on the bus, and for a controller that does not fit it."""
         self.task, self.frame_map = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
@@ -136,22 +134,23 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
-        self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
+        self._began = self._last = -math.inf
+        self._sent_at: dict[str, float] = {}
         self._surprise = math.nan
         self._origin, self._index = 0.0, 0
         self._number = 0
         self._led = self._rested = False
         self._here = False
         self._enabled_s, self._probe_ends = -math.inf, math.inf
-        self._told_all_at = -math.inf
         self._acknowledge = 0
         self._before = Passed(0.0, 0.0, wire.OFF)
 
     def start(self, now: float, origin_s: float | None = None) -> None:
-        """The operator's word to run. Ends a latched stop.
+        """Start as the operator requests; ends a latched stop.
 
-        The reference begins where the capsule is when the drive is enabled, whose rate or range then grows from its
-        first limits on (`Fence.after`); with `origin_s`, for benches, at that time and at its own place, without them.
+        The reference begins at the capsule's position when the drive is enabled; the drive's rate or range then grows
+        from its first limits (`Fence.after`). With `origin_s`, for benches, the reference begins at that time and at
+        its own position, with full limits.
         """
         self._here = origin_s is None
         self._begin_reference(now if origin_s is None else origin_s)
@@ -165,12 +164,12 @@ class ControllerNode:
         self.acknowledge()
 
     def acknowledge(self) -> None:
-        """Acknowledge a latched fault of the drive, where it has told one; nothing else."""
+        """Acknowledge the latched fault of the drive, if it has reported one; nothing else."""
         self._acknowledge = 2 if self.receiver.fault else 0
 
     @property
     def leads(self) -> bool:
-        """Whether the drive has been asked to move since the last start."""
+        """Whether the drive was commanded to move since the last start."""
         return self._led or self._rested
 
     @property
@@ -179,30 +178,30 @@ class ControllerNode:
 
     @property
     def follows(self) -> bool:
-        """Whether the drive is enabled and the reference has begun: the probe before it, if there is one, is over."""
+        """Whether the drive is enabled and the reference has begun, after any probe."""
         return self.enabled and self._probed
 
     def wanted_m(self, at_s: float) -> float:
-        """Where the reference has the capsule at a time of the node's clock, in m."""
+        """The position of the reference in m at a time of the node's clock."""
         return view.sampled(self._reference, at_s)[0]
 
     def _begin_reference(self, origin_s: float, place_m: float | None = None) -> None:
-        """At its own place, or from `place_m` on."""
+        """Begin the task's reference at its own position, or at `place_m`."""
         shift_m = 0.0 if place_m is None else place_m - view.sampled(self.task.reference, 0.0)[0]
         self._reference = Shifted(self.task.reference, origin_s, shift_m)
         self.estimator.begin(origin_s)
 
     def drive(self, experiment: Experiment) -> None:
-        """Interrupt the reference at its next rest from `at_s` on, where that stays within the travel allowed."""
+        """Insert an experiment at the reference's first rest after `at_s`, if it stays within the travel."""
         self._experiments.append(experiment)
 
     def stop(self, reason: str = "operator") -> None:
-        """A controlled stop: the drive to its safe state and off, until `start`."""
+        """A controlled stop: the drive goes to its safe state and off, until `start`."""
         if self.state == RUNNING:
             self.state, self.reason = HALTING, reason
 
     def tick(self, now: float, solved: bool = True) -> Tick:
-        """One tick at `now` in s. `solved` False: its solution came too late. No number is a jump of the clock."""
+        """One tick at `now` in s; a non-finite one is a clock jump. With `solved` False the solution came too late."""
         began = time.perf_counter()
         if not math.isfinite(now):
             now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
@@ -238,18 +237,15 @@ class ControllerNode:
         return Tick(now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, seconds)
 
     def _speak(self, now: float) -> None:
-        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault."""
+        """Send SYNC, heartbeat, the monitor's verdict, the operator's status, the acknowledgement of a fault."""
         if self._began == -math.inf:
             self._began = now
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
-        if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
-            self._beat_at = now
+        if self._due("ControllerHeartbeat", HEARTBEAT_S, now):
             self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began), now)
-        if not 0 <= now - self._health_at < view.HEALTH_S - 0.5 * self.tick_s:
-            self._health_at = now
+        if self._due("ModelHealth", view.HEALTH_S, now):
             self.guard.send("ModelHealth", view.health_values(self.estimator.health, self._began), now)
-        if self.operator is not None and not 0 <= now - self._status_at < STATUS_S - 0.5 * self.tick_s:
-            self._status_at = now
+        if self.operator is not None and self._due(STATUS, STATUS_S, now):
             self.guard.send(STATUS, self.operator.status(now, self._reference, self.state == RUNNING), now)
         if self._acknowledge:
             self._acknowledge -= 1
@@ -257,12 +253,19 @@ class ControllerNode:
             if not self._acknowledge:
                 self.receiver.fault = 0
 
+    def _due(self, name: str, period_s: float, now: float) -> bool:
+        """Whether the frame `name` is due at `now` by its period; it then counts as sent."""
+        due = not 0 <= now - self._sent_at.get(name, -math.inf) < period_s - 0.5 * self.tick_s
+        if due:
+            self._sent_at[name] = now
+        return due
+
     def _show(self, now: float, estimate: Estimate) -> None:
-        """What is believed and wanted, once in `VIEW_S`, for those who watch."""
+        """Send estimate and reference every `VIEW_S`, for display."""
         self._surprise = estimate.surprise if math.isfinite(estimate.surprise) else self._surprise
-        if 0 <= now - self._view_at < view.VIEW_S - 0.5 * self.tick_s:
+        if not self._due("BelievedMotion", view.VIEW_S, now):
             return
-        self._view_at, wanted = now, view.sampled(self._reference, now + self.tick_s)
+        wanted = view.sampled(self._reference, now + self.tick_s)
         model, follows = self.estimator.model, self.state == RUNNING and self._led
         self.guard.send("BelievedMotion", view.motion_values(model, estimate, self._surprise), now)
         self._surprise = math.nan
@@ -271,7 +274,7 @@ class ControllerNode:
         self.guard.send("WantedMotion", view.wanted_values(*wanted, follows, self.estimator.switches), now)
 
     def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
-        """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""
+        """The estimate for the begin of the next tick, with the command in force until then, after `missed` ticks."""
         for m in arrived:
             if m.channel == "position_m":
                 self._plausibility.saw(m.value)
@@ -287,9 +290,9 @@ class ControllerNode:
         return self.estimator.observe(now + self.tick_s, self._in_force, arrived)
 
     def _missed(self, now: float) -> int:
-        """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new
-        grid from here, after a step of the clock backwards or beyond the life of the last command. A tick that is late
-        by less than a period is its own. SYNC's number goes on with the time, never back.
+        """The count of grid ticks that were missed just before this one. After a step of the clock backwards, or beyond
+        the time to live of the last command, it is -1 and the grid begins anew. A tick late by less than a period
+        counts as its own. The number of SYNC follows the time and never decreases.
         """
         if not math.isfinite(self._last):
             self._origin, self._index = now, 0
@@ -305,31 +308,29 @@ class ControllerNode:
 
     @property
     def _moved(self) -> bool:
-        """Whether the drive is enabled and was asked to move the tick before."""
+        """Whether the drive is enabled and was commanded to move in the previous tick."""
         return self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
 
     def _place(self, estimate: Estimate) -> float:
-        """Where the capsule is believed to be, in m."""
+        """The estimated position of the capsule in m."""
         return float(estimate.state[self._x])
 
     @property
     def _in_force(self) -> float:
-        """The command that the drive takes over with this tick's SYNC; where it is, while it is not enabled."""
+        """The command that the drive applies with this tick's SYNC; its reported value while it is disabled."""
         return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
-        """A SafeStop: for all drives beside another controller, for the own one while it does not rest."""
+        """Send a SafeStop: to all drives beside another controller, to the own one while it moves by itself."""
         crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
         restless = bool(self.answer.unrest) and self.state != IDLE
-        waits = 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s
-        if self.guard.dry or waits or not (crowded or restless):
+        if self.guard.dry or not (crowded or restless) or not self._due("SafeStop", STOP_PERIOD_S, now):
             return
-        self._told_all_at = now
         target, reason = (0, OTHER_CONTROLLER) if crowded else (self.frame_map.target, GUARD_REASON)
         self.guard.send("SafeStop", {"Target": target, "Reason": reason}, now)
 
     def _steer(self, now: float, estimate: Estimate) -> None:
-        """Let whoever is in charge lead the reference, and the drive rest where nobody has been for long enough."""
+        """Update the reference from probe, experiment or operator; stop the drive once nobody has been in charge."""
         if self._probe is not None:
             self._end_probe(now, estimate)
         elif self.operator is None:
@@ -343,7 +344,7 @@ class ControllerNode:
             self._reference = self.operator.follow(now, self._reference, self._place(estimate))
 
     def _interrupt(self, begin_s: float) -> None:
-        """Let the experiment that is next begin at `begin_s`, where the reference rests there."""
+        """Begin the next experiment at `begin_s` if the reference rests there."""
         origin = self.estimator.origin_s
         if not (self._experiments and self._led and begin_s >= origin + self._experiments[0].at_s):
             return
@@ -357,7 +358,7 @@ class ControllerNode:
             self.experiments_at.append(begin_s - origin)
 
     def _begin_probe(self, begin_s: float, place_m: float) -> None:
-        """Let the probe come before the reference, from `place_m` on, where it is asked for and has not been."""
+        """Begin the probe at `place_m`, before the reference, if it is requested and not done yet."""
         if self._probed:
             return
         self._probe = Probe(self.envelope)
@@ -366,7 +367,7 @@ class ControllerNode:
         self.estimator.begin(math.inf)
 
     def _end_probe(self, now: float, estimate: Estimate) -> None:
-        """Once all of the probe's path is driven and what was seen of it is here, begin with the reference, or stop."""
+        """Once the probe's path is driven and its readings have arrived, begin the reference, or stop."""
         assert self._probe is not None
         if not self._led:
             self._probe = None
@@ -407,7 +408,7 @@ class ControllerNode:
             self.end = ends.get(reason.partition(":")[0], "stopped")
 
     def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
-        """Up through the drive's states one by one while running, off else (quick stop while it still moves)."""
+        """The mode of the next command: one state of the drive up at a time while running, else off."""
         if self.state != RUNNING or self._acknowledge:
             return wire.OFF
         if self._led:
@@ -427,7 +428,7 @@ class ControllerNode:
         return wire.OFF
 
     def _act(self, now: float, mode: int, estimate: Estimate) -> Action:
-        """The supervised controller's command once the drive is being enabled, else where the drive is."""
+        """The supervised controller's command once the drive is being enabled, else the drive's own position."""
         if mode != wire.ENABLE:
             return Action(self.receiver.report, "stopped")
         if not self._led:

@@ -1,4 +1,4 @@
-"""What the controller node makes of sensor and drive together: probe, contradictions, jumps, unrest."""
+"""Checks of sensor and drive against each other: probe, contradictions, jumps, motion of a disabled drive."""
 
 import math
 from collections import Counter, deque
@@ -15,18 +15,18 @@ from controller.tuned import TOLD_S
 from hil.nodes.frame_map import STANDBY, WAITING
 from hil.nodes.view import sampled
 
-_JUMP_M: Final = 2e-3  # step of the believed position from which on it is told, and the drive's rate begins anew
-_ASTRAY: Final = 3  # ticks in a row in which it must be so: a report may be an old one
+_JUMP_M: Final = 2e-3  # step of the estimated position that is reported, and restarts the drive's rate
+_ASTRAY: Final = 3  # consecutive ticks of motion: a single report may be an old one
 
 
 class Onlooker:
-    """Looks on while the node leads: `begin` when the drive is enabled, `look` once a tick. `jumps`: how often the
-    believed position stepped by 2 mm or more, `jump_m` the last one, `cautious_s` when. `led` counts ticks by who led.
-    `unrest` says that the drive moves while it stands by or waits, "" where it does not.
+    """Monitors a run: `begin` when the drive is enabled, `look` once per tick. `jumps` counts steps of the estimated
+    position of 2 mm or more, the last one being `jump_m` at `cautious_s`. `led` counts ticks by active controller.
+    `unrest` describes motion of a drive in standby or ready, "" without any.
     """
 
     def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, friction: float) -> None:
-        """`rests` is `Driven.rests`, `friction` the command that overcomes it."""
+        """`rests` is `Driven.rests`; `friction` is the command that overcomes friction."""
         self._tick_s, self._placed = tick_s, envelope.placed
         self.contradiction = Contradiction(envelope, noise_m, friction)
         self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(TOLD_S / tick_s))
@@ -38,19 +38,21 @@ class Onlooker:
 
     @property
     def words(self) -> str:
-        """The jumps in words, "" where there was none."""
+        """The jumps in words, "" without any."""
         if not self.jumps:
             return ""
-        return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
+        return (
+            f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, accepted after three readings confirmed it"
+        )
 
     def not_led(self, wanted: str, health: Health) -> str:
-        """Why a run that ended was not led as asked for, or after a jump broke the model; "" where it was."""
+        """Why a finished run was not led as requested, or how a jump broke the model; "" where all is well."""
         if self.jumps and health.state == "broken":
             return f"the model broke after the localisation had jumped: {self.words}"
         return not_led(self.led, wanted)
 
     def begin(self) -> None:
-        """The drive is enabled: what it and the capsule did before does not count."""
+        """The drive is enabled: earlier motion of drive and capsule is forgotten."""
         self.contradiction.begin()
         self._ticks.clear()
 
@@ -64,7 +66,7 @@ class Onlooker:
         reference: Reference,
         probe: Probe | None,
     ) -> str:
-        """Why to stop; `seen` has come, true `late_s` before its stamp."""
+        """The reason to stop, "" without one. The readings `seen` were true `late_s` before their stamps."""
         self._ticks.append((drive, wanted_m))
         reason = self.contradiction.drove(drive, wanted_m, self._tick_s)
         for m in seen:
@@ -79,7 +81,7 @@ class Onlooker:
         return reason
 
     def believe(self, now: float, position_m: float, followed: int) -> None:
-        """The estimator believes the capsule at `position_m`, and has followed refused readings `followed` times."""
+        """The estimate is `position_m`; the estimator has accepted refused readings `followed` times."""
         step_m = position_m - self._believed_m
         self._believed_m = position_m
         if followed > self._followed and abs(step_m) >= _JUMP_M:
@@ -87,7 +89,7 @@ class Onlooker:
         self._followed = followed
 
     def rests(self, state: int, still: float) -> None:
-        """The drive is in `state`, and what must rest then (`FrameReceiver.still`) is `still`."""
+        """The drive is in `state`; `still` (`FrameReceiver.still`) must be constant while it is disabled."""
         if state not in (STANDBY, WAITING):
             self._rested = math.nan
             return
@@ -95,5 +97,5 @@ class Onlooker:
             self._rested = still if self._placed else 0.0
         self._astray = self._astray + 1 if abs(still - self._rested) > self._most else 0
         if self._astray >= _ASTRAY and not self.unrest:
-            went, current = f"it went {1e3 * (still - self._rested):+.1f} mm", f"its current is {still:.2g} A"
+            went, current = f"it moved by {1e3 * (still - self._rested):+.1f} mm", f"its current is {still:.2g} A"
             self.unrest = f"the drive does not rest: {went if self._placed else current} while it was not enabled"

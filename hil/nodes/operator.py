@@ -1,4 +1,4 @@
-"""Setpoints sent while the controller leads: who is in charge, and what that makes of the reference."""
+"""Setpoints of operators: who is in charge, and the reference that follows from the setpoints."""
 
 import math
 from collections import Counter
@@ -14,7 +14,7 @@ from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
 FILLED: Final = 16
-"""Frames that wait after a pause of any length, however small the bus's queue; a tick on time finds a few."""
+"""Frames that wait after any pause, however small the bus's queue; a tick on time finds a few."""
 
 
 def paused(gap_s: float) -> str:
@@ -23,15 +23,15 @@ def paused(gap_s: float) -> str:
 
 
 def gap_words(gap_s: float, tick_s: float, reports: int, frames: int) -> str:
-    """What a step of the clock was: a pause, where the frames that waited fill the time, else a jump."""
+    """The cause of a step of the clock: a pause if the waiting frames fill the time, else a jump."""
     filled = 2 * reports >= gap_s / tick_s - 1 or frames >= FILLED
     return paused(gap_s) if filled and gap_s > tick_s else "clock jumped"
 
 
 class Lateness:
-    """The sender's counter is its clock, one more each `cycle_s`: `late_s = max(0, late_s + dt (1 - drift_share) - n
-    cycle_s)` after dt s in which it went on by n. A sender slower by `drift_share` is not told from a growing delay,
-    and a delay that never changes is not seen.
+    """The delay of a sender's frames. The sender's counter, one more each `cycle_s`, is its clock:
+    `late_s = max(0, late_s + dt (1 - drift_share) - n cycle_s)` after dt s in which the counter rose by n. A sender
+    slower by `drift_share` looks like a growing delay, and a constant delay is not seen.
     """
 
     __slots__ = ("_counter", "_cycle_s", "_share", "_stamp", "late_s")
@@ -41,7 +41,7 @@ class Lateness:
         self._counter, self._stamp, self.late_s = 0, -math.inf, 0.0
 
     def heard(self, counter: int, stamp: float, longest_s: float) -> float:
-        """`late_s` with the frame that came at `stamp` in s; it begins anew after a silence of `longest_s`."""
+        """`late_s` after the frame received at `stamp` in s; it restarts after a silence of `longest_s`."""
         passed = stamp - self._stamp
         if 0 <= passed <= longest_s:
             counted = (counter - self._counter) % COUNTS * self._cycle_s
@@ -55,37 +55,35 @@ class Lateness:
 SETPOINT: Final = "OperatorSetpoint"
 STATUS: Final = "OperatorStatus"
 STATUS_S: Final = 0.05  # period
-AHEAD_M: Final = 2e-3  # A reference that is held is at most this far from where the capsule is believed to be
-_TOLD_S: Final = 0.2  # for which a refusal is told
+AHEAD_M: Final = 2e-3  # largest distance of a stopped reference from the estimated position
+_REPORTED_S: Final = 0.2  # for which a refusal is reported
 RELEASED_S: Final = 0.05
-"""A switch that was held counts again once it has been heard released, for so long after it was last heard held."""
+"""A pressed switch counts again after a release that lasted this long."""
 _UNREADABLE: Final = ("length", "crc")
-"""Reasons of the protection for a frame of which nothing can be believed, not even its dead-man switch."""
-NOBODY: Final = 0  # `Source` where nobody steers
-OFF, READY, MOVING, HELD, STOPPED = range(5)  # what the controller makes of setpoints, in the numbers of OperatorStatus
-_REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
+"""Refusals of a frame of which nothing is used, not even its dead-man switch."""
+NOBODY: Final = 0  # `Source` without an operator
+OFF, READY, MOVING, HELD, STOPPED = range(5)  # states of OperatorStatus
+_REACH_M, _FASTEST_M_S = 1.1, 0.4  # ranges in the frame
 
 
 class OperatorLimits(NamedTable):
-    """`[operator]`: whether setpoints from the bus are taken, from whom, and within what."""
+    """`[operator]`: whether setpoints from the bus are accepted, from which sources, within which limits."""
 
     where = "operator"
-    accept: bool = key("whether the controller takes setpoints from the bus", False)
-    sources: Words = key("senders whose setpoints are taken, by the names of `OperatorSetpoint`; empty: all", ())
-    speed_m_s: float = key("greatest speed of the reference that setpoints lead", 0.005, 1e-4, _FASTEST_M_S)
-    acceleration_m_s2: float = key("greatest acceleration of that reference", 0.05, 1e-3, 10.0)
-    lowest_m: float = key("lowest position that it goes to, as the localiser tells it", -0.05)
-    highest_m: float = key("highest position", 0.05)
+    accept: bool = key("whether the controller accepts setpoints from the bus", False)
+    sources: Words = key("sources whose setpoints are accepted, by the names of `OperatorSetpoint`; empty: all", ())
+    speed_m_s: float = key("maximum speed of the reference under setpoints", 0.005, 1e-4, _FASTEST_M_S)
+    acceleration_m_s2: float = key("maximum acceleration of that reference", 0.05, 1e-3, 10.0)
+    lowest_m: float = key("lowest position of that reference, as the localiser measures it", -0.05)
+    highest_m: float = key("highest position of that reference", 0.05)
     stop_after_s: float = key(
-        "how long the capsule is held after the dead-man switch has been released, or a setpoint has come late, before"
-        " the drive is stopped",
+        "how long the capsule is kept in position after a release or a late setpoint, before the drive is stopped",
         1.0,
         0.05,
         60.0,
     )
     drift_share: float = key(
-        "share by which a sender's setpoints may come slower than every 20 ms; a delay on the way that grows by less is"
-        " not noticed",
+        "share by which a sender may be slower than one setpoint per 20 ms; a delay that grows by less is not noticed",
         0.02,
         5e-4,
         1.0,
@@ -99,7 +97,7 @@ class OperatorLimits(NamedTable):
             )
 
     def check_sources(self) -> None:
-        """Raises ValueError for a source that the frame does not know, naming the nearest."""
+        """Raises ValueError for an unknown source, with the nearest name."""
         known = list(frames()[SETPOINT].field("Source").names.values())
         for name in self.sources:
             if name not in known:
@@ -109,18 +107,18 @@ class OperatorLimits(NamedTable):
 
 
 class Operator:
-    """Takes OperatorSetpoint frames in and turns them into a reference; never raises, takes bounded time.
+    """Receives OperatorSetpoint frames and makes a reference of them; never raises, takes bounded time.
 
-    One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
-    heard released for `RELEASED_S`; until it releases, or its setpoint has lived. Then the reference is held, and the
-    drive is `resting` after `stop_after_s`. A release by the one in charge counts whatever its counter; as long as one
-    node's switch is heard held, releases of a second one of the same source do not arm it. `taken`: somebody has been
-    in charge since `begin`; from then on a setpoint of speed 0 from any other accepted source ends the charge, and
-    begins none.
+    One source is in charge: it presses its dead-man switch while no other source is in charge, after a release of
+    `RELEASED_S`. Its charge ends when it releases the switch or its setpoint expires. Then the reference stops, and
+    after `stop_after_s` the drive is to be stopped (`resting`). A release by the source in charge counts whatever its
+    counter. While one node of a source presses the switch, releases by a second node of that source do not arm it.
+    `taken`: a source has been in charge since `begin`; from then on a setpoint of speed 0 from any other accepted
+    source ends the charge and begins none.
 
-    `refused` counts frames by reason: those of the protection, `source` (not accepted), `busy` (another is in charge),
-    `late` (older than its life when read, by arrival less `Lateness`), `not_released`. `presses`, `expired` and
-    `limited` count charges, those that a setpoint's life ended, and setpoints to the end of the range.
+    `refused` counts frames by reason: those of the protection, `source` (not accepted), `busy` (another source is in
+    charge), `late` (expired when read; `Lateness` is subtracted from its arrival), `not_released`. `presses` counts
+    charges, `expired` those that ended by expiry, `limited` setpoints to an end of the range.
     """
 
     def __init__(self, limits: OperatorLimits) -> None:
@@ -142,7 +140,7 @@ class Operator:
         self.begin()
 
     def begin(self) -> None:
-        """Nobody is in charge, and the deployment's reference is in force."""
+        """Reset: nobody is in charge, and the deployment's reference is in force."""
         self.source, self.taken = NOBODY, False
         self._armed: set[int] = set()
         self._pressed_at: dict[int, float] = {}
@@ -153,7 +151,7 @@ class Operator:
         self._followed: tuple[int, float, float] | None = None
 
     def accept(self, data: bytes | bytearray, stamp: float, now: float) -> None:
-        """Take the frame in that came at `stamp` and is read at `now`, both in s."""
+        """Process the frame that arrived at `stamp` and is read at `now`, both in s."""
         bits = int.from_bytes(data, "little")
         source = bits >> self._shift & self._mask
         values = self._receivers.get(source, self._nameless).accept(data, stamp)
@@ -188,34 +186,34 @@ class Operator:
             self._wanted = (int(values["Mode"]), values["Position_m"], values["Velocity_m_s"])
 
     def expire(self, now: float) -> None:
-        """End the charge of a source whose setpoint has lived."""
+        """End the charge of a source whose setpoint has expired."""
         if self.source != NOBODY and not now <= self._dies_at:
             self.expired += 1
             self._let_go(now)
 
     @property
     def let_go(self) -> bool:
-        """Whether nobody is in charge any more: a drive that is not enabled stays so."""
+        """Whether the last charge has ended: a disabled drive then stays disabled."""
         return self.taken and self.source == NOBODY
 
     def resting(self, now: float) -> bool:
-        """Whether the drive is to be stopped, because nobody has been in charge for long enough."""
+        """Whether the drive is to be stopped because nobody has been in charge for `stop_after_s`."""
         return self.let_go and now - self._let_go_at >= self.limits.stop_after_s
 
     def enabled(self, place_m: float) -> Reference:
-        """The reference as the drive is enabled with the capsule at `place_m`, where somebody has taken charge."""
+        """The reference when the drive is enabled, the capsule is at `place_m`, and a source has taken charge."""
         self._followed = None
         return rest(place_m)
 
     def follow(self, now: float, reference: Reference, place_m: float) -> Reference:
-        """The reference from `now` on; the same object where nothing has changed."""
+        """The reference from `now` on; the same object if nothing has changed."""
         if not self.taken:
             return reference
         wanted = self._wanted if self.source != NOBODY else None
         if wanted != self._followed or not isinstance(reference, SetpointMove):
             self._followed = wanted
             place, speed = sampled(reference, now)
-            reference = rest(_held(place, place_m)) if wanted is None else self._move(wanted, place, speed, now)
+            reference = rest(_stopped(place, place_m)) if wanted is None else self._move(wanted, place, speed, now)
         before, self._at_end = self._at_end, wanted is not None and self._beyond(wanted) and now >= reference.times[-1]
         self.limited += self._at_end and not before
         return reference
@@ -226,17 +224,16 @@ class Operator:
         state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
         if self._at_end:
             self._why, self._why_at = self._reasons["range"], now
-        told = 0 <= now - self._why_at <= _TOLD_S
         return {
             "State": state if leading else OFF,
             "Source": self.source,
-            "Refused": self._why if told else 0,
+            "Refused": self._why if 0 <= now - self._why_at <= _REPORTED_S else 0,
             "Position_m": within(place, _REACH_M),
             "Velocity_m_s": within(speed, _FASTEST_M_S),
         }
 
     def document(self) -> dict[str, object]:
-        """What became of setpoints, for the document of a run."""
+        """Counts of setpoints for the document of a run."""
         accepted = sum(receiver.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
@@ -249,18 +246,14 @@ class Operator:
         fastest = min(abs(velocity), limits.speed_m_s)
         if mode == self._speed and not fastest:
             return brake(place, speed, limits.acceleration_m_s2, now)
-        if mode == self._speed:
-            goal = high if velocity > 0 else low
-        else:
-            goal = min(max(position, low), high)
+        end = high if velocity > 0 else low
+        goal = end if mode == self._speed else min(max(position, low), high)
         return move(goal, place, speed, fastest or limits.speed_m_s, limits.acceleration_m_s2, now)
 
     def _beyond(self, wanted: tuple[int, float, float]) -> bool:
-        """Whether a setpoint asks for more than the range, once the reference stands."""
+        """Whether a setpoint would leave the range from a reference that has stopped."""
         mode, position, velocity = wanted
-        if mode == self._speed:
-            return velocity != 0.0
-        return not self.limits.lowest_m <= position <= self.limits.highest_m
+        return velocity != 0.0 if mode == self._speed else not self.limits.lowest_m <= position <= self.limits.highest_m
 
     def _late_s(self, source: int, stamp: float) -> float:
         receiver = self._receivers[source]
@@ -276,5 +269,6 @@ class Operator:
         self._why, self._why_at = self._reasons.get(reason, 0), now
 
 
-def _held(place: float, believed: float) -> float:
-    return min(max(place, believed - AHEAD_M), believed + AHEAD_M) if math.isfinite(believed) else place
+def _stopped(place: float, estimated: float) -> float:
+    """Where a reference at `place` stops: at most `AHEAD_M` from the estimated position."""
+    return min(max(place, estimated - AHEAD_M), estimated + AHEAD_M) if math.isfinite(estimated) else place

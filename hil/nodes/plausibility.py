@@ -1,4 +1,4 @@
-"""What makes the controller node stop trusting what it is told: stuck sensor, drive that does not follow, jumps."""
+"""Plausibility checks of the controller node: stuck sensor, drive that does not follow, jumps of the position."""
 
 import math
 from collections import deque
@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-CHANCE: Final = 1e-7  # with which a sound sensor's readings are alike for so long that they count as stuck
+CHANCE: Final = 1e-7  # probability that a sound sensor's readings are equal so often that they count as stuck
 STEP_M: Final = 2e-7  # step of the position on the bus: no localisation is finer
-LONGEST: Final = 500  # readings alike that count as stuck however coarse the sensor: 5 s of one that reads every 10 ms
+LONGEST: Final = 500  # largest number of equal readings that is asked for: 5 s of a sensor that reads every 10 ms
 FARTHEST_M: Final = 0.01
-"""Way of the wanted position, beyond two of the sensor's steps, over which no reading may stay as it is."""
+"""Distance of the reference, beyond two steps of the sensor, after which the reading must have changed."""
 
 
 def readings_alike(noise_m: float, resolution_m: float) -> float:
-    """How many readings in a row without any variance mean a stuck sensor: white noise of standard deviation `noise_m`
-    stays within a step of `resolution_m` with the probability `p = erf(r/(2 sqrt(2) s))` at most, so n readings are
-    alike with `p^(n - 1)`. From `LONGEST` on, or without noise, inf: a sensor that coarse may rest.
+    """How many equal readings in a row mean a stuck sensor. White noise of standard deviation s (`noise_m`) stays
+    within a step r (`resolution_m`) with the probability `p = erf(r/(2 sqrt(2) s))` at most, so n readings are equal
+    with `p^(n - 1)`. Above `LONGEST`, or without noise, it is inf: so coarse a sensor may stay constant.
     """
     if noise_m <= 0:
         return math.inf
@@ -27,11 +27,11 @@ def readings_alike(noise_m: float, resolution_m: float) -> float:
 
 @dataclass
 class Plausibility:
-    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit, for less
-    than `follow_ticks` in a row; or be the same to the last bit after the command has moved by `follow`/10.
+    """The drive does not follow if, for `follow_ticks` in a row, its report is farther than `follow` from the commands
+    of the last `lag_ticks` (in their unit), or unchanged to the last bit though the command moved by `follow`/10.
 
-    The localisation is stuck where its readings (`noise_m`, steps of `resolution_m`) are alike for longer than chance
-    allows (`readings_alike`), or while the wanted position goes `FARTHEST_M` and two steps.
+    The localisation is stuck if its readings (noise `noise_m`, steps `resolution_m`) are equal for longer than chance
+    allows (`readings_alike`), or while the reference moves by `FARTHEST_M` and two steps.
     """
 
     follow: float
@@ -45,7 +45,7 @@ class Plausibility:
     restarts: int = 0
     _last: float = math.nan
     _report: float = math.nan
-    _told: float = math.nan
+    _commanded: float = math.nan
     _least: float = math.inf
     _most: float = -math.inf
 
@@ -62,29 +62,29 @@ class Plausibility:
             self._least, self._most = math.inf, -math.inf
 
     def wanted(self, place_m: float) -> None:
-        """The capsule is wanted at `place_m`, while the drive leads it."""
+        """The reference is at `place_m` while the drive is enabled."""
         self._least, self._most = min(self._least, place_m), max(self._most, place_m)
 
-    def tick(self, told: float, reports: Sequence[float]) -> None:
-        """The drive has said `reports`, in their order, up to which it was `told` something."""
-        self._commands.append(told)
+    def tick(self, command: float, reports: Sequence[float]) -> None:
+        """The drive was sent `command` and has sent `reports`, the newest last."""
+        self._commands.append(command)
         if not reports:
             return
         newest = reports[-1]
         near = min(self._commands) - self.follow <= newest <= max(self._commands) + self.follow
-        self.off = 0 if near and math.isfinite(told) else self.off + 1
+        self.off = 0 if near and math.isfinite(command) else self.off + 1
         if newest != self._report:
-            self._report, self._told = newest, told
-        self.frozen = self.frozen + 1 if abs(told - self._told) > self.follow / 10 else 0
+            self._report, self._commanded = newest, command
+        self.frozen = self.frozen + 1 if abs(command - self._commanded) > self.follow / 10 else 0
 
     def settle(self, restarts: int) -> None:
-        """Begin anew with a drive that does nothing yet and an estimator that has begun anew `restarts` times."""
+        """Reset for a drive at rest and an estimator that has restarted `restarts` times."""
         self.off, self.frozen, self.restarts = 0, 0, restarts
         self._commands.clear()
         self._least, self._most = math.inf, -math.inf
 
     def reason(self, restarts: int) -> str:
-        """Why to stop, "" where there is no reason; `restarts` of the estimator so far."""
+        """The reason to stop, "" without one; the estimator has restarted `restarts` times."""
         if self.alike >= self._stuck or self._most - self._least > self._way_m:
             return "localisation stuck"
         if max(self.off, self.frozen) >= self.follow_ticks:

@@ -1,4 +1,4 @@
-"""What the controller node hears: protected frames, their age, and the measurements in them."""
+"""Reception of the controller node: protected frames, their ages, and the measurements in them."""
 
 import math
 from collections import Counter, deque
@@ -16,13 +16,13 @@ from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, fr
 from hil.nodes.guard import Evidence
 from hil.nodes.operator import SETPOINT, Operator
 
-BACK_S: Final = 0.5  # by how much an uptime must go back: further than frames that a link swaps or repeats
-BACKS: Final = 3  # how often; a node that boots anew goes back once, and not again within `WITHIN_S`
-WITHIN_S: Final = 0.5  # in which these come from two nodes
+BACK_S: Final = 0.5  # decrease of an uptime that counts: larger than by frames that a link swaps or repeats
+BACKS: Final = 3  # decreases that mean two nodes; a node that reboots causes one
+WITHIN_S: Final = 0.5  # within which these decreases happen
 
 
 class Twins:
-    """Two senders of one heartbeat, by every frame whose CRC is right, if they began `BACK_S` apart."""
+    """Detects two senders of one heartbeat by their uptimes, if they started `BACK_S` apart; checks the CRC alone."""
 
     __slots__ = ("_backs", "_data_id", "_length", "_mask", "_shift", "_step_s", "_up_s", "heard_at", "name")
 
@@ -42,26 +42,26 @@ class Twins:
         self._up_s, self.heard_at = up_s, stamp
 
     def two(self, now: float) -> bool:
-        """Whether two nodes have sent it of late."""
+        """Whether two nodes have sent it recently."""
         return len(self._backs) == BACKS and now - self._backs[0] <= WITHIN_S
 
 
 MOST: Final = 256  # frames of a tick
-SKIPPED: Final = 20_000  # frames that waited before the node began
+SKIPPED: Final = 20_000  # frames that are discarded before the node begins
 HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
 
 
 class FrameReceiver:
-    """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
+    """Reads a bus: `listen` empties it (at most 256 frames per tick) and returns the measurements of good frames.
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback,
-    `fault` the code that it has latched, `challenge` its number that has not been answered (-1: none), `still` what
-    must rest while it is not enabled. `feedbacks` of all good `frames` came in the last `listen`; `full` counts ticks
-    with more than one takes; `told_s` is the age of the newest localisation when read.
+    `fault` the code that it has latched, `challenge` its unanswered number (-1: none), `still` the signal that is
+    constant while the drive is disabled. The last `listen` found `frames` good frames, of which `feedbacks` were the
+    drive's; `full` counts ticks that reached the 256 frames; `age_s` is the age of the newest localisation when read.
 
-    `foreign` counts frames that only a controller sends, by name; `strange`, by type, what is no classic data frame
-    with an 11-bit identifier; `deaf` ticks in which the bus raised.
+    `foreign` counts frames that only a controller sends, by name; `strange` counts frames other than classic data
+    frames with an 11-bit identifier, by type; `deaf` counts ticks in which the bus raised.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class FrameReceiver:
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
         self.still = 0.0
         self.challenge, self.feedbacks, self.frames, self.full = -1, 0, 0, 0
-        self.told_s = math.inf
+        self.age_s = math.inf
         self.deaf, self.deaf_words = 0, ""
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
@@ -102,12 +102,12 @@ class FrameReceiver:
         return self.strange["error"]
 
     def skip(self) -> None:
-        """Let go what has been waiting: a queue that ran over has a gap. Never raises, takes bounded time."""
+        """Discard the waiting frames: a queue that overflowed has a gap. Never raises, takes bounded time."""
         for _ in waiting(self._bus, SKIPPED):
             pass
 
     def listen(self, now: float) -> list[Measurement]:
-        """The measurements that came in. Never raises; a bus that cannot be read counts as silent."""
+        """The received measurements. Never raises; a bus that cannot be read counts as silent."""
         found: list[Measurement] = []
         self.feedbacks = self.frames = 0
         for number, message in enumerate(waiting(self._bus, MOST, self._deafened), 1):
@@ -140,17 +140,17 @@ class FrameReceiver:
 
     @property
     def beating(self) -> bool:
-        """Whether a heartbeat of the drive has ever been heard: without one nobody knows which catalogue it has."""
+        """Whether a heartbeat of the drive has been received: it states the drive's frame catalogue."""
         return not math.isnan(self._beat_at)
 
     @property
     def error_words(self) -> str:
-        """How many error frames there were and where they come from; nothing where there were none."""
+        """The count of error frames and their usual causes, "" without any."""
         return f", {self.errors} error frames: bit rate, wiring, termination" if self.errors else ""
 
     @property
     def other_controller(self) -> str:
-        """That another controller speaks on the bus, and by which frames; "" where none has been heard."""
+        """That another controller sends on the bus, and which frames; "" without any."""
         return f"another controller is on the bus ({', '.join(sorted(self.foreign))})" if self.foreign else ""
 
     @property
@@ -162,17 +162,17 @@ class FrameReceiver:
 
     @property
     def refused_words(self) -> str:
-        told = [f"{sum(whys.values())} {name} refused ({_listed(whys)})" for name, whys in self.refused.items()]
-        told += [f"{self.strange.total()} frames of other types ({_listed(self.strange)})"] if self.strange else []
-        told += [f"{self.deaf} times the bus could not be read ({self.deaf_words})"] if self.deaf else []
-        return ", ".join(told)
+        words = [f"{sum(whys.values())} {name} refused ({_listed(whys)})" for name, whys in self.refused.items()]
+        words += [f"{self.strange.total()} frames of other types ({_listed(self.strange)})"] if self.strange else []
+        words += [f"{self.deaf} times the bus could not be read ({self.deaf_words})"] if self.deaf else []
+        return ", ".join(words)
 
     def evidence(self, now: float) -> Evidence:
         """Ages of localisation and feedback at `now`, and the drive's state."""
         return Evidence(now - self._place_at, now - self._fed_at, self.state)
 
     def doubt(self, now: float) -> str:
-        """Why the drive cannot be trusted any more, "" where it can."""
+        """Why the drive is not trusted any more, "" if it is."""
         if twins := self.twins(now):
             return twins
         if self._other:
@@ -185,17 +185,17 @@ class FrameReceiver:
         return ""
 
     def twins(self, now: float) -> str:
-        """That two drives, or two localisers, send by the same identifiers, "" where none do."""
+        """That two drives, or two localisers, send with the same identifiers, "" without any."""
         for one, what in zip(self._beats, ("two drives of the same kind", "two localisers"), strict=True):
             if one.two(now):
-                return f"{what} are on the bus ({one.name} tells the uptimes of two)"
+                return f"{what} are on the bus ({one.name} has the uptimes of two)"
         return ""
 
     def _take(self, name: str, values: dict[str, Any], stamp: float, now: float, found: list[Measurement]) -> None:
         if name == "CapsuleLocalisation":
             if values["Valid"]:
                 self._place_at = stamp - values["Age_s"]
-                self.told_s = now - self._place_at
+                self.age_s = now - self._place_at
                 found.append(Measurement("position_m", values["Position_m"], self._place_at))
         elif name == self.frame_map.feedback:
             self.feedbacks += 1

@@ -1,4 +1,4 @@
-"""What the controller believes and wants, and what the monitor says of its model, in frames for those who watch."""
+"""Frames for display: estimate, reference, and the monitor's verdict on the model."""
 
 import math
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from hil.nodes.frame_map import LONGEST_S
 
 VIEW_S: Final = 0.04  # period
 WALL: Final[Mapping[str, int]] = {"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3}
-_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98  # what the frame can say
+_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98  # ranges in the frame
 
 
 def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> dict[str, float]:
-    """The signals of BelievedMotion; `surprise` in standard deviations, NaN: none. No number is lost."""
+    """The signals of BelievedMotion; `surprise` in standard deviations, NaN: none. A non-finite estimate is "lost"."""
     x = model.index("x")
     lost = estimate.lost or not math.isfinite(estimate.state[x] + estimate.std[x])
     return {
@@ -30,7 +30,7 @@ def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> d
 
 
 def force_values(model: ControlModel, estimate: Estimate, command: float, now: float) -> dict[str, float] | None:
-    """The signals of BelievedForces, `command` being in force at `now`; None where one is no number."""
+    """The signals of BelievedForces with `command` in force at `now`; None if one is not finite."""
     x, v = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
     drive = model.drive.force(x, v, command / model.drive.command_unit, model.theta.base)
     wall = model.symbols.wall_force(estimate.state, now, model.values)
@@ -41,7 +41,7 @@ def force_values(model: ControlModel, estimate: Estimate, command: float, now: f
 
 
 def wanted_values(position_m: float, speed_m_s: float, follows: bool, switches: int) -> dict[str, float]:
-    """The signals of WantedMotion; what is no number is not followed."""
+    """The signals of WantedMotion; a non-finite reference is not followed."""
     return {
         "Position_m": within(position_m, _FARTHEST_M),
         "Velocity_m_s": within(speed_m_s, _FASTEST_M_S),
@@ -51,31 +51,31 @@ def wanted_values(position_m: float, speed_m_s: float, follows: bool, switches: 
 
 
 def _wall(model: ControlModel, estimate: Estimate) -> int:
-    """What the wall does; on a surface that is not dragged along, whether the capsule moves."""
+    """Stick or slip of the wall; on a rigid surface, whether the capsule moves."""
     name, least = ("slip", 0.5) if "slip" in model.states else ("v", 5 * model.smoothing)
     slip = float(estimate.state[model.index(name)])
     return WALL["slips_forward"] if slip > least else WALL["slips_backward"] if slip < -least else WALL["sticks"]
 
 
 def sampled(reference: Reference, time_s: float) -> tuple[float, float]:
-    """Place in m and speed in m/s of a reference at a time of its clock."""
+    """Position in m and speed in m/s of a reference at a time of its clock."""
     at = np.array([time_s])
     return float(reference.position(at)[0]), float(reference.speed(at)[0])
 
 
 def within(value: float, most: float) -> float:
-    """`value` to at most `most` either way, 0 where it is no number."""
+    """`value` limited to [-most, most]; 0 if it is not finite."""
     return min(max(float(value), -most), most) if math.isfinite(value) else 0.0
 
 
 HEALTH_S: Final = 0.1  # period
 STATES: Final[Mapping[str, int]] = {"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3}
 CHANGES: Final[Mapping[str, int]] = {"": 0, "sudden": 1, "slow": 2}
-_MOST: Final = 2.55  # what the frame can say
+_MOST: Final = 2.55  # upper end of the range in the frame
 
 
 def health_values(health: Health, began_s: float) -> dict[str, float]:
-    """The signals of ModelHealth; times count from `began_s`, when the node began."""
+    """The signals of ModelHealth; times count from the node's start `began_s`."""
     return {
         "State": STATES[health.state],
         "Change": CHANGES[health.change],

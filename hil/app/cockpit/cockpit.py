@@ -22,7 +22,7 @@ from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
@@ -96,7 +96,7 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
     with in_file(path):
         bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
     if deployment.drive is not None:
-        bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
+        bus = MAKERS[deployment.drive.where].bus(bus, deployment.drive, deployment.control.tick_s)
     source = BusSource(bus, clock, facts)
     hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
     try:
@@ -115,7 +115,7 @@ def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
     facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
     bus: can.BusABC = ClockedBus(watched_bus(channel), clock, OLDEST_S)
     if scenario.drive is not None:
-        bus = carriage_bus(bus, scenario.drive, loop.control.tick_s)
+        bus = MAKERS[scenario.drive.where].bus(bus, scenario.drive, loop.control.tick_s)
     try:
         yield BusSource(bus, clock, facts)
     finally:

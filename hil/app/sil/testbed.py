@@ -17,7 +17,7 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.hand import Hand, SecondOperator, Stranger
 from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.log.recorder import Recorder
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.node import ControllerNode, Task, Tick
@@ -85,7 +85,7 @@ class Bench:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
             drive.configure(self.frame_map.life_ms(loop.limits.carriage_speed_m_s))
-            ends["controller"] = carriage_bus(ends["controller"], scenario.drive, self.tick_s)
+            ends["controller"] = MAKERS[scenario.drive.where].bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         task = task_on_bus(scenario, model, controller, offer=offer)
         self.node = ControllerNode(task, ends["controller"], observer=recorder)

@@ -69,7 +69,7 @@ def stays_in(mode: int) -> Callable[[Any], None]:
     ("table", "change", "sentence"),
     [
         (TABLE, far, r"must stand within limits\.travel_m, 1 m of its zero; got -3 m: home it"),
-        (TABLE, turning, r"must rest before it is led; it tells 0\.[1-4]"),
+        (TABLE, turning, r"must rest before it is led; its speed is 0\.[1-4]"),
         (TABLE, faulted, r"must have no fault before it is led; got error code 0x7300; 'capsule run RIG.toml reset'"),
         (
             TABLE,

@@ -62,8 +62,11 @@ def test_one_that_is_as_it_must_be(running: Running, request: pytest.FixtureRequ
         ("free", "servo.timeout_mode must be one of 10, 12, 15; got 0"),
         ("none", r"watchdog of its own \(servo.default_timeout_s\); got nan"),
         ("patient", r"must have servo.default_timeout_s in \(0, 0.1\] s; got 0.5"),
-        ("lost", r"must know its place at the output \(home state 2\); got relative only"),
-        ("rotor", r"must know its place at the output \(home state 2\); got rotor, which is within one of its turns"),
+        ("lost", r"must know its position at the output \(home state 2\); got relative only"),
+        (
+            "rotor",
+            r"must know its position at the output \(home state 2\); got rotor, which is within one of its turns",
+        ),
         ("blind", "must measure where it is; got position nan"),
         ("open", "servo.fixed_voltage_mode must be 0; got 1"),
         ("feedforward", r"without a limit of acceleration \(fault 47\): servo.bemf_feedforward must be 0"),

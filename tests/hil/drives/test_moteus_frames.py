@@ -26,7 +26,6 @@ peer: Any = pytest.importorskip("moteus", reason="needs the maker's package mote
 protocol: Any = pytest.importorskip("moteus.protocol")
 Register = protocol.Register
 SINGLE = st.floats(-1e6, 1e6, width=32)
-RESOLUTIONS = (peer.INT8, peer.INT16, peer.INT32, peer.F32)
 
 
 def theirs(node: int) -> Any:
@@ -114,11 +113,11 @@ def test_modes_and_registers_have_the_packages_numbers() -> None:
 
 def test_replies_are_read() -> None:
     """The example of the maker's page, in int16 and int8; one of ours with floats; and a register that is unknown."""
-    found = wire.told(bytes.fromhex("2404000a005000000170ff230d181400"))
+    found = wire.reported(bytes.fromhex("2404000a005000000170ff230d181400"))
     assert found == {0: 10, 1: 80, 2: 256, 3: -144, 13: 24, 14: 20, 15: 0}
-    assert wire.told(bytes.fromhex("2e01") + bytes(8) + b"\x50\x50") == {1: 0.0, 2: 0.0}
-    assert wire.told(bytes.fromhex("2d27cdcccc3d"))[wire.WATCHDOG_TIMEOUT] == pytest.approx(0.1)
-    assert wire.told(bytes.fromhex("302801312901") + bytes.fromhex("2100 0a")) == {0: 10}
+    assert wire.reported(bytes.fromhex("2e01") + bytes(8) + b"\x50\x50") == {1: 0.0, 2: 0.0}
+    assert wire.reported(bytes.fromhex("2d27cdcccc3d"))[wire.WATCHDOG_TIMEOUT] == pytest.approx(0.1)
+    assert wire.reported(bytes.fromhex("302801312901") + bytes.fromhex("2100 0a")) == {0: 10}
 
 
 def read_by_the_package(data: bytes) -> list[tuple[int, float]]:
@@ -133,23 +132,26 @@ def read_by_the_package(data: bytes) -> list[tuple[int, float]]:
 def test_what_comes_is_read_as_the_package_reads_it(data: bytes) -> None:
     """Nothing raises, and nothing is found that the package does not find."""
     theirs_too = [(number, value) for number, value in read_by_the_package(data) if value is not None]
-    for number, value in wire.told(data).items():
+    for number, value in wire.reported(data).items():
         assert any(number == n and (value == v or (math.isnan(value) and math.isnan(v))) for n, v in theirs_too)
 
 
 @given(
     st.lists(
-        st.tuples(st.sampled_from([0x01, 0x0D, 0x20, 0x27, 0x131]), st.integers(0, 3), st.integers(1, 4)),
+        st.one_of(
+            st.tuples(st.sampled_from([0x01, 0x0D, 0x20, 0x27, 0x131]), st.just(wire.FLOAT), st.integers(1, 4)),
+            st.tuples(st.just(0x0C), st.just(wire.INT8), st.integers(1, 4)),
+        ),
         min_size=1,
         max_size=2,
     ),
     st.floats(-100.0, 100.0, width=32),
 )
 def test_replies_in_every_form_are_read_whole(asked: list[tuple[int, int, int]], value: float) -> None:
-    """Of one to four registers in each resolution: what the package reads, all of it."""
+    """Of one to four registers, as floats or int8: what the package reads, all of it."""
     data = b"".join(answer(Part(READ, first, count, form), lambda _: value)[0] for first, form, count in asked)
-    assert wire.told(data) == dict(read_by_the_package(data))
-    assert len(wire.told(data)) == len({first + k for first, _, count in asked for k in range(count)})
+    assert wire.reported(data) == dict(read_by_the_package(data))
+    assert len(wire.reported(data)) == len({first + k for first, _, count in asked for k in range(count)})
 
 
 def test_only_fd_frames_to_this_controller_are_replies() -> None:
@@ -184,33 +186,29 @@ class Bench:
         return found
 
 
-@pytest.mark.parametrize("resolution", RESOLUTIONS)
+@pytest.mark.parametrize("resolution", [peer.INT8, peer.F32])
 def test_the_simulated_drive_speaks_with_the_package(resolution: int) -> None:
-    """In each of its resolutions: led to 0.5 turns by the limits that the package writes, and told in its units."""
-    form = peer.PositionResolution()
-    for name in vars(peer.PositionResolution):
-        if not name.startswith("_"):
-            setattr(form, name, resolution)
+    """It is led to 0.5 turns by the limits that the package writes, and replies in the package's units."""
     asked = peer.QueryResolution()
     asked.mode = peer.INT8
-    asked.position = asked.velocity = asked.voltage = asked.temperature = resolution
+    asked.position = asked.velocity = peer.F32
+    asked.voltage = asked.temperature = resolution
     asked.home_state = asked.fault = peer.INT8
-    asked._extra = dict.fromkeys(wire.HELD, resolution)
+    asked._extra = dict.fromkeys(wire.HELD, peer.F32)
     bench = Bench()
-    controller = peer.Controller(1, query_resolution=asked, position_resolution=form, transport=object())
+    controller = peer.Controller(1, query_resolution=asked, transport=object())
     for _ in range(150):
         found = bench.ask(
             controller.make_position(
                 position=0.5, velocity=0.0, watchdog_timeout=0.1, velocity_limit=8.0, accel_limit=-1.0, query=True
             )
         )
-    step = {peer.INT8: 0.01, peer.INT16: 1e-4, peer.INT32: 1e-5, peer.F32: 1e-6}[resolution]
     assert found[Register.MODE] == peer.Mode.POSITION
-    assert found[Register.POSITION] == pytest.approx(0.5, abs=step)
-    assert found[Register.COMMAND_POSITION] == pytest.approx(0.5, abs=step)
+    assert found[Register.POSITION] == pytest.approx(0.5, abs=1e-6)
+    assert found[Register.COMMAND_POSITION] == pytest.approx(0.5, abs=1e-6)
     assert found[Register.COMMAND_TIMEOUT] == pytest.approx(0.1, rel=1e-6)
-    assert found[Register.COMMAND_VELOCITY_LIMIT] == pytest.approx(8.0, abs=0.1)
-    assert found[Register.COMMAND_ACCEL_LIMIT] == pytest.approx(-1.0, abs=0.05)
+    assert found[Register.COMMAND_VELOCITY_LIMIT] == pytest.approx(8.0, abs=1e-6)
+    assert found[Register.COMMAND_ACCEL_LIMIT] == pytest.approx(-1.0, abs=1e-6)
     assert (found[Register.VOLTAGE], found[Register.TEMPERATURE]) == (24.0, 25.0)
     assert (found[Register.HOME_STATE], found[Register.FAULT]) == (2, 0)
 

@@ -108,9 +108,9 @@ def hot(drive: OdriveDrive) -> None:
         ),
         (doing(99), "must be idle before it is led; got axis state 99"),
         (hot, "must have no active error before it is led; got INVERTER_OVER_TEMP; .*'capsule run RIG.toml reset'"),
-        (turning, r"must rest before it is led; its encoder tells 0\.2 m/s \(20 turns/s\)"),
-        (drifting, r"must rest before it is led; its encoder tells 0\.0"),
-        (lost, "must know its place and speed before it is led; its encoder estimates are nan"),
+        (turning, r"must rest before it is led; its encoder shows 0\.2 m/s \(20 turns/s\)"),
+        (drifting, r"must rest before it is led; its encoder shows 0\.0"),
+        (lost, "must know its position and speed before it is led; its encoder estimates are nan"),
         (far, "must stand within limits.travel_m, 1 m of its zero; got 50 m"),
     ],
 )
@@ -144,7 +144,7 @@ ENDPOINTS = tuple((path, 500 + k) for k, path in enumerate(READ_BACK))
     [
         (0x0B, r"must hold 3 at axis0\.controller\.config\.control_mode; it holds 2"),
         (0x0F, r"must hold 25 at axis0\.controller\.config\.vel_limit; it holds 10"),
-        (0x19, r"must take its place as zero \(Set_Absolute_Position\); its encoder tells 0\.3 m"),
+        (0x19, r"must take its position as zero \(Set_Absolute_Position\); its encoder shows 0\.3 m"),
     ],
 )
 def test_what_it_does_not_take_is_told(deaf: int, sentence: str, request: pytest.FixtureRequest) -> None:

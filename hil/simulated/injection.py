@@ -1,4 +1,4 @@
-"""A bus interface whose received frames are tampered with, as gateways and drivers may do."""
+"""A bus interface with fault injection: received frames are changed as faulty gateways and drivers may do."""
 
 import copy
 import heapq
@@ -21,9 +21,8 @@ _REMEMBERED: Final = 32  # frames of an identifier, of which one comes again
 
 
 class FaultInjection(WrappingBus):
-    """While `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave; while `broken` it
-    raises. `now` gives the time in s of the stamps; `key` is that of an authenticated bus, of which `inner` is the
-    wire.
+    """`recv` applies the `faults`, each with the identifiers that it hits; while `broken` it raises. `now` gives the
+    time in s of the stamps. `key` belongs to an authenticated bus, whose frames on the wire `inner` carries.
     """
 
     def __init__(self, inner: can.BusABC, now: Callable[[], float], seed: int = 0, key: bytes = b"") -> None:
@@ -41,7 +40,7 @@ class FaultInjection(WrappingBus):
         self._number = 0
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame that is left of what `inner` received. Raises ValueError while broken."""
+        """The next frame of `inner` that the faults leave. Raises ValueError while broken."""
         if self.broken:
             raise ValueError("a line of the interface is garbled")
         now = self._now()
@@ -121,12 +120,12 @@ class FaultInjection(WrappingBus):
         return [_stamped(recording[-1], frame.timestamp)]
 
     def _recording(self, frame: can.Message) -> list[can.Message]:
-        """The last frames like `frame` before the fault, as many as there are counters; else it alone."""
+        """The last frames with this identifier before the fault, as many as there are counters; else `frame`."""
         old = list(self._past[frame.arbitration_id])[-COUNTS:]
         return self._recorded.setdefault(frame.arbitration_id, old or [frame])
 
     def _resealed(self, frame: can.Message, flips: int = 0, back: int = 0) -> can.Message:
-        """The frame as one who has the key, its bits changed by `flips`, makes it in an epoch that is `back` behind."""
+        """The frame authenticated anew: with a key whose bits are changed by `flips`, and an epoch `back` earlier."""
         count, epoch = freshness(frame.data)
         code = authenticator(bytes(byte ^ flips for byte in self._key))
         return _holding(frame, sealed(code, frame.arbitration_id, frame.data[:PAYLOAD], count, epoch - back))
@@ -145,7 +144,7 @@ def _holding(message: can.Message, data: bytes | bytearray) -> can.Message:
 
 
 def _rewritten(message: can.Message, change: Callable[[int], int]) -> can.Message:
-    """A setpoint of which a sender has changed the bits before it made the CRC."""
+    """A setpoint with changed bits and a CRC that fits."""
     data = bytearray(change(int.from_bytes(message.data[:PAYLOAD], "little")).to_bytes(PAYLOAD, "little"))
     data[0] = crc8(memoryview(data)[1:], frames()[SETPOINT].data_id)
     return _holding(message, data + message.data[PAYLOAD:])
@@ -157,7 +156,7 @@ def _with(bits: int, field: Field, raw: int) -> int:
 
 
 def _asking(frame: can.Message, name: str, more: int) -> can.Message:
-    """A setpoint whose signal `name` is at the end of its range, or `more` beyond."""
+    """A setpoint whose signal `name` is at the end of its range, or `more` beyond it."""
     field = frames()[SETPOINT].field(name)
     return _rewritten(frame, lambda bits: _with(bits, field, field.raw_upper + more))
 
@@ -182,5 +181,5 @@ _TAMPERING: Final[Mapping[str, _Tampered]] = {
     "unkeyed": lambda link, frame, fault: [inside(frame)],
     "epoch_back": lambda link, frame, fault: [link._resealed(frame, back=1)],
 }
-"""What becomes of a frame by each fault."""
+"""By fault: the frames that replace a frame."""
 TAMPERING: Final = tuple(_TAMPERING)

@@ -1,4 +1,4 @@
-"""What becomes of the truth in a sensor that is broken, and in a localiser or a drive that lies."""
+"""Faulty readings of a broken sensor, and of a localiser or a drive whose frames are valid but false."""
 
 import math
 import random
@@ -17,7 +17,7 @@ _LATE: Final = ("late", "late_unsaid")
 
 
 class Lie:
-    """`fault` as a function of time and truth; ways are turned or scaled about the first value, or `about`."""
+    """`fault` as a function of time and true value; changes count from the first value, or from `about`."""
 
     def __init__(self, fault: Fault, seed: int = 0, std: float = 0.0, about: float = math.nan) -> None:
         self.fault, self.first, self.last, self.about = fault, math.nan, math.nan, about
@@ -37,15 +37,15 @@ class Lie:
         return self._rng.gauss(0.0, self._std)
 
     def _drift(self, since_s: float, value: float) -> float:
-        """Off at a steady speed, at most by the fault's size."""
+        """An error that grows at a constant rate, at most to the fault's size."""
         most = math.inf if math.isnan(self.fault.size_m) else self.fault.size_m
         return value + min(max(self.fault.amount * since_s, -most), most)
 
     def _foreign(self, since_s: float, value: float) -> float:
-        """Three slow sines, that begin where the truth is."""
+        """Three slow sines that begin at the true value."""
         waves = zip(_FOREIGN_S, self._phases, strict=True)
-        way = sum(math.sin(2 * math.pi * since_s / period_s + p) - math.sin(p) for period_s, p in waves)
-        return self.first + self.fault.amount * way / len(_FOREIGN_S) + self.noise
+        change = sum(math.sin(2 * math.pi * since_s / period_s + p) - math.sin(p) for period_s, p in waves)
+        return self.first + self.fault.amount * change / len(_FOREIGN_S) + self.noise
 
 
 _MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = {
@@ -65,14 +65,14 @@ _MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = {
     "coarse": lambda lie, since_s, value: round(value / lie.fault.amount) * lie.fault.amount,
     "sticks": lambda lie, since_s, value: value if abs(value - lie.last) >= lie.fault.amount else lie.last,
 }
-"""What a lie makes of a time in s since it began and of a sound sensor's value."""
+"""By kind: the false value, from the time in s since the fault began and the true value."""
 
 
 class LyingLocaliser:
-    """What a localiser with `fault` tells of readings; `told` keeps them. `place`: of carriage or inner mass."""
+    """The readings of a localiser with `fault`, kept in `reported`. `place`: position of carriage or inner mass."""
 
     def __init__(self, fault: Fault, instrument: Instrument, seed: int, place: Callable[[], float]) -> None:
-        self.told: list[tuple[float, float]] = []
+        self.reported: list[tuple[float, float]] = []
         self._fault, self._instrument, self._place = fault, instrument, place
         self._lie = Lie(fault, seed, instrument.std)
         self._kept: list[Reading] = []
@@ -81,7 +81,7 @@ class LyingLocaliser:
         if self._fault.kind == "lost":
             return []
         made = self._late(now, readings) if self._fault.kind in _LATE else [self._false(r) for r in readings]
-        self.told += [(r.stamp_s, r.value) for r in made]
+        self.reported += [(r.stamp_s, r.value) for r in made]
         return made
 
     def _false(self, reading: Reading) -> Reading:
@@ -98,10 +98,10 @@ class LyingLocaliser:
 
 
 class LyingDrive:
-    """A drive that truly does what `fault` makes of its command, while it senses what a sound one would do."""
+    """A drive that moves as `fault` distorts its command, while its report follows the command."""
 
     def __init__(self, fault: Fault, drive: TrueDrive, at: float, current_A: float) -> None:
-        """`at` is the plant's command before."""
+        """`at` is the plant's previous command."""
         self.current_A = current_A
         self._lie: Lie | None = Lie(fault, about=zero_of(drive))
         self._drive, self._at, self._shift = drive, at, 0.0
@@ -123,10 +123,12 @@ class LyingDrive:
         return self._at
 
     def end(self) -> None:
-        """From now on it does what it is told, a carriage from where it truly is."""
+        """End the fault: it follows its command again, a carriage from its true position."""
         self._lie = None
 
 
 def zero_of(drive: TrueDrive) -> float:
-    """About what a drive's command is turned or scaled: no current, no level; nan for a carriage, whose place it is."""
+    """The value about which a drive's command is reversed or scaled: 0 for current and level; nan (its position) for a
+    carriage.
+    """
     return math.nan if drive.straight else 0.0

@@ -170,7 +170,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.experiments_at = bench.node.experiments_at
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
-    trace.told = np.array(sorted(bench.plant.told)).reshape(-1, 2)
+    trace.told = np.array(sorted(bench.plant.reported)).reshape(-1, 2)
     trace.unauthenticated = dict(bench.unauthenticated)
     trace.operator = None if bench.node.operator is None else bench.node.operator.document()
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))

@@ -1,7 +1,8 @@
-"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence, never in a loop.
+"""The CAN frames of a BLF file, with every size checked, so that a damaged file ends in an error.
 
-A file is a header and objects: containers, which unpack to further objects; one may begin in one container and end in
-the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
+python-can's reader has no bounds: an object of size 0 loops for ever, a container unpacks to any size, and a file that
+is cut off raises. A file is a header and objects; containers unpack to further objects, which may continue in the next
+container. Source of the form: python-can's `can/io/blf.py`.
 """
 
 import struct
@@ -15,9 +16,8 @@ from can.io.blf import systemtime_to_timestamp
 from hil.log.blf_file import NOTED, RECEIVED, SENT, WITHHELD, Logged, is_own
 from models.files.access import opened
 
-LARGEST_CONTAINER: Final = 1 << 26
-"""Most bytes of a container, packed and unpacked; Vector's and python-can's have 128 kB."""
-MOST_BYTES: Final = 1 << 32  # most bytes of all containers together, unpacked
+LARGEST_CONTAINER: Final = 1 << 26  # bytes, packed and unpacked; Vector's and python-can's have 128 kB
+MOST_BYTES: Final = 1 << 32  # of all containers together, unpacked
 _FILE: Final = struct.Struct("<4sLBBBBBBBBQQLL8H8H")
 _BASE: Final = struct.Struct("<4sHHLL")
 _STAMP: Final = struct.Struct("<L2HQ")
@@ -32,13 +32,13 @@ Tell = Callable[[str], None]
 
 
 def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
-    """The frames of `path`, up to where a file is cut off: `tell` gets a sentence. ValueError names the place."""
+    """The frames of `path`; for a file that is cut off `tell` gets a sentence. Raises ValueError with the byte."""
     with opened(path, "log") as file:
         yield from _BlfReading(path, file).frames(tell)
 
 
 def whole(path: Path) -> bool:
-    """Whether the file holds one object after the other from its header to the end that the header states."""
+    """Whether the file consists of whole objects up to the size that its header states."""
     try:
         with path.open("rb") as file:
             reading = _BlfReading(path, file)
@@ -50,7 +50,7 @@ def whole(path: Path) -> bool:
 
 
 class _BlfReading:
-    """One file; `place` is the offset of the object of the file that is being read."""
+    """The reading of one file; `place` is the offset of the current object."""
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
         self.path, self.file = path, file
@@ -78,7 +78,7 @@ class _BlfReading:
             )
 
     def containers(self) -> Iterator[int]:
-        """The size of what each container holds, the file standing at its begin; up to one that is cut off."""
+        """The size of each container's content, up to a container that is cut off; the file is at its begin."""
         while self.place < self.size:
             self.file.seek(self.place)
             head = self.file.read(_BASE.size)
@@ -115,7 +115,7 @@ class _BlfReading:
         return content
 
     def _objects(self, data: bytes) -> Generator[Logged, None, bytes]:
-        """The frames among unpacked objects; returns what the next container goes on with."""
+        """The frames among unpacked objects; returns the begin of an object that continues in the next container."""
         at = 0
         while True:
             found = data.find(b"LOBJ", at, at + 8)
@@ -129,13 +129,13 @@ class _BlfReading:
             _, _, version, size, kind = _BASE.unpack_from(data, at)
             if version not in _HEADERS:
                 raise self._wrong("an object with a header of version 1 or 2", f"version {version}", at)
-            if not _HEADERS[version] <= size <= LARGEST_CONTAINER:
-                limits = f"{_HEADERS[version]} to {LARGEST_CONTAINER}"
-                raise self._wrong(f"an object of {limits} bytes", f"one of {size}", at)
+            header = _HEADERS[version]
+            if not header <= size <= LARGEST_CONTAINER:
+                raise self._wrong(f"an object of {header} to {LARGEST_CONTAINER} bytes", f"one of {size}", at)
             if at + size > len(data):
                 return data[at:]
-            if kind in _FRAMES and size >= _HEADERS[version] + _FRAME.size:
-                yield from self._frame(data, at, _HEADERS[version])
+            if kind in _FRAMES and size >= header + _FRAME.size:
+                yield from self._frame(data, at, header)
             at += size
 
     def _frame(self, data: bytes, at: int, header: int) -> Iterator[Logged]:

@@ -6,10 +6,11 @@ from typing import Final
 
 import can
 
+from hil.bus.wrapping import plain
 from hil.drives import cia402_protocol as p402
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.cia402_protocol import Cia402Table
-from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, FAULT, INTERNAL, OFF, STANDBY, STOPPING, plain
+from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, FAULT, INTERNAL, OFF, STANDBY, STOPPING
 
 _ALIVE: Final = struct.pack("B", p402.OPERATIONAL)
 _NMT: Final = {4: STOPPING, p402.OPERATIONAL: ENABLED, 127: STANDBY}

@@ -7,6 +7,7 @@ from typing import Annotated, Final
 import can
 from pydantic import BeforeValidator
 
+from hil.bus.wrapping import plain
 from hil.drives.table import NODE, ActuatorTable
 from hil.nodes import frame_map as our
 from models.rigs.schema import Among, key
@@ -117,7 +118,7 @@ class Cia402Table(ActuatorTable):
 
     def orders(self, message: can.Message) -> bool:
         """RPDO 1, NMT to it or to all, CANopen's SYNC, the heartbeat that the drive watches, and SDO writes."""
-        if not our.plain(message):
+        if not plain(message):
             return False
         data = bytes(message.data[:2])
         if message.arbitration_id == 0:

@@ -6,10 +6,11 @@ from typing import Final
 
 import can
 
+from hil.bus.wrapping import plain
 from hil.drives import odrive_protocol as wire
 from hil.drives.carriage_bus import IDLE_TICKS, TurningBus
 from hil.drives.odrive_protocol import FREE_NODES, Command, OdriveTable
-from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, STOPPING, WAITING, plain
+from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, STOPPING, WAITING
 
 _SAID: Final[Mapping[int, tuple[str, Command]]] = {
     wire.HEARTBEAT.number: ("CarriageHeartbeat", wire.HEARTBEAT),

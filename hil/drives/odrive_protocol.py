@@ -8,10 +8,10 @@ from typing import Annotated, Any, Final
 import can
 from pydantic import BeforeValidator, Field
 
-from hil.bus.wrapping import classic_frame
+from hil.bus.wrapping import classic_frame, plain
 from hil.drives.table import NODE, TurningTable
 from hil.nodes import frame_map as our
-from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames, plain
+from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames
 from models.parameter import nearest
 from models.rigs.schema import key
 

@@ -10,10 +10,10 @@ from typing import Final
 import can
 
 from controller.limits import Limits
+from hil.bus.wrapping import plain
 from hil.drives import odrive_protocol as wire
 from hil.drives.odrive_protocol import FREE_NODES, READ_BACK, Command, OdriveTable
 from hil.drives.table import Questions
-from hil.nodes.frame_map import plain
 
 LISTEN_S: Final = 0.3  # of listening to the drive at first
 _ZERO_M: Final = 1e-3  # tolerance of a position that has just been set to zero

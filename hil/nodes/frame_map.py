@@ -77,11 +77,6 @@ class FrameMap:
         return values
 
 
-def plain(message: can.Message) -> bool:
-    """Whether a frame is a classic data frame with an 11-bit identifier; every other frame is ignored."""
-    return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
-
-
 def heartbeat(state: int, up_s: float) -> dict[str, float]:
     """The signals of the heartbeat of a node in `state` (heartbeat's numbers) after `up_s` of running."""
     return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": frames().fingerprint}

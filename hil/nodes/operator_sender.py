@@ -11,8 +11,8 @@ import can
 
 from hil.bus.codec import Refusal
 from hil.bus.protection import FrameTransmitter, Receiver
-from hil.bus.wrapping import waiting
-from hil.nodes.frame_map import frames, plain
+from hil.bus.wrapping import plain, waiting
+from hil.nodes.frame_map import frames
 from hil.nodes.operator import SETPOINT, STATUS
 
 CYCLE_S: Final = 0.02  # period of setpoints, released ones included

@@ -11,8 +11,8 @@ from controller.signals import Measurement
 from hil.bus.catalogue import Frame
 from hil.bus.codec import Refusal
 from hil.bus.protection import Reception, crc8
-from hil.bus.wrapping import waiting
-from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames, plain
+from hil.bus.wrapping import plain, waiting
+from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames
 from hil.nodes.guard import Evidence
 from hil.nodes.operator import SETPOINT, Operator
 

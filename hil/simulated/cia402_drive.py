@@ -6,10 +6,11 @@ from typing import Any, Final
 import can
 import canopen
 
+from hil.bus.wrapping import plain
 from hil.drives import cia402_protocol as p402
 from hil.drives.cia402_protocol import DEADLINE_ERROR, HEARTBEAT_ERROR, SENSOR_ERROR, TEMPERATURE_ERROR, Cia402Table
 from hil.drives.cia402_setup import entries
-from hil.nodes.frame_map import NO_FAULT, plain
+from hil.nodes.frame_map import NO_FAULT
 from hil.simulated.cia402_node import MONITORED_OFF, PolledNetwork, dictionary
 from hil.simulated.drive_node import HOT_S
 from hil.simulated.makers_drive import MakersDrive

@@ -10,9 +10,9 @@ import can
 from controller.limits import Limits
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.protection import FrameTransmitter, Reception
-from hil.bus.wrapping import waiting
+from hil.bus.wrapping import plain, waiting
 from hil.nodes import frame_map as wire
-from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
+from hil.nodes.frame_map import FrameMap, answer_of, heartbeat
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power

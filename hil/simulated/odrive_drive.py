@@ -6,9 +6,10 @@ from typing import Final
 
 import can
 
+from hil.bus.wrapping import plain
 from hil.drives import odrive_protocol as wire
 from hil.drives.odrive_protocol import CLOSED_LOOP, IDLE, INITIALIZING, UNDEFINED, Command, OdriveTable
-from hil.nodes.frame_map import BOOT, ENABLED, FAULT, NO_FAULT, STANDBY, plain
+from hil.nodes.frame_map import BOOT, ENABLED, FAULT, NO_FAULT, STANDBY
 from hil.simulated.makers_drive import MakersDrive
 
 ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418  # endpoint ids of the simulated firmware, unless the table states others

@@ -38,14 +38,14 @@ from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus, authenticator, next_epoch, read_key
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
-from hil.bus.wrapping import heard_for
+from hil.bus.wrapping import heard_for, plain
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
 from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.frame_map import controllers_frames, plain
+from hil.nodes.frame_map import controllers_frames
 from hil.nodes.node import ControllerNode, Task
 from models.effects import Catalogue
 from models.files.toml import in_file

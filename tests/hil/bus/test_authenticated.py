@@ -159,7 +159,7 @@ def test_epochs_grow_whatever_the_clock_says(tmp_path: Path, monkeypatch: pytest
     assert [next_epoch(path) for _ in range(3)] == [first + 1, first + 2, first + 3]
     for text in ("x", "-5", str(1 << 32)):
         kept.write_text(text)
-        with pytest.raises(ValueError, match="must hold the number of the last start"):
+        with pytest.raises(ValueError, match="must hold the last start's number"):
             next_epoch(path)
     with pytest.raises(ValueError, match="must lie where"):
         next_epoch(tmp_path / "none" / "bus.key")

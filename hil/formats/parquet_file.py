@@ -1,4 +1,4 @@
-"""Parquet: columns of a table, whose units may stand in the metadata of a column as `unit`."""
+"""Parquet: columns of a table, with their units in the metadata key `unit`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
         headings = {
             field.name: Heading(field.name, _unit(field, types), samples=file.metadata.num_rows)
             for field in file.schema_arrow
-            if _told(field, types)
+            if _readable(field, types)
         }
         chosen = [name for name in pick(list(headings.values())) if name in headings]
         table = file.read(columns=chosen)
@@ -27,9 +27,8 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
-    """Write channels as one table on the column `t_s`; a cell is empty where a channel has no sample."""
+    """Write channels as one table with the column `t_s`; missing samples are empty cells."""
     pyarrow, parquet = library("pyarrow", EXTRA), library("pyarrow.parquet", EXTRA)
-
     columns = one_table(channels)
     arrays = [pyarrow.array(values, from_pandas=True) for values in columns.values()]
     units = {"t_s": "s", **{channel.heading.name: channel.heading.unit for channel in channels}}
@@ -41,14 +40,14 @@ def write(path: Path, channels: Sequence[Channel]) -> None:
 
 
 def _within(metadata: Any) -> None:
-    """Refuse a table of which columns are stored in another file."""
+    """Refuse a table with columns in another file."""
     for group in map(metadata.row_group, range(metadata.num_row_groups)):
         for column in map(group.column, range(group.num_columns)):
             if column.file_path:
                 raise outside(f"the column {column.path_in_schema} in the file {column.file_path}")
 
 
-def _told(field: Any, types: Any) -> bool:
+def _readable(field: Any, types: Any) -> bool:
     kinds = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal, types.is_timestamp)
     return any(kind(field.type) for kind in (*kinds, types.is_duration))
 

@@ -34,9 +34,8 @@ def authenticator(key: bytes) -> Callable[[int, bytes], bytes]:
         from cryptography.hazmat.primitives.ciphers.algorithms import AES
         from cryptography.hazmat.primitives.cmac import CMAC
     except ImportError:
-        raise ValueError(
-            "bus.key_file must go with the package cryptography; it is missing: pip install 'capsule-control[secure]'"
-        ) from None
+        hint = "pip install 'capsule-control[secure]'"
+        raise ValueError(f"bus.key_file must go with the package cryptography; it is missing: {hint}") from None
     begun = CMAC(AES(key))
 
     def code(identifier: int, body: bytes) -> bytes:
@@ -62,9 +61,8 @@ def freshness(data: bytes | bytearray) -> tuple[int, int]:
 
 def inside(wire: can.Message) -> can.Message:
     """The classic frame inside a frame of the wire, without a check."""
-    return can.Message(
-        wire.timestamp, wire.arbitration_id, False, data=wire.data[:PAYLOAD], is_rx=wire.is_rx, channel=wire.channel
-    )
+    number, data = wire.arbitration_id, wire.data[:PAYLOAD]
+    return can.Message(wire.timestamp, number, False, data=data, is_rx=wire.is_rx, channel=wire.channel)
 
 
 class AuthenticatedBus(WrappingBus):

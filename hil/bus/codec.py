@@ -31,11 +31,8 @@ class Codec:
 
     def __init__(self, frame: Frame) -> None:
         self.frame, self.length = frame, frame.length
-        self._writing = tuple(
-            (f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start)
-            for f in frame.fields
-        )
-        self._reading = tuple(_reading(f) for f in frame.fields)
+        self._writing = tuple(map(_writing, frame.fields))
+        self._reading = tuple(map(_reading, frame.fields))
 
     def encode(self, values: Mapping[str, float]) -> int:
         """The values of all signals as the frame's integer, with CRC and counter 0. Raises FrameError."""
@@ -75,6 +72,10 @@ class Codec:
                 return FrameError(f"{self.frame.name} must get its own signals; got {name!r}; {hint}")
         missing = next(name for name in names if name not in values)
         return FrameError(f"{self.frame.name} must get all its signals; {missing!r} is missing")
+
+
+def _writing(f: Field) -> tuple[str, float, float, float, float, int, int, int, int]:
+    return f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start
 
 
 def _reading(f: Field) -> tuple[str, int, int, int, float, float, int, int, frozenset[int]]:

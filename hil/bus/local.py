@@ -38,10 +38,8 @@ class LocalBus(OwnBus):
     ) -> None:
         """Join the bus. Raises can.CanInitializationError if that fails."""
         if not hasattr(socket, "AF_UNIX") or not hasattr(socket, "SOCK_SEQPACKET"):
-            raise can.CanInitializationError(
-                f"local bus {channel!r} needs sockets of AF_UNIX with SOCK_SEQPACKET, which this system lacks; use"
-                " interface udp_multicast, or another one of python-can"
-            )
+            lacks = "needs AF_UNIX sockets with SOCK_SEQPACKET, which this system lacks; use interface udp_multicast"
+            raise can.CanInitializationError(f"local bus {channel!r} {lacks}, or another one of python-can")
         self.overruns = 0
         self._own, self._fd = receive_own_messages, fd
         self._inbox: deque[can.Message] = deque()

@@ -88,27 +88,17 @@ class Cia402Table(ActuatorTable):
     where = "cia402"
     node_id: int = key(NODE, 1, 1, 15)
     counts_per_m: float = key("its position counts, per metre", 1e6, 1e3, 1e9)
-    mode: Annotated[str, Among(MODES)] = key(
-        "target of the commands: `position` or `velocity`, both cyclic synchronous", "position"
-    )
-    velocity_gain_Hz: float = key(
-        "for `velocity`: the speed of the correction, as a share of the position error per second", 20.0, 0.1, 200.0
-    )
-    homing_method: int = key(
-        "object 0x6098: how the drive finds its zero during set-up, by its own motion; 0: no homing", 0, -128, 127
-    )
+    mode: Annotated[str, Among(MODES)] = key("cyclic synchronous target: `position` or `velocity`", "position")
+    velocity_gain_Hz: float = key("for `velocity`: correction per second of the position error", 20.0, 0.1, 200.0)
+    homing_method: int = key("object 0x6098: homing by the drive's own motion; 0: none", 0, -128, 127)
     homing_speed_m_s: float = key("object 0x6099: homing speed", 0.01, 1e-4, 0.1)
     homing_s: float = key("longest time of homing", 30.0, 0.1, 600.0)
     following_m: float = key(
-        "object 0x6065, for `position`: following error at which, after `following_s`, the drive is stopped; 0: 0x6065"
-        " and 0x6066 are not written",
-        0.005,
-        0.0,
-        1.0,
+        "object 0x6065, for `position`: the following error that stops the drive; 0: not written", 0.005, 0.0, 1.0
     )
     following_s: float = key("object 0x6066: how long that error may last", 0.02, 0.001, 1.0)
     options: Annotated[tuple[tuple[int, int, int], ...], BeforeValidator(_options)] = key(
-        'objects of the drive\'s own, `"index.sub" = value`, index and sub hexadecimal, each written and read back', ()
+        'further objects, `"index.sub" = value`, index and sub hexadecimal, each written and read back', ()
     )
 
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:

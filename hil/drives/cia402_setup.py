@@ -55,9 +55,7 @@ def home(node: Any, network: Any, table: Cia402Table) -> None:
                 break
             if time.monotonic() > end:
                 old = "; bit 12 is from before it was started" if status & p402.ATTAINED and not run.away else ""
-                raise ValueError(
-                    f"{table.node} must be home within {table.homing_s:g} s; statusword 0x{status:04X}{old}"
-                )
+                table.must(False, f"be home within {table.homing_s:g} s; statusword 0x{status:04X}{old}")
             word = _WORDS.get(p402.state_of(status), p402.DISABLE_VOLTAGE)
             node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
             if word & p402.START_HOMING:
@@ -184,9 +182,8 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, *
     try:
         import canopen
     except ImportError:
-        raise ValueError(
-            "cia402 must have the package canopen; install the extra: pip install 'capsule-control[canopen]'"
-        ) from None
+        hint = "pip install 'capsule-control[canopen]'"
+        raise ValueError(f"cia402 must have the package canopen; install the extra: {hint}") from None
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
     network = canopen.Network(bus)
     network.connect()
@@ -235,10 +232,8 @@ def _is_idle(node: Any, table: Cia402Table, faulty: bool) -> None:
         got = f"got error code 0x{word_of(node, 0x603F):04X}; 'capsule run RIG.toml reset' acknowledges it"
         table.must(faulty, f"have no fault before it is led; {got}")
     got = "no state that is ready" if state == p402.NOT_READY else "one that is enabled, by somebody else"
-    table.must(
-        state not in (p402.OPERATION, p402.QUICK_STOPPING, p402.NOT_READY),
-        f"be disabled before it is led; got {got} (statusword 0x{word:04X})",
-    )
+    disabled = state not in (p402.OPERATION, p402.QUICK_STOPPING, p402.NOT_READY)
+    table.must(disabled, f"be disabled before it is led; got {got} (statusword 0x{word:04X})")
 
 
 def _rests_where_known(node: Any, table: Cia402Table, limits: Limits) -> None:

@@ -49,11 +49,6 @@ class MoteusBus(TurningBus):
         return self._latched or self._left
 
     @property
-    def _booted(self) -> bool:
-        """Whether its set-up is lost; its zero may be lost too."""
-        return self._in_session and self._prefix != wire.SESSION
-
-    @property
     def shown(self) -> int:
         if self._latched:
             return FAULT
@@ -64,7 +59,8 @@ class MoteusBus(TurningBus):
         return WAITING if self._armed and 2 <= self._servo <= 4 else STOPPING if self._servo >= 0 else BOOT
 
     def _arm(self) -> None:
-        if not self._booted:
+        rebooted = self._in_session and self._prefix != wire.SESSION
+        if not rebooted:  # else its set-up is lost, and maybe its zero
             super()._arm()
             self._braked, self._garbled = 0, False
 

@@ -63,24 +63,18 @@ def _stops(table: MoteusTable, ask: "MoteusQuestions") -> None:
 
 def _obeys(table: MoteusTable, limits: Limits, ask: "MoteusQuestions") -> None:
     """Check that it follows commanded positions by measured ones."""
-    table.must(
-        not ask.setting("servo.fixed_voltage_mode", 0.0),
-        "measure where it is: servo.fixed_voltage_mode must be 0; got 1, which reports the commanded position",
-    )
+    words = "measure where it is: servo.fixed_voltage_mode must be 0; got 1, which reports the commanded position"
+    table.must(not ask.setting("servo.fixed_voltage_mode", 0.0), words)
     table.must(
         not ask.setting("servo.bemf_feedforward", 0.0) or bool(ask.setting("servo.bemf_feedforward_override", 0.0)),
         "take commands without a limit of acceleration (fault 47): servo.bemf_feedforward must be 0, or"
         " servo.bemf_feedforward_override 1",
     )
     fastest, farthest = (abs(table.turns_per_m) * most for most in (limits.carriage_speed_m_s, limits.travel_m))
-    table.must(
-        not ask.setting("servo.max_velocity", math.inf) < fastest,
-        f"reach limits.carriage_speed_m_s: servo.max_velocity must be at least {fastest:g} turns/s",
-    )
-    table.must(
-        farthest <= FARTHEST_TURNS,
-        f"reach limits.travel_m within {FARTHEST_TURNS:g} turns, where its position wraps around; got {farthest:g}",
-    )
+    words = f"reach limits.carriage_speed_m_s: servo.max_velocity must be at least {fastest:g} turns/s"
+    table.must(not ask.setting("servo.max_velocity", math.inf) < fastest, words)
+    words = f"reach limits.travel_m within {FARTHEST_TURNS:g} turns, where its position wraps around; got {farthest:g}"
+    table.must(farthest <= FARTHEST_TURNS, words)
 
 
 def _rests_where_known(table: MoteusTable, limits: Limits, found: dict[int, float]) -> None:
@@ -93,10 +87,8 @@ def _rests_where_known(table: MoteusTable, limits: Limits, found: dict[int, floa
     )
     place_m, speed_m_s = (found.get(number, math.nan) / scale for number in (wire.POSITION, wire.VELOCITY))
     table.must(math.isfinite(place_m), "measure where it is; got position nan")
-    table.must(
-        not kept or abs(place_m) <= limits.travel_m,
-        f"stand within limits.travel_m of its zero, {limits.travel_m:g} m; got {place_m:g}",
-    )
+    words = f"stand within limits.travel_m of its zero, {limits.travel_m:g} m; got {place_m:g}"
+    table.must(not kept or abs(place_m) <= limits.travel_m, words)
     table.must_rest(speed_m_s, f"got {speed_m_s:g} m/s", max(RESTS_M_S, RESTS_TURNS_S / scale))
 
 

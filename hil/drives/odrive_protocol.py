@@ -175,20 +175,15 @@ class OdriveTable(TurningTable):
 
     def model_post_init(self, _: Any) -> None:
         if self.node_id not in FREE_NODES:
-            free = ", ".join(map(str, FREE_NODES))
-            raise ValueError(
-                f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers and of {BROADCAST},"
-                f" which every ODrive hears; got {self.node_id}"
-            )
+            free = f"{', '.join(map(str, FREE_NODES))}, clear of the catalogue's identifiers and of the broadcast"
+            raise ValueError(f"odrive.node_id must be one of {free}; got {self.node_id}")
 
     def check_speed(self, speed_m_s: float) -> None:
         """Raises ValueError if Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""
         most, turns_s = LARGEST_VEL_FF / VEL_FF_SCALE, abs(self.turns_per_m) * speed_m_s
         if turns_s > most:
-            raise ValueError(
-                f"odrive.turns_per_m times limits.carriage_speed_m_s must be at most {most:g} turns/s, all that Vel_FF"
-                f" of Set_Input_Pos carries; got {turns_s:g}"
-            )
+            product = "odrive.turns_per_m times limits.carriage_speed_m_s"
+            raise ValueError(f"{product} must be at most {most:g} turns/s, the range of Vel_FF; got {turns_s:g}")
 
     def orders(self, message: can.Message) -> bool:
         """Any frame to this drive or to all, except reading an endpoint."""

@@ -75,12 +75,9 @@ class TurningTable(ActuatorTable):
         100.0,
     )
     watchdog_s: float = key("longest time without a command until its own watchdog stops it", 0.02, 0.004, 0.1)
-    coast_m_s2: float = key(
-        "deceleration of the carriage without torque, by friction of guide and screw: measure it", 5.0, 0.1, 100.0
-    )
+    coast_m_s2: float = key("deceleration of the carriage without torque, to be measured", 5.0, 0.1, 100.0)
     home: Literal["kept", "here"] = key(
-        "`kept`: the drive's own zero (moteus: home state 2, known at the output); `here`: its position during set-up",
-        "kept",
+        "zero: `kept` is the drive's own (moteus: home state 2), `here` its position during set-up", "kept"
     )
 
     def stops_s(self, speed_m_s: float) -> float:

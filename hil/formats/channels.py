@@ -69,10 +69,8 @@ def library(name: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise RefusedError(
-            f"reading or writing this file needs the package {name.partition('.')[0]}, which is not installed: pip"
-            f" install 'capsule-control[{extra}]'"
-        ) from None
+        needs, install = f"needs the package {name.partition('.')[0]}", f"pip install 'capsule-control[{extra}]'"
+        raise RefusedError(f"reading or writing this file {needs}, which is not installed: {install}") from None
 
 
 @contextmanager

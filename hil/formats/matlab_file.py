@@ -32,10 +32,8 @@ def _read_v5(path: Path, pick: Pick) -> list[Channel]:
     own = {name: value for name, value in content.items() if not name.startswith("__")}
     found = {channel.heading.name: channel for name, value in own.items() for channel in _channels(name, value)}
     if not found:
-        hint = "tables and timeseries objects: save their .Time and .Data"
-        raise RefusedError(
-            f"MATLAB file must hold vectors or matrices of numbers, also in structures; got none ({hint})"
-        )
+        hint = "of tables and timeseries objects save .Time and .Data"
+        raise RefusedError(f"MATLAB file must hold vectors or matrices of numbers; got none ({hint})")
     return [found[name] for name in pick([channel.heading for channel in found.values()]) if name in found]
 
 

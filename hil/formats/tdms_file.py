@@ -31,9 +31,8 @@ def _readable(channel: Any) -> bool:
 def _heading(name: str, group: str, channel: Any) -> Heading:
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     is_time = np.dtype(channel.dtype).kind == "M"
-    return Heading(
-        name, "s" if is_time else unit, group, clocked=bool(channel.properties.get(_STEP)), samples=len(channel)
-    )
+    clocked = bool(channel.properties.get(_STEP))
+    return Heading(name, "s" if is_time else unit, group, clocked=clocked, samples=len(channel))
 
 
 def _channel(heading: Heading, channel: Any, first: Any) -> Channel:

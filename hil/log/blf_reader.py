@@ -72,10 +72,7 @@ class _BlfReading:
         for size in self.containers():
             rest = yield from self._objects(rest + self._content(size))
         if self.place < self.size or rest.strip(b"\0") or self.stated > self.size:
-            tell(
-                f"the log is cut off: it ends at byte {self.size}, within what was being written; the {self.count}"
-                " frames before it are read"
-            )
+            tell(f"the log is cut off at byte {self.size}; the {self.count} frames before it are read")
 
     def containers(self) -> Iterator[int]:
         """The size of each container's content, up to a container that is cut off; the file is at its begin."""
@@ -106,9 +103,8 @@ class _BlfReading:
         try:
             content = zlib.decompressobj().decompress(packed, LARGEST_CONTAINER + 1) if method else packed
         except zlib.error as error:
-            raise ValueError(
-                f"{self.path}: log must be undamaged; got after {self.count} frames, at byte {self.place}: {error}"
-            ) from None
+            where = f"after {self.count} frames, at byte {self.place}"
+            raise ValueError(f"{self.path}: log must be undamaged; got {where}: {error}") from None
         self.unpacked += len(content)
         if len(content) > LARGEST_CONTAINER or self.unpacked > MOST_BYTES:
             raise self._wrong(f"at most {LARGEST_CONTAINER} bytes, unpacked, {MOST_BYTES} in all", "more")

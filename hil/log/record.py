@@ -134,10 +134,9 @@ class _Reading:
     def _check_catalogue(self, name: str, values: Mapping[str, float]) -> None:
         known = self.catalogue.fingerprint
         if name.endswith(_HEARTBEAT) and values["Catalogue"] != known:
-            raise ValueError(
-                f"{self.where}: log must be one of {Path(self.catalogue.source).name} with fingerprint {known:#06x}; "
-                f"got {int(values['Catalogue']):#06x} in {name}"
-            )
+            got, source = int(values["Catalogue"]), Path(self.catalogue.source).name
+            wanted = f"one of {source} with fingerprint {known:#06x}"
+            raise ValueError(f"{self.where}: log must be {wanted}; got {got:#06x} in {name}")
 
     def frames(self, name: str) -> list[tuple[float, dict[str, float]]]:
         """The good frames of a name. Raises ValueError that names the received ones instead."""
@@ -189,9 +188,8 @@ def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) 
     times, levels = list[float](), list[float]()
     for (t, v), on, later in zip(frames, runs, [*(t for t, _ in frames[1:]), np.inf], strict=True):
         if v["Period_s"]:
-            raise ValueError(
-                f"{reading.where}: InnerMassCommand must hold a level (Period_s 0) in a record; got {v['Period_s']:g} s"
-            )
+            wanted = "InnerMassCommand must hold a level (Period_s 0) in a record"
+            raise ValueError(f"{reading.where}: {wanted}; got {v['Period_s']:g} s")
         if v["Level"] < 0:
             raise ValueError(f"{reading.where}: Level must lie in [0, 1] in a record; got {v['Level']:g} at {t:g} s")
         times.append(t)
@@ -206,9 +204,8 @@ def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     """All channels of numbers in a file; `tell`: see `read_frames`. Raises ValueError of one sentence."""
     if is_log(path):
         return log_channels(path, tell)
-    channels = (
-        read_channels(path, lambda headings: [one.name for one in headings]) if format_of(path) else _csv_channels(path)
-    )
+    read = format_of(path) is not None
+    channels = read_channels(path, lambda found: [one.name for one in found]) if read else _csv_channels(path)
     if len(channels) < 2 or not any(len(channel.values) for channel in channels):
         raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
     return channels

@@ -109,9 +109,8 @@ FRAME_MAPS: Final = MappingProxyType({one.drive.name: one for one in (CARRIAGE_M
 def frame_map_of(kind: str) -> FrameMap:
     """The frame map of a kind of rig. Raises ValueError for one without a drive on the bus."""
     if kind not in FRAME_MAPS:
-        raise ValueError(
-            f"rig.kind must be one of {', '.join(FRAME_MAPS)} on the bus; got {kind!r}; {nearest(kind, FRAME_MAPS)}"
-        )
+        known, hint = ", ".join(FRAME_MAPS), nearest(kind, FRAME_MAPS)
+        raise ValueError(f"rig.kind must be one of {known} on the bus; got {kind!r}; {hint}")
     return FRAME_MAPS[kind]
 
 

@@ -223,9 +223,8 @@ class ControllerNode:
             answer = answer_of(self.receiver.challenge, self.frame_map.target)
             self.guard.send("EnableAnswer", {"Target": self.frame_map.target, "Answer": answer}, now)
             self.receiver.challenge = -1
-        out = self.guard.command(
-            now, action.command, mode, evidence, now - max(self._enabled_s, self.answer.cautious_s)
-        )
+        since_s = now - max(self._enabled_s, self.answer.cautious_s)
+        out = self.guard.command(now, action.command, mode, evidence, since_s)
         if out.mode == wire.QUICK_STOP:
             self._fail(out.reason)
         if out.mode == wire.ENABLE:

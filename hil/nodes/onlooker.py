@@ -41,9 +41,8 @@ class Onlooker:
         """The jumps in words, "" without any."""
         if not self.jumps:
             return ""
-        return (
-            f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, accepted after three readings confirmed it"
-        )
+        last = f"the last of {1e3 * self.jump_m:+.1f} mm"
+        return f"{self.jumps} jumps, {last}, accepted after three readings confirmed it"
 
     def not_led(self, wanted: str, health: Health) -> str:
         """Why a finished run was not led as requested, or how a jump broke the model; "" where all is well."""

@@ -76,14 +76,9 @@ class OperatorLimits(NamedTable):
     acceleration_m_s2: float = key("maximum acceleration of that reference", 0.05, 1e-3, 10.0)
     lowest_m: float = key("lowest position of that reference, as the localiser measures it", -0.05)
     highest_m: float = key("highest position of that reference", 0.05)
-    stop_after_s: float = key(
-        "how long the capsule is kept in position after a release or a late setpoint, before the drive is stopped",
-        1.0,
-        0.05,
-        60.0,
-    )
+    stop_after_s: float = key("time from a release or a late setpoint to the stop of the drive", 1.0, 0.05, 60.0)
     drift_share: float = key(
-        "share by which a sender may be slower than one setpoint per 20 ms; a delay that grows by less is not noticed",
+        "share by which a sender may be slower than one setpoint per 20 ms: a slower delay is not noticed",
         0.02,
         5e-4,
         1.0,
@@ -91,19 +86,16 @@ class OperatorLimits(NamedTable):
 
     def model_post_init(self, _: Any) -> None:
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
-            raise ValueError(
-                f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"
-                f" {self.lowest_m:g} and {self.highest_m:g}"
-            )
+            got = f"{self.lowest_m:g} and {self.highest_m:g}"
+            raise ValueError(f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m; got {got}")
 
     def check_sources(self) -> None:
         """Raises ValueError for an unknown source, with the nearest name."""
         known = list(frames()[SETPOINT].field("Source").names.values())
         for name in self.sources:
             if name not in known:
-                raise ValueError(
-                    f"operator.sources must be among {', '.join(known)}; got {name!r}; {nearest(name, known)}"
-                )
+                hint = nearest(name, known)
+                raise ValueError(f"operator.sources must be among {', '.join(known)}; got {name!r}; {hint}")
 
 
 class Operator:

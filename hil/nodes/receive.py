@@ -129,9 +129,8 @@ class FrameReceiver:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
                 self.frames += 1
-                self._take(
-                    self.reception.receivers[message.arbitration_id].frame.name, values, message.timestamp, now, found
-                )
+                name = self.reception.receivers[message.arbitration_id].frame.name
+                self._take(name, values, message.timestamp, now, found)
         return found
 
     def _deafened(self, error: Exception) -> None:

@@ -92,9 +92,7 @@ def dictionary(table: Cia402Table, limits: Limits, tick_s: float) -> canopen.Obj
 def _variable(index: int, sub: int, size: int, value: int) -> ODVariable:
     variable = ODVariable(f"0x{index:04X}:{sub:02X}", index, sub)
     signed = index in _NEGATIVE or (index, sub) == (0x60C2, 2)
-    variable.data_type, variable.access_type = (
-        (_SIGNED if (signed and sub != 0) or (signed and size == 4) else _TYPES)[size],
-        "ro" if index in _READ_ONLY else "rw",
-    )
+    variable.data_type = (_SIGNED if signed and (sub != 0 or size == 4) else _TYPES)[size]
+    variable.access_type = "ro" if index in _READ_ONLY else "rw"
     variable.default, variable.pdo_mappable = value, True
     return variable

@@ -62,10 +62,8 @@ class DriveNode:
         for name in (self.frame_map.command, "Sync"):
             receiver = self.reception.receivers[wire.frames()[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.frame_map.still_ms)
-        self.transmitter = FrameTransmitter(
-            self.bus,
-            (self.frame_map.feedback, self.frame_map.fault, self.frame_map.heartbeat, self.frame_map.challenge),
-        )
+        ours = self.frame_map
+        self.transmitter = FrameTransmitter(self.bus, (ours.feedback, ours.fault, ours.heartbeat, ours.challenge))
         self.stage = Stage(wire.BOOT, now)
         self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
         self._number, self._answered, self._asked_at = 0, False, -math.inf

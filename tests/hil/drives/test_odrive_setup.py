@@ -212,7 +212,7 @@ def test_a_speed_that_its_commands_cannot_carry() -> None:
 
 
 def test_the_node_that_every_drive_hears() -> None:
-    with pytest.raises(ValueError, match=r"odrive\.node_id must be one of .*of 63, which every ODrive hears; got 63"):
+    with pytest.raises(ValueError, match=r"odrive\.node_id must be one of .*of the broadcast; got 63"):
         OdriveTable(node_id=63)
 
 

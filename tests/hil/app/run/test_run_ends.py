@@ -174,7 +174,7 @@ def test_a_fault_is_not_led_and_reset_only_resets(tmp_path: Path) -> None:
         assert (healthy.end, healthy.ended) == ("reset", "the drive has no fault to acknowledge")
         assert lead(node, clock, 0.2, recorder, StopSignals()).end == "done"
         node.bench.plant.drive.stage = type(node.bench.plant.drive.stage)(FAULT, node.bench.time_s, 4)
-        node.bench.plant.drive._tell = 2
+        node.bench.plant.drive._reports = 2
         refused = lead(node, clock, 0.2, recorder, StopSignals())
         assert (refused.end, refused.led) == ("drive_fault", False)
         assert refused.ended == "nothing to lead: drive fault 4; 'capsule run RIG.toml reset' acknowledges it"

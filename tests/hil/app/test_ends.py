@@ -119,7 +119,7 @@ def _faulty(node: Rig, hot: bool = False) -> None:
     drive.heated_to_C = 60.0 if hot else 0.0
     if node.receiver.state != FAULT and node.bench.time_s < 0.1:
         drive.stage = type(drive.stage)(FAULT, node.bench.time_s, 2 if hot else 4)
-        drive._tell = 2
+        drive._reports = 2
 
 
 def _without_answers(node: Rig) -> None:

@@ -42,8 +42,8 @@ class Second:
         session = Session(loop.truth, replace(loop.instruments, feedback=None), 7)
         bus = SimulatedBus(bench.medium, "second")
         plant = PlantNode(session, loop.limits, node.tick_s, bus, bus)
-        say, speaks = plant._localiser._mouth.say, lambda: self.clock >= self.since
-        plant._localiser._mouth.say = lambda *said: say(*said) if speaks() else None  # type: ignore[method-assign]
+        say, speaks = plant._localiser._transmitter.say, lambda: self.clock >= self.since
+        plant._localiser._transmitter.say = lambda *said: say(*said) if speaks() else None  # type: ignore[method-assign]
         plant.drive.transmitter.say = lambda *_: None  # type: ignore[attr-defined]
         return plant
 

@@ -48,7 +48,7 @@ class LocalBus(OwnBus):
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         try:
             folder = channel_folder(str(channel))
-            self._place = folder / f"{os.getpid()}-{self._listener.fileno()}-{time.monotonic_ns()}"
+            self._address = folder / f"{os.getpid()}-{self._listener.fileno()}-{time.monotonic_ns()}"
             self._join(folder)
         except OSError as error:
             self._listener.close()
@@ -60,18 +60,18 @@ class LocalBus(OwnBus):
     def _join(self, folder: Path) -> None:
         """Connect to all sockets in the folder and add the own one; one node at a time."""
         with _locked(folder):
-            for place in sorted(folder.iterdir()):
-                if place.name == "lock":
+            for address in sorted(folder.iterdir()):
+                if address.name == "lock":
                     continue
                 peer = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
                 try:
-                    peer.connect(str(place))
+                    peer.connect(str(address))
                 except (ConnectionRefusedError, FileNotFoundError):
                     peer.close()
-                    place.unlink(missing_ok=True)
+                    address.unlink(missing_ok=True)
                 else:
                     self._add(peer)
-            self._listener.bind(str(self._place))
+            self._listener.bind(str(self._address))
             self._listener.listen(_NODES)
         self._poll.register(self._listener, select.EPOLLIN)
 
@@ -171,7 +171,7 @@ class LocalBus(OwnBus):
         if self._is_shutdown:
             return
         super().shutdown()
-        self._place.unlink(missing_ok=True)
+        self._address.unlink(missing_ok=True)
         for number in list(self._peers):
             self._forget(number)
         self._listener.close()

@@ -47,8 +47,8 @@ class CarriageBus(WrappingBus):
         """`trouble` without the drive's name."""
 
     @abstractmethod
-    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """A command of the controller: `mode`, and the position `place_m` for the next SYNC."""
+    def command(self, mode: int, position_m: float, timeout: float | None) -> None:
+        """A command of the controller: `mode`, and the position `position_m` for the next SYNC."""
 
     @abstractmethod
     def synchronise(self, timeout: float | None) -> None:
@@ -101,11 +101,11 @@ class CarriageBus(WrappingBus):
                 return message
         return self._ready.popleft()
 
-    def feed(self, state: int, place_m: float, speed_m_s: float, stamp: float) -> None:
+    def feed(self, state: int, position_m: float, speed_m_s: float, stamp: float) -> None:
         """Pass a feedback to the controller; `state` in the catalogue's numbers."""
         speed = min(max(speed_m_s, -FASTEST_M_S), FASTEST_M_S)
         temperature = {"State": float(state), "Temperature_degC": NOT_MEASURED_C}
-        self._hear("CarriageFeedback", {"Position_m": place_m, "Velocity_m_s": speed, **temperature}, stamp)
+        self._hear("CarriageFeedback", {"Position_m": position_m, "Velocity_m_s": speed, **temperature}, stamp)
 
     def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
         """Pass a heartbeat to the controller; `anew` if the drive has just booted."""
@@ -150,7 +150,7 @@ class TurningBus(CarriageBus):
 
     def __init__(self, inner: can.BusABC, table: TurningTable, tick_s: float) -> None:
         super().__init__(inner, table, tick_s)
-        self._place_m = self._speed_m_s = self._wanted_m = 0.0
+        self._position_m = self._speed_m_s = self._wanted_m = 0.0
         self._last_m = self._rate_m_s = math.nan
         self._armed = self._led = self._fresh = False
         self._asked, self._stopped, self._left = 0, 0, ""
@@ -162,9 +162,9 @@ class TurningBus(CarriageBus):
     def shown(self) -> int:
         """The drive's state in the catalogue's numbers."""
 
-    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
+    def command(self, mode: int, position_m: float, timeout: float | None) -> None:
         if mode == ENABLE and self._armed:
-            self._wanted_m, self._fresh = place_m, True
+            self._wanted_m, self._fresh = position_m, True
         elif mode == READY and self.shown == STANDBY:
             self._arm()
         elif mode not in (READY, ENABLE):
@@ -195,9 +195,9 @@ class TurningBus(CarriageBus):
         """
         if self._rested >= _SETTLE:
             return None
-        moves = (self._place_m, self._speed_m_s) if math.isnan(self._last_m) else (self._last_m, self._rate_m_s)
-        place, before = self._braking or moves
+        moves = (self._position_m, self._speed_m_s) if math.isnan(self._last_m) else (self._last_m, self._rate_m_s)
+        position, before = self._braking or moves
         rate = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
-        self._braking = place + 0.5 * (before + rate) * self._tick_s, rate
+        self._braking = position + 0.5 * (before + rate) * self._tick_s, rate
         self._rested += before == 0.0
         return self._braking

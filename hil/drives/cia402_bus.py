@@ -36,7 +36,7 @@ class Cia402Bus(CarriageBus):
             0x280 + table.node_id: self._more,
             0x700 + table.node_id: self._beat,
         }
-        self._statusword, self._speed_m_s, self._place = 0, 0.0, 0
+        self._statusword, self._speed_m_s, self._counts = 0, 0.0, 0
         self._error = self._word = self._astray = 0
         self._followed, self._doubt = False, ""
         self._reset = self._reported = self._known = False
@@ -49,16 +49,16 @@ class Cia402Bus(CarriageBus):
         words += [limit] if self._statusword & p402.LIMITED else []
         return "; ".join(word for word in words if word)
 
-    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
+    def command(self, mode: int, position_m: float, timeout: float | None) -> None:
         """Send controlword and target: the position, or the speed that leads there and corrects the position error."""
         wanted = OFF if self._doubt else mode
         word = p402.controlword(wanted, p402.state_of(self._statusword), reset=self._reset)
         self._reset = False
-        before, self._wanted_m = self._wanted_m, place_m if word == p402.ENABLE_OPERATION else math.nan
-        target = place_m
+        before, self._wanted_m = self._wanted_m, position_m if word == p402.ENABLE_OPERATION else math.nan
+        target = position_m
         if self.table.mode == "velocity":
-            off = 0.0 if math.isnan(before) else before - self._place / self.table.counts_per_m
-            rate = 0.0 if math.isnan(before) else (place_m - before) / self._tick_s
+            off = 0.0 if math.isnan(before) else before - self._counts / self.table.counts_per_m
+            rate = 0.0 if math.isnan(before) else (position_m - before) / self._tick_s
             target = min(max(rate + self.table.velocity_gain_Hz * off, -FASTEST_M_S), FASTEST_M_S)
         self._command(word, round(target * self.table.counts_per_m), timeout)
 
@@ -73,7 +73,7 @@ class Cia402Bus(CarriageBus):
 
     def halt(self, timeout: float | None) -> None:
         if p402.state_of(self._statusword) == p402.OPERATION:
-            self._command(p402.HALT_QUICKLY, 0 if self.table.mode == "velocity" else self._place, timeout)
+            self._command(p402.HALT_QUICKLY, 0 if self.table.mode == "velocity" else self._counts, timeout)
 
     def take(self, message: can.Message) -> bool:
         taker = self._takers.get(message.arbitration_id)
@@ -87,11 +87,11 @@ class Cia402Bus(CarriageBus):
         """State and position become a feedback. This method and the next two return whether the length is right."""
         if len(data) != p402.TPDO_STATE.size:
             return False
-        self._statusword, self._place = p402.TPDO_STATE.unpack(data)
+        self._statusword, self._counts = p402.TPDO_STATE.unpack(data)
         self._judge(stamp)
         self.feed(
             FAULT if self._doubt else p402.shown(self._statusword),
-            self._place / self.table.counts_per_m,
+            self._counts / self.table.counts_per_m,
             self._speed_m_s,
             stamp,
         )

@@ -71,14 +71,14 @@ def _options(raw: object) -> object:
     for name, value in raw.items():
         index, _, sub = str(name).partition(".")
         try:
-            place = int(index, 16), int(sub, 16)
+            address = int(index, 16), int(sub, 16)
         except ValueError:
-            place = (-1, -1)
-        if not (0x1000 <= place[0] <= 0xFFFF and 0 <= place[1] <= 0xFF):
+            address = (-1, -1)
+        if not (0x1000 <= address[0] <= 0xFFFF and 0 <= address[1] <= 0xFF):
             raise ValueError(f'must have keys as "6083.0", index and sub hexadecimal; got {name!r}')
         if isinstance(value, bool) or not isinstance(value, int) or not -(1 << 31) <= value < 1 << 32:
             raise ValueError(f"{name} must be an integer of at most 32 bits; got {value!r}")
-        found.append((*place, value))
+        found.append((*address, value))
     return tuple(found)
 
 

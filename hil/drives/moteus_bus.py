@@ -114,9 +114,9 @@ class MoteusBus(TurningBus):
         self._forgiven = max(self._forgiven - 1, 0)
         self._judge(int(values.get(wire.FAULT_CODE, 0.0)), stamp)
         scale = self.table.turns_per_m
-        self._place_m = values.get(wire.POSITION, math.nan) / scale
+        self._position_m = values.get(wire.POSITION, math.nan) / scale
         self._speed_m_s = values.get(wire.VELOCITY, math.nan) / scale
-        self.feed(self.shown, self._place_m, self._speed_m_s, stamp)
+        self.feed(self.shown, self._position_m, self._speed_m_s, stamp)
         if stamp - self._beat_at >= _BEAT_S:
             self._beat_at = stamp
             self.beat(self.shown, stamp, anew=before < 0)
@@ -176,12 +176,12 @@ class MoteusBus(TurningBus):
     def _stop(self, timeout: float | None) -> None:
         self._tell(wire.mode_write(wire.STOPPED), timeout, _LONGEST)
 
-    def _aim(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
+    def _aim(self, position_m: float, rate_m_s: float, timeout: float | None) -> None:
         scale, table = self.table.turns_per_m, self.table
-        place, rate = place_m * scale, rate_m_s * scale
-        held = (self._watchdog_s, wire.UNLIMITED, wire.UNLIMITED)
-        self._sent.append((wire.single(place), wire.single(rate), *held))
-        self._tell(wire.command(place, rate, table.most_torque_N_m, table.watchdog_s), timeout)
+        turns, rate = position_m * scale, rate_m_s * scale
+        rest = (self._watchdog_s, wire.UNLIMITED, wire.UNLIMITED)
+        self._sent.append((wire.single(turns), wire.single(rate), *rest))
+        self._tell(wire.command(turns, rate, table.most_torque_N_m, table.watchdog_s), timeout)
 
     def _tell(self, data: bytes, timeout: float | None, least: int = 0) -> None:
         self.inner.send(wire.frame_to(self.table.node_id, data, self._prefix, least), timeout)

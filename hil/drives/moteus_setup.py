@@ -85,10 +85,10 @@ def _rests_where_known(table: MoteusTable, limits: Limits, found: dict[int, floa
         " (motor_position.output.reference_source), set its position after each power-on ('d nearest', 'd exact'), or"
         " take its present position as zero with moteus.home = 'here'",
     )
-    place_m, speed_m_s = (found.get(number, math.nan) / scale for number in (wire.POSITION, wire.VELOCITY))
-    table.must(math.isfinite(place_m), "measure where it is; got position nan")
-    words = f"stand within limits.travel_m of its zero, {limits.travel_m:g} m; got {place_m:g}"
-    table.must(not kept or abs(place_m) <= limits.travel_m, words)
+    position_m, speed_m_s = (found.get(number, math.nan) / scale for number in (wire.POSITION, wire.VELOCITY))
+    table.must(math.isfinite(position_m), "measure where it is; got position nan")
+    words = f"stand within limits.travel_m of its zero, {limits.travel_m:g} m; got {position_m:g}"
+    table.must(not kept or abs(position_m) <= limits.travel_m, words)
     table.must_rest(speed_m_s, f"got {speed_m_s:g} m/s", max(RESTS_M_S, RESTS_TURNS_S / scale))
 
 
@@ -99,13 +99,13 @@ def _takes(table: MoteusTable, ask: "MoteusQuestions") -> None:
         home = ask.values(wire.QUERY + wire.read(wire.HOME_STATE)).get(wire.HOME_STATE, 0.0)
         words = f"take its present position as zero (register 0x131, home state 2); got {home:g}"
         table.must(home == wire.OUTPUT, words)
-    held = ask.values(wire.mode_write(wire.STOPPED) + wire.hold(table.watchdog_s) + wire.QUERY)
+    got = ask.values(wire.mode_write(wire.STOPPED) + wire.hold(table.watchdog_s) + wire.QUERY)
     for register, wanted, absent, what, unit in (
         (wire.WATCHDOG_TIMEOUT, table.watchdog_s, math.nan, "the watchdog of", " s"),
         (wire.VELOCITY_LIMIT, wire.UNLIMITED, wire.UNLIMITED, "the limit", ""),
         (wire.ACCELERATION_LIMIT, wire.UNLIMITED, wire.UNLIMITED, "the limit", ""),
     ):
-        value = held.get(register, absent)
+        value = got.get(register, absent)
         fine = math.isclose(value, wanted, rel_tol=1e-6)
         table.must(fine, f"hold {what} {wanted:g}{unit} (register {register:#05x}); it holds {value:g}")
 

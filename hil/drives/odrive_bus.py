@@ -73,7 +73,7 @@ class OdriveBus(TurningBus):
             failed = self._result not in (wire.SUCCESS, wire.BUSY)
             if self._asked > (_FAILED_TICKS if failed else _GIVE_UP_TICKS):
                 self._armed, self._left = False, f"it did not enter closed loop control{self._why}"
-        self._place(self._wanted_m, self._rate_m_s, timeout)
+        self._position(self._wanted_m, self._rate_m_s, timeout)
 
     def acknowledge(self, timeout: float | None) -> None:
         """Clear_Errors; a persistent error is latched again."""
@@ -105,10 +105,10 @@ class OdriveBus(TurningBus):
         elif frame is wire.GET_ERROR:
             self._failed(values[0] | values[1], stamp)
         elif frame is wire.GET_ENCODER_ESTIMATES:
-            place_m, speed_m_s = (turns / self.table.turns_per_m for turns in values)
-            if math.isfinite(place_m) and math.isfinite(speed_m_s):
-                self._place_m, self._speed_m_s = place_m, speed_m_s
-            self.feed(self.shown, place_m, speed_m_s, stamp)
+            position_m, speed_m_s = (turns / self.table.turns_per_m for turns in values)
+            if math.isfinite(position_m) and math.isfinite(speed_m_s):
+                self._position_m, self._speed_m_s = position_m, speed_m_s
+            self.feed(self.shown, position_m, speed_m_s, stamp)
         return True
 
     def _beaten(self, errors: int, axis: int, result: int, stamp: float) -> None:
@@ -139,16 +139,16 @@ class OdriveBus(TurningBus):
         if self._axis != wire.CLOSED_LOOP:
             return
         if (step := self._brake()) is not None:
-            self._place(*step, timeout)
+            self._position(*step, timeout)
         elif self._stopped < IDLE_TICKS:
             self._stopped += 1
             self._tell(wire.SET_AXIS_STATE, timeout, wire.IDLE)
 
-    def _place(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
+    def _position(self, position_m: float, rate_m_s: float, timeout: float | None) -> None:
         """Set_Input_Pos: position, and its rate in thousandths of a turn per second."""
         scale = self.table.turns_per_m
         ahead = min(max(round(wire.VEL_FF_SCALE * rate_m_s * scale), -32768), 32767)
-        self._tell(wire.SET_INPUT_POS, timeout, place_m * scale, ahead, 0)
+        self._tell(wire.SET_INPUT_POS, timeout, position_m * scale, ahead, 0)
 
     def _tell(self, command: Command, timeout: float | None, *values: float) -> None:
         self.inner.send(command.to(self.table.node_id, *values), timeout)

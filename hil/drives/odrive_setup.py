@@ -94,12 +94,12 @@ def _rests_where_known(heard: "_Heard", table: OdriveTable, limits: Limits) -> N
 def _is_zero(table: OdriveTable, ask: "_Questions") -> None:
     """Set the present position to zero, and wait until the encoder shows it."""
     ask.tell(wire.SET_ABSOLUTE_POSITION, 0.0)
-    end, place = time.monotonic() + min(table.answers_s, 1.0), math.inf
-    while time.monotonic() < end and not abs(place) <= _ZERO_M:
+    end, position = time.monotonic() + min(table.answers_s, 1.0), math.inf
+    while time.monotonic() < end and not abs(position) <= _ZERO_M:
         turns = ask.cycles(0.02).turns
-        place = turns[-1][0] / table.turns_per_m if turns else place
-    words = f"take its position as zero (Set_Absolute_Position); its encoder shows {place:g} m"
-    table.must(abs(place) <= _ZERO_M, words)
+        position = turns[-1][0] / table.turns_per_m if turns else position
+    words = f"take its position as zero (Set_Absolute_Position); its encoder shows {position:g} m"
+    table.must(abs(position) <= _ZERO_M, words)
 
 
 @dataclass

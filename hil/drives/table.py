@@ -37,10 +37,10 @@ class ActuatorTable(NamedTable):
         """Raises ValueError if it moves, with `got` as what was measured."""
         self.must(abs(speed_m_s) <= most_m_s, f"rest before it is led; {got}")
 
-    def must_stand_within(self, travel_m: float, place_m: float, remedy: str) -> None:
+    def must_stand_within(self, travel_m: float, position_m: float, remedy: str) -> None:
         """Raises ValueError if its position is beyond the travel, with the remedy."""
-        words = f"stand within limits.travel_m, {travel_m:g} m of its zero; got {place_m:g} m: {remedy}"
-        self.must(abs(place_m) <= travel_m, words)
+        words = f"stand within limits.travel_m, {travel_m:g} m of its zero; got {position_m:g} m: {remedy}"
+        self.must(abs(position_m) <= travel_m, words)
 
     @abstractmethod
     def orders(self, message: can.Message) -> bool:

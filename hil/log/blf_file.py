@@ -14,28 +14,33 @@ LOST: Final = 8  # the note that frames are missing (other notes: `hil.log.recor
 LATEST_S: Final = 1e6  # latest time in a log
 APPLICATION: Final = 200  # application in the BLF header of our own files
 _HEAD: Final = struct.Struct("<4sLBBBBBBBBQ")
-PACKED: Final = struct.Struct("<qIBB8s2x")  # An entry between processes: time in ns, identifier, `way`, length, data
+PACKED: Final = struct.Struct(
+    "<qIBB8s2x"
+)  # An entry between processes: time in ns, identifier, direction, length, data
 
 
 class Logged(NamedTuple):
-    """One entry of a log: `time_ns` on the node's clock, of arrival or of the tick that sent it; direction `way`."""
+    """One entry of a log: its `direction`, and `time_ns` of arrival or of the sending tick on the node's clock."""
 
     time_ns: int
     id: int
     data: bytes
-    way: int
+    direction: int
 
     @property
     def time_s(self) -> float:
         return self.time_ns / 1e9
 
     def packed(self) -> bytes:
-        return PACKED.pack(self.time_ns, self.id, self.way, len(self.data), self.data)
+        return PACKED.pack(self.time_ns, self.id, self.direction, len(self.data), self.data)
 
 
 def unpacked(block: bytes) -> list[Logged]:
     """The frames of a block of whole `PACKED` records."""
-    return [Logged(ns, number, data[:length], way) for ns, number, way, length, data in PACKED.iter_unpack(block)]
+    return [
+        Logged(ns, number, data[:length], direction)
+        for ns, number, direction, length, data in PACKED.iter_unpack(block)
+    ]
 
 
 class BlfFile(can.BLFWriter):
@@ -72,8 +77,8 @@ class BlfFile(can.BLFWriter):
                 frame.id,
                 False,
                 data=frame.data,
-                is_rx=frame.way == RECEIVED,
-                channel=max(frame.way - SENT, 0),
+                is_rx=frame.direction == RECEIVED,
+                channel=max(frame.direction - SENT, 0),
             )
         )
 
@@ -104,7 +109,7 @@ def _whole(head: bytes) -> int:
     return int(_HEAD.unpack(head)[10])
 
 
-def way_of(message: can.Message) -> int:
+def direction_of(message: can.Message) -> int:
     if message.is_rx:
         return RECEIVED
     return WITHHELD if message.channel == 1 else NOTED if message.channel == 2 else SENT

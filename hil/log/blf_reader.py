@@ -26,7 +26,7 @@ _FRAME: Final = struct.Struct("<HBBL8s")
 _CONTAINERS, _FRAMES = 10, (1, 86)  # types of objects in a BLF file
 _HEADERS: Final = {1: 32, 2: 40}  # bytes of an object's header of each version that there is
 _LARGEST_ID, _REMOTE, _DIRECTION, _TEN_US = 0x7FF, 0x80, 0x1, 1  # of a base frame; flags of an object
-_WAYS: Final = {2: WITHHELD, 3: NOTED}
+_BY_CHANNEL: Final = {2: WITHHELD, 3: NOTED}
 
 Tell = Callable[[str], None]
 
@@ -44,17 +44,17 @@ def whole(path: Path) -> bool:
             reading = _BlfReading(path, file)
             for _ in reading.containers():
                 pass
-            return reading.place >= reading.size == reading.stated
+            return reading.offset >= reading.size == reading.stated
     except (OSError, ValueError):
         return False
 
 
 class _BlfReading:
-    """The reading of one file; `place` is the offset of the current object."""
+    """The reading of one file; `offset` is the offset of the current object."""
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
         self.path, self.file = path, file
-        self.place = self.count = self.unpacked = 0
+        self.offset = self.count = self.unpacked = 0
         data = file.read(_FILE.size)
         if len(data) < _FILE.size or data[:4] != b"LOGG":
             raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
@@ -65,19 +65,19 @@ class _BlfReading:
             self.start_ns = 0 if is_own(data) else round(systemtime_to_timestamp(head[14:22]) * 1e9)
         except (ValueError, OverflowError):
             self.start_ns = 0
-        self.place = max(int(head[1]), _FILE.size)
+        self.offset = max(int(head[1]), _FILE.size)
 
     def frames(self, tell: Tell) -> Iterator[Logged]:
         rest = b""
         for size in self.containers():
             rest = yield from self._objects(rest + self._content(size))
-        if self.place < self.size or rest.strip(b"\0") or self.stated > self.size:
+        if self.offset < self.size or rest.strip(b"\0") or self.stated > self.size:
             tell(f"the log is cut off at byte {self.size}; the {self.count} frames before it are read")
 
     def containers(self) -> Iterator[int]:
         """The size of each container's content, up to a container that is cut off; the file is at its begin."""
-        while self.place < self.size:
-            self.file.seek(self.place)
+        while self.offset < self.size:
+            self.file.seek(self.offset)
             head = self.file.read(_BASE.size)
             if len(head) < _BASE.size:
                 return
@@ -86,11 +86,11 @@ class _BlfReading:
                 raise self._wrong("an object", "another content")
             if size < _BASE.size:
                 raise self._wrong(f"an object of {_BASE.size} bytes or more", f"one of {size}")
-            if self.place + size > self.size:
+            if self.offset + size > self.size:
                 return
             if kind == _CONTAINERS:
                 yield size - _BASE.size
-            self.place += size + size % 4
+            self.offset += size + size % 4
 
     def _content(self, size: int) -> bytes:
         if size < _CONTAINER.size or size > LARGEST_CONTAINER:
@@ -103,7 +103,7 @@ class _BlfReading:
         try:
             content = zlib.decompressobj().decompress(packed, LARGEST_CONTAINER + 1) if method else packed
         except zlib.error as error:
-            where = f"after {self.count} frames, at byte {self.place}"
+            where = f"after {self.count} frames, at byte {self.offset}"
             raise ValueError(f"{self.path}: log must be undamaged; got {where}: {error}") from None
         self.unpacked += len(content)
         if len(content) > LARGEST_CONTAINER or self.unpacked > MOST_BYTES:
@@ -140,10 +140,10 @@ class _BlfReading:
         self.count += 1
         if number > _LARGEST_ID or flags & _REMOTE:
             return
-        way = _WAYS.get(channel, SENT) if flags & _DIRECTION else RECEIVED
+        direction = _BY_CHANNEL.get(channel, SENT) if flags & _DIRECTION else RECEIVED
         time_ns = self.start_ns + stamp * (10_000 if unit == _TEN_US else 1)
-        yield Logged(time_ns, number, content[: min(length, 8)], way)
+        yield Logged(time_ns, number, content[: min(length, 8)], direction)
 
     def _wrong(self, wanted: str, got: str, within: int | None = None) -> ValueError:
-        place = f"at byte {self.place}" + ("" if within is None else f", byte {within} of what it unpacks to")
-        return ValueError(f"{self.path}: log must have {wanted} {place}; got {got}")
+        offset = f"at byte {self.offset}" + ("" if within is None else f", byte {within} of what it unpacks to")
+        return ValueError(f"{self.path}: log must have {wanted} {offset}; got {got}")

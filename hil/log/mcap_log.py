@@ -28,7 +28,7 @@ class McapLog:
 
     def write(self, frame: Logged) -> None:
         """Add a frame; notes, withheld frames and those that the protection refuses are skipped. Raises OSError."""
-        if frame.way not in (RECEIVED, SENT):
+        if frame.direction not in (RECEIVED, SENT):
             return
         values = self._reception.accept(frame.id, frame.data, frame.time_s)
         if isinstance(values, Refusal):

@@ -13,7 +13,7 @@ import can
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, check_within, holds_frames
 from hil.formats.reading import confined, reading_process
-from hil.log.blf_file import PACKED, Logged, way_of
+from hil.log.blf_file import PACKED, Logged, direction_of
 from hil.log.blf_reader import Tell, read_blf
 from hil.log.place import record_path
 from models.files.access import check_source, read_json
@@ -82,7 +82,7 @@ def _frames(reader: Any, path: Path) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
         count += 1
         if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
-            yield Logged(stamp, message.arbitration_id, bytes(message.data), way_of(message))
+            yield Logged(stamp, message.arbitration_id, bytes(message.data), direction_of(message))
 
 
 def _words(error: BaseException) -> str:
@@ -98,9 +98,9 @@ def read_mf4_frames(path: Path) -> Iterator[Logged]:
 
 def _received(path: Path, source: IO[bytes]) -> Iterator[Logged]:
     while len(data := source.read(PACKED.size)) == PACKED.size:
-        time_ns, identifier, way, size, content = PACKED.unpack(data)
+        time_ns, identifier, direction, size, content = PACKED.unpack(data)
         if identifier != _END:
-            yield Logged(time_ns, identifier, content[:size], way)
+            yield Logged(time_ns, identifier, content[:size], direction)
         elif wrong := source.read(time_ns).decode():
             raise ValueError(f"{path}: {wrong}")
         else:

@@ -123,7 +123,7 @@ class _Reading:
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
             receiver = self.receivers.get(logged.id)
-            if receiver is None or logged.way not in (RECEIVED, SENT):
+            if receiver is None or logged.direction not in (RECEIVED, SENT):
                 continue
             now = logged.time_s - start
             values = receiver.accept(logged.data, now)

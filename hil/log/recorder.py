@@ -49,8 +49,8 @@ class Recorder:
         if message.timestamp != self._began_s:
             self.flush()
             self._tick, self._before, self._began_s = self._before, [], message.timestamp
-        way = WITHHELD if self._dry else SENT
-        self._tick.append(_Entry(message.timestamp, way, message.arbitration_id, bytes(message.data)))
+        direction = WITHHELD if self._dry else SENT
+        self._tick.append(_Entry(message.timestamp, direction, message.arbitration_id, bytes(message.data)))
 
     def start(self, now: float, origin_s: float) -> None:
         """Call just before `ControllerNode.start(now, origin_s)`; nan: without an origin."""
@@ -76,9 +76,9 @@ class Recorder:
 
     def flush(self) -> None:
         entries, self._tick = self._tick, []
-        heard = [entry for entry in entries if entry.way == RECEIVED]
-        own = [entry for entry in entries if entry.way != RECEIVED]
-        sent = any(entry.way != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
+        heard = [entry for entry in entries if entry.direction == RECEIVED]
+        own = [entry for entry in entries if entry.direction != RECEIVED]
+        sent = any(entry.direction != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
         late = next((k for k, entry in enumerate(heard) if sent and entry.time_s > self._began_s), len(heard))
         self._write([*heard[:late], *own], heard[late:])
 
@@ -89,17 +89,17 @@ class Recorder:
     def _write(self, entries: list[_Entry], after: Sequence[_Entry] = ()) -> None:
         """Write entries with their notes; those of `after` were received after the tick had sent."""
         frames: list[Logged] = []
-        for place, entry in enumerate([*entries, *after]):
+        for k, entry in enumerate([*entries, *after]):
             if not abs(entry.time_s) <= LATEST_S:
                 self.log.dropped += 1
                 continue
             self._last_s = max(entry.time_s, self._last_s)
             time_ns = round(self._last_s * 1e9)
-            if place >= len(entries):
+            if k >= len(entries):
                 frames.append(Logged(time_ns, HEARD, _value(0.0), NOTED))
             if time_ns / 1e9 != entry.time_s:
                 frames.append(Logged(time_ns, EXACT, _value(entry.time_s), NOTED))
-            frames.append(Logged(time_ns, entry.id, entry.data, entry.way))
+            frames.append(Logged(time_ns, entry.id, entry.data, entry.direction))
         self.log.put(frames)
 
 
@@ -111,7 +111,7 @@ class _Entry(NamedTuple):
     """A frame or note at `time_s` of the node."""
 
     time_s: float
-    way: int
+    direction: int
     id: int
     data: bytes
 

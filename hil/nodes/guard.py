@@ -56,9 +56,9 @@ class Fence:
     @classmethod
     def of(cls, envelope: Envelope, frame_map: FrameMap, tick_s: float) -> Fence:
         e, limits, speed = envelope, envelope.limits, envelope.limits.carriage_speed_m_s
-        held = (e.low, e.high, e.rate, e.placed, tick_s, frame_map.feedback_s, frame_map.braking_m_s2)
+        basis = (e.low, e.high, e.rate, e.placed, tick_s, frame_map.feedback_s, frame_map.braking_m_s2)
         first, growth = limits.first_speed_m_s / speed, limits.first_acceleration_m_s2 / speed
-        return cls(*held, stop_s=limits.age_s, first_share=first, growth=growth)
+        return cls(*basis, stop_s=limits.age_s, first_share=first, growth=growth)
 
     def after(self, since_s: float) -> Fence:
         """The limits `since_s` s after the drive was enabled."""
@@ -106,14 +106,14 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
         aim = before.value if missed == 1 or fence.rests else 0.5 * before.value
     share = 1.0 if evidence.localisation_s <= fence.derate_s else 0.5
     reach = share if not fence.rests else 1.0
-    held = _within(aim, reach * fence.low, reach * fence.high)
+    limited = _within(aim, reach * fence.low, reach * fence.high)
     dt = min(dt, 2 * fence.tick_s) if dt > 0 else 0.0
     if math.isfinite(fence.rate):
         most = fence.rate * (share if fence.rests else 1.0) * dt
-        held = _within(held, before.value - most, before.value + most)
-    rate = (held - before.value) / dt if dt > 0 else 0.0
-    why = "late" if missed else "" if abs(held - aim) <= 1e-9 * (fence.high - fence.low) else "limit"
-    return Passed(held, rate, ENABLE, missed, why)
+        limited = _within(limited, before.value - most, before.value + most)
+    rate = (limited - before.value) / dt if dt > 0 else 0.0
+    why = "late" if missed else "" if abs(limited - aim) <= 1e-9 * (fence.high - fence.low) else "limit"
+    return Passed(limited, rate, ENABLE, missed, why)
 
 
 def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:

@@ -185,9 +185,9 @@ class ControllerNode:
         """The position of the reference in m at a time of the node's clock."""
         return view.sampled(self._reference, at_s)[0]
 
-    def _begin_reference(self, origin_s: float, place_m: float | None = None) -> None:
-        """Begin the task's reference at its own position, or at `place_m`."""
-        shift_m = 0.0 if place_m is None else place_m - view.sampled(self.task.reference, 0.0)[0]
+    def _begin_reference(self, origin_s: float, position_m: float | None = None) -> None:
+        """Begin the task's reference at its own position, or at `position_m`."""
+        shift_m = 0.0 if position_m is None else position_m - view.sampled(self.task.reference, 0.0)[0]
         self._reference = Shifted(self.task.reference, origin_s, shift_m)
         self.estimator.begin(origin_s)
 
@@ -210,7 +210,7 @@ class ControllerNode:
         self._speak(now)
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
-        self.answer.believe(now, self._place(estimate), self.estimator.counts.followed)
+        self.answer.believe(now, self._position(estimate), self.estimator.counts.followed)
         middle = time.perf_counter()
         self._steer(now, estimate)
         evidence = self.receiver.evidence(now)
@@ -310,7 +310,7 @@ class ControllerNode:
         """Whether the drive is enabled and was commanded to move in the previous tick."""
         return self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
 
-    def _place(self, estimate: Estimate) -> float:
+    def _position(self, estimate: Estimate) -> float:
         """The estimated position of the capsule in m."""
         return float(estimate.state[self._x])
 
@@ -340,7 +340,7 @@ class ControllerNode:
         if self._led and self.operator.resting(now):
             self._led, self._rested = False, True
         if self._led and self._probe is None:
-            self._reference = self.operator.follow(now, self._reference, self._place(estimate))
+            self._reference = self.operator.follow(now, self._reference, self._position(estimate))
 
     def _interrupt(self, begin_s: float) -> None:
         """Begin the next experiment at `begin_s` if the reference rests there."""
@@ -351,18 +351,18 @@ class ControllerNode:
         if np.max(np.abs(self._reference.speed(around))) > _RESTS_M_S:
             return
         path = self._experiments.popleft().path
-        place = float(self._reference.position(around)[1])
-        if np.max(np.abs(place + path.places)) <= self.task.limits.travel_m:
+        centre = float(self._reference.position(around)[1])
+        if np.max(np.abs(centre + path.places)) <= self.task.limits.travel_m:
             self._reference = Excursion(self._reference, path, begin_s)
             self.experiments_at.append(begin_s - origin)
 
-    def _begin_probe(self, begin_s: float, place_m: float) -> None:
-        """Begin the probe at `place_m`, before the reference, if it is requested and not done yet."""
+    def _begin_probe(self, begin_s: float, position_m: float) -> None:
+        """Begin the probe at `position_m`, before the reference, if it is requested and not done yet."""
         if self._probed:
             return
         self._probe = Probe(self.envelope)
         self._probe_ends = begin_s + self._probe.path.end_s + self.envelope.limits.age_s
-        self._reference = Shifted(self._probe.path, begin_s, place_m)
+        self._reference = Shifted(self._probe.path, begin_s, position_m)
         self.estimator.begin(math.inf)
 
     def _end_probe(self, now: float, estimate: Estimate) -> None:
@@ -434,12 +434,12 @@ class ControllerNode:
             self._led = True
             if self.operator is not None and self.operator.taken:
                 self._enabled_s = now
-                self._reference = self.operator.enabled(self._place(estimate))
+                self._reference = self.operator.enabled(self._position(estimate))
                 self.estimator.begin(now + self.tick_s)
             elif self._here:
                 self._enabled_s = now
-                self._begin_reference(now + self.tick_s, self._place(estimate))
-                self._begin_probe(now + self.tick_s, self._place(estimate))
+                self._begin_reference(now + self.tick_s, self._position(estimate))
+                self._begin_probe(now + self.tick_s, self._position(estimate))
             self.answer.begin()
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)

@@ -73,8 +73,8 @@ class Onlooker:
                 continue
             stamp_s = m.stamp_s - late_s
             back = min(max(round((now - stamp_s) / self._tick_s), 0), len(self._ticks) - 1)
-            then, place_m = self._ticks[-1 - back]
-            reason = reason or self.contradiction.saw(m.value, then, place_m, stamp_s)
+            then, position_m = self._ticks[-1 - back]
+            reason = reason or self.contradiction.saw(m.value, then, position_m, stamp_s)
             if probe is not None:
                 probe.saw(m.value, then, *sampled(reference, stamp_s))
         return reason

@@ -192,26 +192,26 @@ class Operator:
         """Whether the drive is to be stopped because nobody has been in charge for `stop_after_s`."""
         return self.let_go and now - self._let_go_at >= self.limits.stop_after_s
 
-    def enabled(self, place_m: float) -> Reference:
-        """The reference when the drive is enabled, the capsule is at `place_m`, and a source has taken charge."""
+    def enabled(self, position_m: float) -> Reference:
+        """The reference when the drive is enabled, the capsule is at `position_m`, and a source has taken charge."""
         self._followed = None
-        return rest(place_m)
+        return rest(position_m)
 
-    def follow(self, now: float, reference: Reference, place_m: float) -> Reference:
+    def follow(self, now: float, reference: Reference, position_m: float) -> Reference:
         """The reference from `now` on; the same object if nothing has changed."""
         if not self.taken:
             return reference
         wanted = self._wanted if self.source != NOBODY else None
         if wanted != self._followed or not isinstance(reference, SetpointMove):
             self._followed = wanted
-            place, speed = sampled(reference, now)
-            reference = rest(_stopped(place, place_m)) if wanted is None else self._move(wanted, place, speed, now)
+            here, speed = sampled(reference, now)
+            reference = rest(_stopped(here, position_m)) if wanted is None else self._move(wanted, here, speed, now)
         before, self._at_end = self._at_end, wanted is not None and self._beyond(wanted) and now >= reference.times[-1]
         self.limited += self._at_end and not before
         return reference
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
-        place, speed = sampled(reference, now)
+        here, speed = sampled(reference, now)
         state = HELD if self.taken else READY
         state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
         if self._at_end:
@@ -220,7 +220,7 @@ class Operator:
             "State": state if leading else OFF,
             "Source": self.source,
             "Refused": self._why if 0 <= now - self._why_at <= _REPORTED_S else 0,
-            "Position_m": within(place, _REACH_M),
+            "Position_m": within(here, _REACH_M),
             "Velocity_m_s": within(speed, _FASTEST_M_S),
         }
 
@@ -230,17 +230,17 @@ class Operator:
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
 
-    def _move(self, wanted: tuple[int, float, float], place: float, speed: float, now: float) -> SetpointMove:
+    def _move(self, wanted: tuple[int, float, float], here: float, speed: float, now: float) -> SetpointMove:
         mode, position, velocity = wanted
         limits = self.limits
-        stops = place + speed * abs(speed) / (2 * limits.acceleration_m_s2)
-        low, high = min(limits.lowest_m, place, stops), max(limits.highest_m, place, stops)
+        stops = here + speed * abs(speed) / (2 * limits.acceleration_m_s2)
+        low, high = min(limits.lowest_m, here, stops), max(limits.highest_m, here, stops)
         fastest = min(abs(velocity), limits.speed_m_s)
         if mode == self._speed and not fastest:
-            return brake(place, speed, limits.acceleration_m_s2, now)
+            return brake(here, speed, limits.acceleration_m_s2, now)
         end = high if velocity > 0 else low
         goal = end if mode == self._speed else min(max(position, low), high)
-        return move(goal, place, speed, fastest or limits.speed_m_s, limits.acceleration_m_s2, now)
+        return move(goal, here, speed, fastest or limits.speed_m_s, limits.acceleration_m_s2, now)
 
     def _beyond(self, wanted: tuple[int, float, float]) -> bool:
         """Whether a setpoint would leave the range from a reference that has stopped."""
@@ -261,6 +261,6 @@ class Operator:
         self._why, self._why_at = self._reasons.get(reason, 0), now
 
 
-def _stopped(place: float, estimated: float) -> float:
-    """Where a reference at `place` stops: at most `AHEAD_M` from the estimated position."""
-    return min(max(place, estimated - AHEAD_M), estimated + AHEAD_M) if math.isfinite(estimated) else place
+def _stopped(here: float, estimated: float) -> float:
+    """Where a reference at `here` stops: at most `AHEAD_M` from the estimated position."""
+    return min(max(here, estimated - AHEAD_M), estimated + AHEAD_M) if math.isfinite(estimated) else here

@@ -61,9 +61,9 @@ class Plausibility:
         if not same:
             self._least, self._most = math.inf, -math.inf
 
-    def wanted(self, place_m: float) -> None:
-        """The reference is at `place_m` while the drive is enabled."""
-        self._least, self._most = min(self._least, place_m), max(self._most, place_m)
+    def wanted(self, position_m: float) -> None:
+        """The reference is at `position_m` while the drive is enabled."""
+        self._least, self._most = min(self._least, position_m), max(self._most, position_m)
 
     def tick(self, command: float, reports: Sequence[float]) -> None:
         """The drive was sent `command` and has sent `reports`, the newest last."""

@@ -139,8 +139,8 @@ class Cia402Drive(MakersDrive):
     def _map(self) -> None:
         """Apply the mapping of process data."""
         self._mapped = True
-        for place in (self.node.rpdo[1], self.node.tpdo[1], self.node.tpdo[2]):
-            place.read()
+        for pdo in (self.node.rpdo[1], self.node.tpdo[1], self.node.tpdo[2]):
+            pdo.read()
         self.node.rpdo[1].add_callback(self._commanded)
         braking, window = self._held(0x6085), self._held(0x6065)
         self.power.braking_m_s2 = braking / self.table.counts_per_m

@@ -21,12 +21,12 @@ from plant.tables import Floats
 
 @dataclass(frozen=True)
 class Named:
-    """A variable: `place` is its index in the plant's state, `column` that in its rows, -1: none."""
+    """A variable: `index` is that in the plant's state, `column` that in its rows, -1: none."""
 
     name: str
     unit: str
     description: str
-    place: int = -1
+    index: int = -1
     column: int = -1
 
 

@@ -69,11 +69,11 @@ _MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = {
 
 
 class LyingLocaliser:
-    """The readings of a localiser with `fault`, kept in `reported`. `place`: position of carriage or inner mass."""
+    """The readings of a localiser with `fault`, kept in `reported`. `position`: that of carriage or inner mass."""
 
-    def __init__(self, fault: Fault, instrument: Instrument, seed: int, place: Callable[[], float]) -> None:
+    def __init__(self, fault: Fault, instrument: Instrument, seed: int, position: Callable[[], float]) -> None:
         self.reported: list[tuple[float, float]] = []
-        self._fault, self._instrument, self._place = fault, instrument, place
+        self._fault, self._instrument, self._position = fault, instrument, position
         self._lie = Lie(fault, seed, instrument.std)
         self._kept: list[Reading] = []
 
@@ -85,7 +85,7 @@ class LyingLocaliser:
         return made
 
     def _false(self, reading: Reading) -> Reading:
-        value = self._place() + self._lie.noise if self._fault.kind == "swapped" else reading.value
+        value = self._position() + self._lie.noise if self._fault.kind == "swapped" else reading.value
         return replace(reading, value=self._lie(reading.stamp_s, value))
 
     def _late(self, now: float, readings: list[Reading]) -> list[Reading]:

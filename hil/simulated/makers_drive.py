@@ -61,8 +61,8 @@ class MakersDrive(ABC):
     @property
     def shown_m(self) -> float:
         """The position that its encoder shows."""
-        place = self.power.output - self.zero_m
-        return place if self.misread is None else self.misread(place)
+        position = self.power.output - self.zero_m
+        return position if self.misread is None else self.misread(position)
 
     @property
     def stage(self) -> Stage:

@@ -24,35 +24,39 @@ class MotorPath:
     nan has only a speed.
     """
 
-    place: float = 0.0
+    position: float = 0.0
     rate: float = 0.0
     speed: float = math.nan
     acceleration: float = math.nan
     _target: float = math.nan
     _rate: float = 0.0
 
-    def begin(self, place: float, rate: float) -> None:
+    def begin(self, position: float, rate: float) -> None:
         """Begin at the measured position and rate."""
-        self.place, self.rate, self._target, self._rate = place, rate, math.nan, 0.0
+        self.position, self.rate, self._target, self._rate = position, rate, math.nan, 0.0
 
-    def command(self, place: float, rate: float, speed: float, acceleration: float) -> None:
+    def command(self, position: float, rate: float, speed: float, acceleration: float) -> None:
         self.speed, self.acceleration = (limit if limit < _NO_LIMIT else math.nan for limit in (speed, acceleration))
         speed = self.speed
         rate = 0.0 if math.isnan(rate) else rate
-        self._target, self._rate = place, rate if math.isnan(speed) else min(max(rate, -speed), speed)
+        self._target, self._rate = position, rate if math.isnan(speed) else min(max(rate, -speed), speed)
 
     def step(self, dt: float) -> None:
         before, target = self.rate, self._target
         if math.isnan(self.speed) and math.isnan(self.acceleration):
-            self.place, self.rate, self._target = target if math.isfinite(target) else self.place, self._rate, math.nan
-            self.place += self.rate * dt
+            self.position, self.rate, self._target = (
+                target if math.isfinite(target) else self.position,
+                self._rate,
+                math.nan,
+            )
+            self.position += self.rate * dt
             return
         most = math.inf if math.isnan(self.acceleration) else self.acceleration * dt
-        wanted = self._rate if math.isnan(target) else self._rate + self._closing(target - self.place, dt)
+        wanted = self._rate if math.isnan(target) else self._rate + self._closing(target - self.position, dt)
         if not math.isnan(self.speed):
             wanted = min(max(wanted, -self.speed), self.speed)
         self.rate = min(max(wanted, before - most), before + most)
-        self.place += (self.rate if math.isinf(most) else 0.5 * (before + self.rate)) * dt
+        self.position += (self.rate if math.isinf(most) else 0.5 * (before + self.rate)) * dt
         self._target += self._rate * dt
 
     def _closing(self, gap: float, dt: float) -> float:
@@ -131,7 +135,7 @@ class MoteusDrive(MakersDrive):
         """Settings made by "conf set" are lost."""
         super().boot(now)
         self.state, self.fault, self.home = STOPPED, 0, wire.OUTPUT if self.output_encoder else wire.ROTOR
-        self.held, self.prefix, self._prepared = dict(_COMMAND), 0, now
+        self.registers, self.prefix, self._prepared = dict(_COMMAND), 0, now
         self._stream = self._reply = b""
         self._commanded = False
 
@@ -142,11 +146,11 @@ class MoteusDrive(MakersDrive):
     @property
     def watchdog_s(self) -> float:
         """The watchdog of the current command."""
-        return self.held[wire.WATCHDOG_TIMEOUT]
+        return self.registers[wire.WATCHDOG_TIMEOUT]
 
     @watchdog_s.setter
     def watchdog_s(self, seconds: float) -> None:
-        self.held[wire.WATCHDOG_TIMEOUT] = seconds
+        self.registers[wire.WATCHDOG_TIMEOUT] = seconds
 
     def _stands(self) -> tuple[int, int]:
         if self.state == TIMED_OUT:
@@ -167,7 +171,7 @@ class MoteusDrive(MakersDrive):
         follows = self.state == POSITION_MODE or (slows and max(abs(self.path.rate), abs(self.power.rate)) > _RESTING)
         if follows:
             self.path.step(dt)
-            self.power.aim(self.path.place / self.table.turns_per_m, dt)
+            self.power.aim(self.path.position / self.table.turns_per_m, dt)
         damped = abs(self.power.rate) / DAMPED_S if brakes in (POSITION_MODE, wire.ZERO_VELOCITY, wire.BRAKE) else 0.0
         self.power.braking_m_s2 = math.inf if slows else self.table.coast_m_s2 + damped
         return self.power.step(dt, float(follows), sensed)
@@ -198,7 +202,7 @@ class MoteusDrive(MakersDrive):
         except (IndexError, ValueError, OverflowError, struct.error):
             self.rejected += 1
         if self._commanded:
-            self._obey(int(self.held[wire.MODE]))
+            self._obey(int(self.registers[wire.MODE]))
         if source & 0x80:
             self._say(source & 0x7F, self._reply)
 
@@ -223,9 +227,9 @@ class MoteusDrive(MakersDrive):
         """Write registers; the reply reports those that cannot be written."""
         for number, value in enumerate(part.values, part.first):
             if number == wire.MODE and 0 <= value <= wire.BRAKE:
-                self.held, self._commanded = dict(_COMMAND) | {wire.MODE: value}, True
+                self.registers, self._commanded = dict(_COMMAND) | {wire.MODE: value}, True
             elif number in _COMMAND and part.form == wire.FLOAT:
-                self.held[number] = value
+                self.registers[number] = value
             elif number == wire.SET_OUTPUT_EXACT and math.isfinite(value):
                 self.power.output, self.home = value / self.table.turns_per_m, wire.OUTPUT
             elif not 0x20 <= number < 0x30:
@@ -263,14 +267,14 @@ class MoteusDrive(MakersDrive):
         if not (math.isnan(speed) and math.isnan(acceleration)):
             most = self.settings["servo.max_velocity"]
             speed = most if math.isnan(speed) else min(speed, most)
-        place, rate = self.held[wire.COMMAND_POSITION], self.held[wire.COMMAND_VELOCITY]
-        if not (abs(place) >= 1e6 or abs(rate) >= 1e6):
-            self.path.command(place, rate, speed, acceleration)
+        position, rate = self.registers[wire.COMMAND_POSITION], self.registers[wire.COMMAND_VELOCITY]
+        if not (abs(position) >= 1e6 or abs(rate) >= 1e6):
+            self.path.command(position, rate, speed, acceleration)
 
     def _limit(self, number: int, setting: str) -> float:
         """A limit of the command: nan stands for the configuration's, a negative one for none (nan)."""
-        value = self.settings[setting] if math.isnan(self.held[number]) else self.held[number]
-        return math.nan if self.held[number] < 0 else value
+        value = self.settings[setting] if math.isnan(self.registers[number]) else self.registers[number]
+        return math.nan if self.registers[number] < 0 else value
 
     def _register(self, number: int) -> float | None:
         scale = math.nan if self.broken else self.table.turns_per_m
@@ -283,10 +287,10 @@ class MoteusDrive(MakersDrive):
             wire.VOLTAGE: _SUPPLY_V,
             wire.TEMPERATURE: self.temperature_C,
             wire.FAULT_CODE: float(self.fault),
-            wire.PATH_POSITION: self.path.place,
+            wire.PATH_POSITION: self.path.position,
             wire.PATH_VELOCITY: self.path.rate,
         }
-        return known[number] if number in known else self.held.get(number)
+        return known[number] if number in known else self.registers.get(number)
 
     def _line(self, text: bytes) -> None:
         words = text.decode("ascii", "replace").split()

@@ -118,7 +118,7 @@ class PlantNode:
             shown = Lie(fault, about=zero_of(plant.rig.drive))
             self.drive.misread = lambda value: shown(self._now, value)
         else:
-            self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._place)
+            self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._position)
 
     def mend(self, fault: Fault) -> None:
         """End `fault`."""
@@ -131,7 +131,7 @@ class PlantNode:
         elif id(fault) in self._localisers:
             self._reported += self._localisers.pop(id(fault)).reported
 
-    def _place(self) -> float:
+    def _position(self) -> float:
         """The true position of the carriage or the inner mass in m."""
         return float(self.session.newest[at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X])
 

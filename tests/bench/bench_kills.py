@@ -81,7 +81,7 @@ def kill(after_s: float, writer_too: bool) -> Kill:
             _settled(log)
         if not lasted:
             raise RuntimeError(f"again, for the run ended by itself: {json.loads(child.ended()[1])['ended']}")
-        logged = [(frame.id, frame.data) for frame in read_frames(log) if frame.way == SENT]
+        logged = [(frame.id, frame.data) for frame in read_frames(log) if frame.direction == SENT]
         alike = run(["replay", str(log)]) == 0
     said = [(identifier, data) for _, identifier, data in heard]
     there = min(len(logged), len(said))

@@ -87,7 +87,7 @@ class LogSource:
     def _take(self, frames: Iterable[Logged]) -> None:
         origin: float | None = None
         for frame in frames:
-            if frame.way == NOTED:
+            if frame.direction == NOTED:
                 continue
             if origin is None:
                 origin = frame.time_s if frame.time_s > CALENDAR_S else 0.0

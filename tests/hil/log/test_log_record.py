@@ -102,8 +102,12 @@ def test_what_nobody_vouches_for_is_left_out(tmp_path: Path) -> None:
     ]
     logged = frames(spoilt)
     number = CATALOGUE["CapsuleLocalisation"].id
-    bad = [Logged(x.time_ns + 1000, x.id, bytes([x.data[0] ^ 1]) + x.data[1:], x.way) for x in logged if x.id == number]
-    twice = [Logged(x.time_ns + 2000, x.id, x.data, x.way) for x in logged if x.id == number]
+    bad = [
+        Logged(x.time_ns + 1000, x.id, bytes([x.data[0] ^ 1]) + x.data[1:], x.direction)
+        for x in logged
+        if x.id == number
+    ]
+    twice = [Logged(x.time_ns + 2000, x.id, x.data, x.direction) for x in logged if x.id == number]
     only = log_record(blf(tmp_path / "a.blf", logged), Rig("magnetic"))
     with_bad = log_record(blf(tmp_path / "b.blf", sorted([*logged, *bad, *twice])), Rig("magnetic"))
     assert len(only) == 100
@@ -167,7 +171,7 @@ def test_a_log_of_something_else_is_one_sentence(tmp_path: Path, timed: list[Tim
 
 
 def test_a_log_of_another_catalogue_is_one_sentence(tmp_path: Path) -> None:
-    wrong = [Logged(x.time_ns, x.id, bytes([x.data[0] ^ 0x55]) + x.data[1:], x.way) for x in frames(MAGNETIC)]
+    wrong = [Logged(x.time_ns, x.id, bytes([x.data[0] ^ 0x55]) + x.data[1:], x.direction) for x in frames(MAGNETIC)]
     with pytest.raises(ValueError, match=r"as capsule.dbc describes them; all were refused: 1000 for crc"):
         log_record(blf(tmp_path / "a.blf", wrong), Rig("magnetic"))
     beat = (0.0, "CarriageHeartbeat", {"State": 2, "Uptime_s": 1.0, "Catalogue": CATALOGUE.fingerprint ^ 1})

@@ -98,7 +98,7 @@ def test_surprise_is_never_the_zero_of_a_tick_without_a_reading(tmp_path: Path) 
     assert node.state is not None
     reception, told = Receiver(frames()["BelievedMotion"]), list[tuple[float, float]]()
     for frame in read_frames(tmp_path / "run.blf"):
-        if frame.way == SENT and frame.id == frames()["BelievedMotion"].id:
+        if frame.direction == SENT and frame.id == frames()["BelievedMotion"].id:
             values = reception.accept(frame.data, frame.time_s)
             assert isinstance(values, dict)
             told.append((frame.time_s, without_absent("BelievedMotion", values)["Surprise"]))

@@ -128,7 +128,7 @@ def test_a_localisation_that_comes_late_finds_the_reference_waiting(tmp_path: Pa
     speed = np.abs(np.gradient(x, t))
     assert np.max(np.convolve(speed, np.full(50, 0.02), "same")) < 0.05
     assert x[-1] - x[0] == pytest.approx(2.5e-3, abs=2e-3)
-    commands = [f for f in read_frames(tmp_path / "run.blf") if f.way == SENT and f.id == 0x100]
+    commands = [f for f in read_frames(tmp_path / "run.blf") if f.direction == SENT and f.id == 0x100]
     values = [int.from_bytes(f.data, "little") for f in commands]
     enabled = [k for k, v in enumerate(values) if v >> 58 & 3 == 2]
     places = [(v >> 12 & 0xFFFFFF) - ((v >> 35 & 1) << 24) for v in values]
@@ -240,7 +240,7 @@ def test_a_log_says_when_frames_are_missing(tmp_path: Path) -> None:
     """Notes of a log name what a replay needs; one of missing frames refuses it."""
     led(tmp_path)
     frames = list(read_frames(tmp_path / "run.blf"))
-    assert [f for f in frames if f.way == NOTED]
-    starts = [f for f in frames if f.way == NOTED and f.id == 1]
+    assert [f for f in frames if f.direction == NOTED]
+    starts = [f for f in frames if f.direction == NOTED and f.id == 1]
     assert len(starts) == 1
     assert math.isnan(np.frombuffer(starts[0].data)[0])

@@ -23,7 +23,9 @@ def read(path: Path, pick: Pick) -> list[Channel]:
         }
         chosen = [name for name in pick(list(headings.values())) if name in headings]
         table = file.read(columns=chosen)
-        return [Channel(headings[name], numbers(_array(table.column(name), types))) for name in chosen]
+        columns = [table.column(name) for name in chosen]
+        plain = [one.cast("float64") if types.is_decimal(one.type) else one for one in columns]
+        return [Channel(headings[name], numbers(one.to_numpy())) for name, one in zip(chosen, plain, strict=True)]
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
@@ -56,9 +58,3 @@ def _unit(field: Any, types: Any) -> str:
     if types.is_timestamp(field.type) or types.is_duration(field.type):
         return "s"
     return str((field.metadata or {}).get(_UNIT, b"").decode("utf-8", "replace"))
-
-
-def _array(column: Any, types: Any) -> Any:
-    if types.is_decimal(column.type):
-        column = column.cast("float64")
-    return column.to_numpy()

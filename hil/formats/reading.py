@@ -8,7 +8,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any, Final
@@ -51,18 +51,11 @@ WRITTEN: Final = tuple(one.endings[0] for one in FORMATS if one.write)  # ending
 def format_of(path: Path) -> Format | None:
     """The format of a file by its ending, or of a folder that is a bag; None for others and for a `.dat` of text."""
     ending = ".db3" if ros_bag.is_bag(path) else path.suffix.lower()
-    if ending == ".dat" and _begins(path) not in _MF4_BEGINS:
-        return None
+    if ending == ".dat":
+        with suppress(ValueError, OSError), opened(path, "record") as file:
+            if file.read(3) not in _MF4_BEGINS:
+                return None
     return next((one for one in FORMATS if ending in one.endings), None)
-
-
-def _begins(path: Path) -> bytes:
-    """The first bytes of a file; those of an MF4 file if it cannot be read."""
-    try:
-        with opened(path, "record") as file:
-            return file.read(3)
-    except (ValueError, OSError):
-        return _MF4_BEGINS[0]
 
 
 def write_channels(path: Path, channels: Sequence[Channel]) -> bytes:

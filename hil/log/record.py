@@ -204,18 +204,15 @@ def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     """All channels of numbers in a file; `tell`: see `read_frames`. Raises ValueError of one sentence."""
     if is_log(path):
         return log_channels(path, tell)
-    read = format_of(path) is not None
-    channels = read_channels(path, lambda found: [one.name for one in found]) if read else _csv_channels(path)
+    if format_of(path) is not None:
+        channels = read_channels(path, lambda found: [one.name for one in found])
+    else:
+        table = read_table(path, lambda names, units: ())
+        channels = [
+            Channel(Heading(name, table.units.get(name) or split_unit(name)[1]), values)
+            for name, values in zip(table.header, table.values.T, strict=True)
+            if name and not np.isnan(values).all()
+        ]
     if len(channels) < 2 or not any(len(channel.values) for channel in channels):
         raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
     return channels
-
-
-def _csv_channels(path: Path) -> list[Channel]:
-    """The columns of numbers in a CSV file; only its form is checked."""
-    table = read_table(path, lambda names, units: ())
-    return [
-        Channel(Heading(name, table.units.get(name) or split_unit(name)[1]), values)
-        for name, values in zip(table.header, table.values.T, strict=True)
-        if name and not np.isnan(values).all()
-    ]

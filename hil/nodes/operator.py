@@ -155,7 +155,10 @@ class Operator:
         if isinstance(values, Refusal):
             self._refuse(values.reason, now)
             return
-        dies_at = stamp - self._late_s(source, stamp) + 1e-3 * values["TimeToLive_ms"]
+        receiver = self._receivers[source]
+        longest_s = self._turn_s if source == self.source else receiver.longest_s
+        late_s = self._late[source].heard(receiver.counter, stamp, longest_s)
+        dies_at = stamp - late_s + 1e-3 * values["TimeToLive_ms"]
         if source not in self._accepted:
             self._refuse("source", now)
         elif not values["DeadMan"]:
@@ -246,11 +249,6 @@ class Operator:
         """Whether a setpoint would leave the range from a reference that has stopped."""
         mode, position, velocity = wanted
         return velocity != 0.0 if mode == self._speed else not self.limits.lowest_m <= position <= self.limits.highest_m
-
-    def _late_s(self, source: int, stamp: float) -> float:
-        receiver = self._receivers[source]
-        longest_s = self._turn_s if source == self.source else receiver.longest_s
-        return self._late[source].heard(receiver.counter, stamp, longest_s)
 
     def _let_go(self, now: float) -> None:
         self._armed.discard(self.source)

@@ -10,7 +10,6 @@ from typing import Final
 import can
 
 from hil.bus.authenticated import PAYLOAD, authenticator, freshness, inside, sealed
-from hil.bus.catalogue import Field
 from hil.bus.protection import COUNTS, crc8
 from hil.bus.wrapping import WrappingBus
 from hil.nodes.frame_map import frames
@@ -150,15 +149,11 @@ def _rewritten(message: can.Message, change: Callable[[int], int]) -> can.Messag
     return _holding(message, data + message.data[PAYLOAD:])
 
 
-def _with(bits: int, field: Field, raw: int) -> int:
-    mask = (1 << field.length) - 1
-    return bits & ~(mask << field.start) | (raw & mask) << field.start
-
-
 def _asking(frame: can.Message, name: str, more: int) -> can.Message:
     """A setpoint whose signal `name` is at the end of its range, or `more` beyond it."""
     field = frames()[SETPOINT].field(name)
-    return _rewritten(frame, lambda bits: _with(bits, field, field.raw_upper + more))
+    mask, raw = (1 << field.length) - 1, field.raw_upper + more
+    return _rewritten(frame, lambda bits: bits & ~(mask << field.start) | (raw & mask) << field.start)
 
 
 _Tampered = Callable[[FaultInjection, can.Message, Fault], list[can.Message]]

@@ -138,7 +138,7 @@ class Medium:
         start, ready = end, list[SimulatedBus]()
         for port in self.ports:
             if port.waiting:
-                at = max(self._free, port.waiting[0].queued, port.silent_until)
+                at = max(self._free, port.waiting[0].queued, port.suspended_until, port.offline_until)
                 if at < start:
                     start, ready = at, [port]
                 elif at == start < end:
@@ -225,11 +225,6 @@ class SimulatedBus(OwnBus):
         if len(self.waiting) >= QUEUE:
             raise can.CanOperationError(f"node {self.name} has {QUEUE} frames waiting")
         self.medium.queue(self, msg)
-
-    @property
-    def silent_until(self) -> int:
-        """The bit from which on it may begin a frame."""
-        return max(self.suspended_until, self.offline_until)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The oldest frame that has come in, or None at once."""

@@ -23,9 +23,8 @@ from hil.nodes import frame_map as wire
 from hil.nodes import view
 from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 from hil.nodes.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
-from hil.nodes.onlooker import Onlooker
 from hil.nodes.operator import STATUS, STATUS_S, Operator, OperatorLimits, gap_words, paused
-from hil.nodes.plausibility import Plausibility
+from hil.nodes.plausibility import Onlooker, Plausibility
 from hil.nodes.receive import FrameReceiver
 
 

@@ -230,10 +230,10 @@ def _is_idle(node: Any, table: Cia402Table, faulty: bool) -> None:
         time.sleep(0.01)
     if state in (p402.FAULTED, p402.REACTING):
         got = f"got error code 0x{word_of(node, 0x603F):04X}; 'capsule run RIG.toml reset' acknowledges it"
-        table.must(faulty, f"have no fault before it is led; {got}")
-    got = "no state that is ready" if state == p402.NOT_READY else "one that is enabled, by somebody else"
+        table.must(faulty, f"have no fault before the run; {got}")
+    got = "no state that is ready" if state == p402.NOT_READY else "operation, enabled by another master"
     disabled = state not in (p402.OPERATION, p402.QUICK_STOPPING, p402.NOT_READY)
-    table.must(disabled, f"be disabled before it is led; got {got} (statusword 0x{word:04X})")
+    table.must(disabled, f"be disabled before the run; got {got} (statusword 0x{word:04X})")
 
 
 def _rests_where_known(node: Any, table: Cia402Table, limits: Limits) -> None:

@@ -31,7 +31,7 @@ def set_up(
     found = ask.values(wire.QUERY + wire.read(wire.HOME_STATE))
     mode = found[wire.MODE]
     stopped = mode in (wire.STOPPED, wire.FAULTED, wire.TIMED_OUT)
-    table.must(stopped, f"be stopped before it is led; got mode {mode:g}, by somebody else")
+    table.must(stopped, f"be stopped before the run; got mode {mode:g}, set by another master")
     _stops(table, ask)
     _obeys(table, limits, ask)
     if mode != wire.STOPPED:

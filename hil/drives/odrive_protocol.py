@@ -61,7 +61,7 @@ AXIS_STATES: Final[Mapping[int, str]] = {
     5: "sensorless control",
     6: "encoder index search",
     7: "encoder offset calibration",
-    CLOSED_LOOP: "closed loop control, by somebody else",
+    CLOSED_LOOP: "closed loop control, set by another master",
     9: "lock-in spin",
     10: "encoder direction find",
     11: "homing",

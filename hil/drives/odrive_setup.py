@@ -70,12 +70,12 @@ def _stops(table: OdriveTable, ask: "_Questions") -> None:
 def _idles(table: OdriveTable, heard: "_Heard", faulty: bool) -> None:
     """Check that its axis is idle and, unless `faulty`, has no error."""
     doing = wire.AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
-    table.must(heard.axis == wire.IDLE, f"be idle before it is led; got {doing}")
+    table.must(heard.axis == wire.IDLE, f"be idle before the run; got {doing}")
     busy = heard.result == wire.BUSY
-    table.must(not busy, "be idle before it is led; got a procedure that goes on (Procedure_Result BUSY)")
+    table.must(not busy, "be idle before the run; got a procedure that goes on (Procedure_Result BUSY)")
     table.must(
         not heard.errors or faulty,
-        f"have no active error before it is led; got {wire.words_of(heard.errors) or 'INITIALIZING'}; once its cause is"
+        f"have no active error before the run; got {wire.words_of(heard.errors) or 'INITIALIZING'}; once its cause is"
         " gone, 'capsule run RIG.toml reset' acknowledges it",
     )
 
@@ -83,7 +83,7 @@ def _idles(table: OdriveTable, heard: "_Heard", faulty: bool) -> None:
 def _rests_where_known(heard: "_Heard", table: OdriveTable, limits: Limits) -> None:
     scale = table.turns_per_m
     places, speeds = [turns / scale for turns, _ in heard.turns], [speed / scale for _, speed in heard.turns]
-    nan = "know its position and speed before it is led; its encoder estimates are nan"
+    nan = "know its position and speed before the run; its encoder estimates are nan"
     table.must(all(map(math.isfinite, places + speeds)), nan)
     speed = max(sum(map(abs, speeds)) / len(speeds), (max(places) - min(places)) / LISTEN_S)
     table.must_rest(speed, f"its encoder shows {speed:.3g} m/s ({speed * abs(scale):.3g} turns/s)")

@@ -35,7 +35,7 @@ class ActuatorTable(NamedTable):
 
     def must_rest(self, speed_m_s: float, got: str, most_m_s: float = RESTS_M_S) -> None:
         """Raises ValueError if it moves, with `got` as what was measured."""
-        self.must(abs(speed_m_s) <= most_m_s, f"rest before it is led; {got}")
+        self.must(abs(speed_m_s) <= most_m_s, f"rest before the run; {got}")
 
     def must_stand_within(self, travel_m: float, position_m: float, remedy: str) -> None:
         """Raises ValueError if its position is beyond the travel, with the remedy."""

@@ -69,12 +69,16 @@ def stays_in(mode: int) -> Callable[[Any], None]:
     ("table", "change", "sentence"),
     [
         (TABLE, far, r"must stand within limits\.travel_m, 1 m of its zero; got -3 m: home it"),
-        (TABLE, turning, r"must rest before it is led; its speed is 0\.[1-4]"),
-        (TABLE, faulted, r"must have no fault before it is led; got error code 0x7300; 'capsule run RIG.toml reset'"),
+        (TABLE, turning, r"must rest before the run; its speed is 0\.[1-4]"),
+        (
+            TABLE,
+            faulted,
+            r"must have no fault before the run; got error code 0x7300; 'capsule run RIG.toml reset'",
+        ),
         (
             TABLE,
             enabled,
-            r"must be disabled before it is led; got one that is enabled, by somebody else \(status",
+            r"must be disabled before the run; got operation, enabled by another master \(status",
         ),
         (TABLE, knows(1 << 0 | 1 << 5), r"must know mode 8 \(cyclic .* it knows 1 \(profile position\), 6 \(homing\)"),
         (TABLE.but(mode="velocity"), knows(1 << 7), r"must know mode 9 \(cyclic synchronous velocity\)"),
@@ -95,7 +99,7 @@ def test_one_that_is_not_to_be_led(
 def test_one_whose_fault_is_to_be_acknowledged_is_set_up_and_not_homed(request: pytest.FixtureRequest) -> None:
     drive = setting_up(request.node.name, HOMING, faulted, faulty=True)
     assert (drive.state, drive.power.output, drive.node.sdo[0x6061].raw) == (FAULTED, 0.0, 8)
-    with pytest.raises(ValueError, match="must be disabled before it is led"):
+    with pytest.raises(ValueError, match="must be disabled before the run"):
         setting_up(request.node.name, HOMING, enabled, faulty=True)
 
 

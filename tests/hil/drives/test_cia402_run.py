@@ -43,7 +43,7 @@ def test_a_drive_with_a_fault_is_not_led_before_it_is_acknowledged(
             time.sleep(0.01)
         assert run(["run", rig, "--log", str(tmp_path / "run.blf"), "--json"]) == 2
         told = capsys.readouterr().err
-        assert "cia402: node 1 must have no fault before it is led; got error code 0x7300" in " ".join(told.split())
+        assert "cia402: node 1 must have no fault before the run; got error code 0x7300" in " ".join(told.split())
         drive.broken = False
         assert run(["run", rig, "reset", "--log", str(tmp_path / "run.blf"), "--json"]) == 0
         found = json.loads(capsys.readouterr().out)

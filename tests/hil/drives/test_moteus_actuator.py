@@ -72,8 +72,8 @@ def test_one_that_is_as_it_must_be(running: Running, request: pytest.FixtureRequ
         ("feedforward", r"without a limit of acceleration \(fault 47\): servo.bemf_feedforward must be 0"),
         ("slow", r"servo.max_velocity must be at least 25 turns/s"),
         ("far", r"must stand within limits.travel_m of its zero, 1 m; got -50"),
-        ("moving", r"must rest before it is led; got -0.2 m/s"),
-        ("leading", "must be stopped before it is led; got mode 10"),
+        ("moving", r"must rest before the run; got -0.2 m/s"),
+        ("leading", "must be stopped before the run; got mode 10"),
         ("elsewhere", "node 1 must answer within 0.5 s; node 5 speaks"),
     ],
 )

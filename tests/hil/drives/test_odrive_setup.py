@@ -42,7 +42,7 @@ def test_one_that_is_as_it_must_be(running: Running, request: pytest.FixtureRequ
     [
         ("off", r"watchdog must be on \(axis0.config.enable_watchdog = True\); it is off"),
         ("long", "watchdog must expire within 0.02 s .*got 0.5"),
-        ("leading", "must be idle before it is led; got closed loop control"),
+        ("leading", "must be idle before the run; got closed loop control"),
         ("slow", r"must send its encoder estimates every 4 ms \(can.encoder_msg_rate_ms\)"),
         ("elsewhere", "node 2 must answer within 0.5 s; node 5 speaks"),
     ],
@@ -102,15 +102,15 @@ def hot(drive: OdriveDrive) -> None:
     ("change", "sentence"),
     [
         *(
-            (doing(axis), f"must be idle before it is led; got {words}")
+            (doing(axis), f"must be idle before the run; got {words}")
             for axis, words in AXIS_STATES.items()
             if axis > 1
         ),
-        (doing(99), "must be idle before it is led; got axis state 99"),
-        (hot, "must have no active error before it is led; got INVERTER_OVER_TEMP; .*'capsule run RIG.toml reset'"),
-        (turning, r"must rest before it is led; its encoder shows 0\.2 m/s \(20 turns/s\)"),
-        (drifting, r"must rest before it is led; its encoder shows 0\.0"),
-        (lost, "must know its position and speed before it is led; its encoder estimates are nan"),
+        (doing(99), "must be idle before the run; got axis state 99"),
+        (hot, "must have no active error before the run; got INVERTER_OVER_TEMP; .*'capsule run RIG.toml reset'"),
+        (turning, r"must rest before the run; its encoder shows 0\.2 m/s \(20 turns/s\)"),
+        (drifting, r"must rest before the run; its encoder shows 0\.0"),
+        (lost, "must know its position and speed before the run; its encoder estimates are nan"),
         (far, "must stand within limits.travel_m, 1 m of its zero; got 50 m"),
     ],
 )

@@ -19,7 +19,7 @@ from hil.app.run.run import open_bus
 from hil.app.scenario.deployment import read_operator
 from hil.app.scenario.jog_script import Step, steps
 from hil.app.shared_options import Json, argument, option
-from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from models.files.toml import in_file
 

@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import can
 
 from hil.app.cockpit.hands import Hands
-from hil.app.cockpit.panels import Facts, models_of, wiring_of
+from hil.app.cockpit.panels import Facts, heard_frame_map, models_of
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
@@ -22,7 +22,7 @@ from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
@@ -86,17 +86,17 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
             f"{path}: source must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)}); got another ending"
         )
     deployment = load_deployment(path)
-    wiring = frame_map_of(deployment.rig.kind)
+    frame_map = frame_map_of(deployment.rig.kind)
     table = deployment.bus
     about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
     with output_to_notes():
         models = models_of(deployment.task())
-    facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
+    facts = Facts(deployment.name, about, frame_map, load_catalogue(), models)
     clock = Clock()
     with in_file(path):
         bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
     if deployment.drive is not None:
-        bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
+        bus = MAKERS[deployment.drive.where].bus(bus, deployment.drive, deployment.control.tick_s)
     source = BusSource(bus, clock, facts)
     hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
     try:
@@ -115,7 +115,7 @@ def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
     facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
     bus: can.BusABC = ClockedBus(watched_bus(channel), clock, OLDEST_S)
     if scenario.drive is not None:
-        bus = carriage_bus(bus, scenario.drive, loop.control.tick_s)
+        bus = MAKERS[scenario.drive.where].bus(bus, scenario.drive, loop.control.tick_s)
     try:
         yield BusSource(bus, clock, facts)
     finally:
@@ -133,12 +133,12 @@ def _log(path: Path, catalogue: FrameCatalogue) -> LogSource:
         record = read_log_record(path)
         with output_to_notes():
             task = task_of(record, str(path))
-        wiring, models = frame_map_of(task.model.drive.name), models_of(task)
+        frame_map, models = frame_map_of(task.model.drive.name), models_of(task)
         about = f"{task.model.drive.name} rig, {task.controller}"
     else:
         names = {catalogue.by_id()[frame.id].name for frame in frames if frame.id in catalogue.by_id()}
-        wiring, models, about = wiring_of(names), (), "no record beside the log says what the model is"
-    source = LogSource(frames, Facts(path.name, about, wiring, catalogue, models))
+        frame_map, models, about = heard_frame_map(names), (), "no record beside the log says what the model is"
+    source = LogSource(frames, Facts(path.name, about, frame_map, catalogue, models))
     if not source.watch.last:
         raise ValueError(f"{path}: log must hold good frames of {Path(catalogue.source).name}; got none")
     return source

@@ -13,7 +13,7 @@ from typing import IO, Any, Final
 from hil.app.cockpit.source import BusSource
 from hil.app.cockpit.watch import words
 from hil.bus.protection import FrameTransmitter
-from hil.nodes.controller.operator import STATUS, OperatorLimits
+from hil.nodes.operator import STATUS, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
 
@@ -155,9 +155,9 @@ class Hands:
 
     def _rests(self) -> str:
         """That nothing moves, "" where something may."""
-        wiring, watch = self.source.facts.wiring, self.source.watch
-        state = watch.state(wiring.feedback) if watch.newest(wiring.feedback) is not None else ""
-        return f"nothing moves: {words(wiring.node)} is in {words(state)}" if state in _RESTS else ""
+        frame_map, watch = self.source.facts.frame_map, self.source.watch
+        state = watch.state(frame_map.feedback) if watch.newest(frame_map.feedback) is not None else ""
+        return f"nothing moves: {words(frame_map.node)} is in {words(state)}" if state in _RESTS else ""
 
     def _end_hold(self) -> None:
         """Whoever holds a button must let it go before it counts again."""
@@ -206,7 +206,7 @@ class Hands:
             "armed": page in self._armed,
             "held": self._steers is page and self._clock() - self._held_at <= HOLD_S,
             "run": self._run is not None,
-            "fault": self.source.watch.state(self.source.facts.wiring.feedback) == "fault",
+            "fault": self.source.watch.state(self.source.facts.frame_map.feedback) == "fault",
             "leads": self.source.watch.newest("ControllerHeartbeat") is not None,
             "answer": answer and [self.source.watch.state(STATUS, name) for name in ("State", "Source", "Refused")],
             "limits": limits and [1e3 * limits.speed_m_s, 1e3 * limits.lowest_m, 1e3 * limits.highest_m],

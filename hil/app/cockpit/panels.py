@@ -9,8 +9,8 @@ from hil.app.cockpit.watch import grade_of, words
 from hil.app.scenario.model_use import model_facts
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import without_absent
-from hil.nodes.controller.node import Task
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
+from hil.nodes.node import Task
 
 Values = Mapping[str, float]
 Span = tuple[float, float]
@@ -54,11 +54,11 @@ class LivePanel:
         return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
 
-def panels_of(wiring: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
-    drive = wiring.drive
+def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
+    drive = frame_map.drive
     word, unit, factor, _ = drive.shown
-    seen = _signal(wiring.signal, factor)
-    reported = () if drive.shaken else (Line("reported", wiring.feedback, seen, "blue"),)
+    seen = _signal(frame_map.signal, factor)
+    reported = () if drive.shaken else (Line("reported", frame_map.feedback, seen, "blue"),)
 
     def strip(name: str, frame: str, signal: str) -> Line:
         names = catalogue[frame].field(signal).names
@@ -77,12 +77,12 @@ def panels_of(wiring: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, .
         Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
     )
     error = Line("error", "WantedMotion", _error, "red")
-    command = Line("command", wiring.command, seen, "amber", "dash")
+    command = Line("command", frame_map.command, seen, "amber", "dash")
     surprise = _said("surprise", "BelievedMotion", "Surprise", 1.0, "blue")
     evidence = _said("evidence", "ModelHealth", "Evidence", _PERCENT, "red")
     states = (
         strip("controller", "ControllerHeartbeat", "State"),
-        strip(wiring.node.lower(), wiring.feedback, "State"),
+        strip(frame_map.node.lower(), frame_map.feedback, "State"),
         strip("wall", "BelievedMotion", "Wall"),
         strip("model", "ModelHealth", "State"),
     )
@@ -154,7 +154,7 @@ class Facts:
 
     title: str
     about: str
-    wiring: FrameMap
+    frame_map: FrameMap
     catalogue: FrameCatalogue
     models: tuple[dict[str, Any], ...] = ()
 
@@ -167,7 +167,7 @@ class Facts:
         }
 
     def panels(self) -> tuple[LivePanel, ...]:
-        return panels_of(self.wiring, self.catalogue)
+        return panels_of(self.frame_map, self.catalogue)
 
 
 def models_of(task: Task) -> tuple[dict[str, Any], ...]:
@@ -176,6 +176,6 @@ def models_of(task: Task) -> tuple[dict[str, Any], ...]:
     return tuple(model_facts(model) for model in (task.model, *(offer.model for offer in offers)))
 
 
-def wiring_of(heard: Collection[str]) -> FrameMap:
+def heard_frame_map(heard: Collection[str]) -> FrameMap:
     """The drive whose feedback stands in a log of which no record says whose it is; a carriage where none does."""
-    return next((wiring for wiring in FRAME_MAPS.values() if wiring.feedback in heard), CARRIAGE_MAP)
+    return next((frame_map for frame_map in FRAME_MAPS.values() if frame_map.feedback in heard), CARRIAGE_MAP)

@@ -10,8 +10,8 @@ from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.series import LineFeed, Ring, Samples
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
+from hil.bus.wrapping import plain
 from hil.log.blf_file import NOTED, Logged
-from hil.nodes.frame_map import plain
 
 BUSY_S: Final = 0.02
 """What one picture may take of the time to take frames in; the rest waits for the next, as pages and signals do not."""
@@ -87,7 +87,7 @@ class LogSource:
     def _take(self, frames: Iterable[Logged]) -> None:
         origin: float | None = None
         for frame in frames:
-            if frame.way == NOTED:
+            if frame.direction == NOTED:
                 continue
             if origin is None:
                 origin = frame.time_s if frame.time_s > CALENDAR_S else 0.0

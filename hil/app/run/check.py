@@ -17,9 +17,9 @@ from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
-from hil.nodes.controller.node import ControllerNode, Task
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
+from hil.nodes.node import ControllerNode, Task
+from hil.nodes.receive import FrameReceiver
 
 LISTEN_S: Final = 0.5  # to the bus
 REHEARSED: Final = 400  # ticks
@@ -62,12 +62,12 @@ def _listen(deployment: Deployment, bus: ClockedBus) -> list[Point]:
     sound = good > 0 and not refused and not receiver.errors and not receiver.deaf and not receiver.foreign
     heard = Point("bus", sound, "; ".join([words, *told]))
     doubt = receiver.doubt(clock.now())
-    wiring, state = frame_map_of(deployment.rig.kind), receiver.state
-    fed = got[wiring.feedback].accepted > 0
+    frame_map, state = frame_map_of(deployment.rig.kind), receiver.state
+    fed = got[frame_map.feedback].accepted > 0
     doubt = doubt or ("" if receiver.beating or not fed else "no heartbeat as capsule.dbc has it")
     warm = "" if receiver.temperature_C == NOT_MEASURED_C else f", {receiver.temperature_C:g} degC"
     words = doubt or (f"{_STATES[state]}{warm}" if fed else "nothing heard")
-    drive = Point(f"drive {wiring.node}", not doubt and fed and state != FAULT, words)
+    drive = Point(f"drive {frame_map.node}", not doubt and fed and state != FAULT, words)
     age = receiver.evidence(clock.now()).localisation_s
     seen = f"newest {1e3 * age:.0f} ms old" if math.isfinite(age) else "nothing heard"
     return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]
@@ -75,9 +75,9 @@ def _listen(deployment: Deployment, bus: ClockedBus) -> list[Point]:
 
 def limits_point(limits: Limits, kind: str) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
-    wiring = frame_map_of(kind)
-    frame = load_catalogue()[wiring.command]
-    for signal, name in wiring.bounds:
+    frame_map = frame_map_of(kind)
+    frame = load_catalogue()[frame_map.command]
+    for signal, name in frame_map.bounds:
         field, most = frame.field(signal), float(getattr(limits, name))
         if most > field.upper:
             return Point(
@@ -143,23 +143,23 @@ def rehearse(task: Task, ticks: int = REHEARSED) -> Histogram:
 
 def _made_up(node: ControllerNode, tape: Tape) -> Callable[[int, float], None]:
     """Frames of a drive that follows at once and of a localisation every 10 ms around 0."""
-    wiring, catalogue = node.wiring, load_catalogue()
-    names = (wiring.feedback, wiring.heartbeat, "CapsuleLocalisation")
+    frame_map, catalogue = node.frame_map, load_catalogue()
+    names = (frame_map.feedback, frame_map.heartbeat, "CapsuleLocalisation")
     senders = {name: Sender(catalogue[name]) for name in names}
-    rest = {field.name: 0.0 for field in catalogue[wiring.feedback].fields}
+    rest = {field.name: 0.0 for field in catalogue[frame_map.feedback].fields}
 
     def say(name: str, values: dict[str, float], now: float) -> None:
         tape.inbox.append(can.Message(now, catalogue[name].id, False, data=senders[name].frame(values), is_rx=True))
 
     def speak(k: int, now: float) -> None:
         state = ENABLED if node.guard.sent.mode == ENABLE else WAITING
-        moved = {} if wiring.drive.shaken else {wiring.signal: node.guard.sent.value}
-        say(wiring.feedback, rest | moved | {"State": state, "Temperature_degC": 25.0}, now)
+        moved = {} if frame_map.drive.shaken else {frame_map.signal: node.guard.sent.value}
+        say(frame_map.feedback, rest | moved | {"State": state, "Temperature_degC": 25.0}, now)
         every = max(round(0.01 / node.tick_s), 1)
         if k % every == 0:
             place = 1e-5 * ((k // every) % 3 - 1)
             say("CapsuleLocalisation", {"Position_m": place, "Quality": 1.0, "Age_s": 0.002, "Valid": 1}, now)
         if k % max(round(0.02 / node.tick_s), 1) == 0:
-            say(wiring.heartbeat, heartbeat(2, now), now)
+            say(frame_map.heartbeat, heartbeat(2, now), now)
 
     return speak

@@ -3,8 +3,8 @@
 import math
 from typing import Final
 
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import BOOT, FAULT, SELF_TEST, STANDBY, STOPPING, WAITING
+from hil.nodes.node import ControllerNode
 
 _STATES: Final = {
     BOOT: "boots",
@@ -24,8 +24,8 @@ def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
     if seen.localisation_s == math.inf:
         return f"no localisation that counts has been heard{refused}"
     if seen.localisation_s > fence.stop_s:
-        told = receiver.told_s > fence.stop_s
-        came = f"localisation is told as {_ms(receiver.told_s)} old" if told else ""
+        told = receiver.age_s > fence.stop_s
+        came = f"localisation is told as {_ms(receiver.age_s)} old" if told else ""
         came = came or f"the newest localisation came {_ms(seen.localisation_s)} ago"
         return f"{came}, and may be {_ms(fence.stop_s)} old{refused}"
     if seen.feedback_s > fence.feedback_s:

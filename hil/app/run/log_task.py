@@ -13,7 +13,7 @@ from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
-from hil.nodes.controller.node import Task
+from hil.nodes.node import Task
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import parse_toml, shown
 from models.theta import Theta

@@ -19,10 +19,10 @@ from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
 from hil.app.run.give_up import why_not_enabled
 from hil.log.recorder import Recorder
-from hil.nodes.controller.lateness import paused
-from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
-from hil.nodes.controller.receive import HEARTBEAT_LOST_S
 from hil.nodes.frame_map import FAULT, MOVING
+from hil.nodes.node import FAULTY, RUNNING, ControllerNode
+from hil.nodes.operator import paused
+from hil.nodes.receive import HEARTBEAT_LOST_S
 
 LISTEN_S: Final = 2.0  # at most, before a run begins
 LEAST_S: Final = 0.3  # at least

@@ -19,9 +19,9 @@ from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator
 from hil.bus.catalogue import load_catalogue
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.node import Task
-from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
+from hil.nodes.node import Task
+from hil.nodes.operator import OperatorLimits
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.model import read_model, read_report
@@ -297,8 +297,8 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    wiring = frame_map_of(kind)
-    longest = min(1e-3 * wiring.life_ms(limits.carriage_speed_m_s), wiring.feedback_s)
+    frame_map = frame_map_of(kind)
+    longest = min(1e-3 * frame_map.life_ms(limits.carriage_speed_m_s), frame_map.feedback_s)
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"

@@ -13,10 +13,10 @@ from hil.app.sil.lie_outcomes import lied
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import violations
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
 from hil.nodes.frame_map import CARRIAGE_MAP, frame_map_of
+from hil.nodes.operator import AHEAD_M, OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S
-from hil.simulated.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
+from hil.simulated.faults import KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
 
 WANTED, SOURCE, _, PRESSED = range(4)
@@ -42,8 +42,8 @@ def limit_s(rig: str, fault: Fault) -> float:
     """The longest time in s from the begin of a fault (none of an operator) to the safe state, inf where the loop may
     ride through.
     """
-    kind, target, wiring = fault.kind, fault.target, frame_map_of(rig)
-    unseen = (kind == "biased" and not wiring.drive.placed) or (kind == "stuck" and wiring.drive.shaken)
+    kind, target, frame_map = fault.kind, fault.target, frame_map_of(rig)
+    unseen = (kind == "biased" and not frame_map.drive.placed) or (kind == "stuck" and frame_map.drive.shaken)
     if kind in _RIDDEN or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
         return math.inf
     if abs(fault.amount) < KINDS[kind].value:
@@ -53,14 +53,14 @@ def limit_s(rig: str, fault: Fault) -> float:
     if kind in ("killed", "frozen") or (
         (kind in ("drop", "delay", "corrupt", "retyped") or KINDS[kind].needs == KEY) and target in ("commands", "all")
     ):
-        return wiring.stops_s
+        return frame_map.stops_s
     if kind == "unreadable":
-        return wiring.seen_s if target == "controller" else wiring.stops_s
+        return frame_map.seen_s if target == "controller" else frame_map.stops_s
     if kind == "bus_off" and target in ("controller", "drive"):
         return BUS_S
     if kind == "stuck" or (kind, target) == ("biased", "feedback"):
         return STUCK_S
-    return wiring.seen_s if target == "feedback" else PLACE_S
+    return frame_map.seen_s if target == "feedback" else PLACE_S
 
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:

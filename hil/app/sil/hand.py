@@ -11,8 +11,8 @@ from hil.app.scenario.bus_scenario import JogTable
 from hil.app.scenario.jog_script import Step
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
-from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
+from hil.nodes.operator import SETPOINT
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from hil.simulated.medium import Medium, SimulatedBus
 
@@ -83,11 +83,11 @@ class SecondOperator:
 class Stranger:
     """A node that speaks as a controller, in the last slot of a tick: of its own, or playing what was said."""
 
-    def __init__(self, medium: Medium, wiring: FrameMap, tick_s: float, kinds: set[str]) -> None:
+    def __init__(self, medium: Medium, frame_map: FrameMap, tick_s: float, kinds: set[str]) -> None:
         asked = kinds & {"second_master", "player"}
         self._port = SimulatedBus(medium, "stranger") if asked else None
-        self._wiring, self._tick_s = wiring, tick_s
-        self._names = ("Sync", "ControllerHeartbeat", wiring.command)
+        self._frame_map, self._tick_s = frame_map, tick_s
+        self._names = ("Sync", "ControllerHeartbeat", frame_map.command)
         self._mouth = None if self._port is None else FrameTransmitter(self._port, self._names)
         self._said: list[can.Message] = []
         self._ticks, self._played, self._since = 0, 0, math.nan
@@ -111,7 +111,7 @@ class Stranger:
         told = (
             {"Tick": self._ticks, "Period_s": self._tick_s},
             heartbeat(2, self._ticks * self._tick_s),
-            self._wiring.values(1e-4 * self._ticks, 0.05, ENABLE),
+            self._frame_map.values(1e-4 * self._ticks, 0.05, ENABLE),
         )
         for name, values in zip(self._names, told, strict=True):
             mouth.say(name, values)

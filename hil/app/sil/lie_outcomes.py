@@ -12,7 +12,7 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import shares
 from hil.nodes.frame_map import QUICK_STOP_M_S2
-from hil.simulated.faults.table import DRIVE, LIES, Fault
+from hil.simulated.faults import DRIVE, LIES, Fault
 from plant import layout as at
 from plant.drives import Carriage
 

@@ -15,17 +15,16 @@ from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.hand import Hand, SecondOperator, Stranger
-from hil.bus.authenticated import AuthenticatedBus, inside
-from hil.bus.key import read_key
+from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode, Task, Tick
-from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.simulated.faults.injection import TAMPERING, FaultInjection
-from hil.simulated.faults.table import LIES, SETPOINTS, Fault
+from hil.nodes.node import ControllerNode, Task, Tick
+from hil.nodes.operator import SETPOINT
+from hil.simulated.faults import LIES, SETPOINTS, Fault
 from hil.simulated.fmu_plant import FmuPlant
+from hil.simulated.injection import TAMPERING, FaultInjection
 from hil.simulated.medium import Medium, SimulatedBus
 from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from models.theta import Theta
@@ -69,7 +68,7 @@ class Bench:
         """Raises ValueError for a controller that cannot lead this rig."""
         self._recorder, self._seed = recorder, seed
         loop, self.scenario = scenario.loop, scenario
-        self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
+        self.tick_s, self.frame_map = loop.control.tick_s, frame_map_of(loop.kind)
         bus = scenario.bus
         fd = bus.fd or (scenario.drive is not None and scenario.drive.fd)
         self.medium = Medium(frames().bit_rate, data_bit_rate=bus.data_bitrate if fd else 0)
@@ -78,15 +77,15 @@ class Bench:
         self._kinds = {f.kind for f in scenario.faults}
         self._babbler = SimulatedBus(self.medium, "babbler") if "babbling" in self._kinds else None
         self.links: dict[str, FaultInjection] = {}
-        self._stranger = Stranger(self.medium, self.wiring, self.tick_s, self._kinds)
+        self._stranger = Stranger(self.medium, self.frame_map, self.tick_s, self._kinds)
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0, plant)
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
-            drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
-            ends["controller"] = carriage_bus(ends["controller"], scenario.drive, self.tick_s)
+            drive.configure(self.frame_map.life_ms(loop.limits.carriage_speed_m_s))
+            ends["controller"] = MAKERS[scenario.drive.where].bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         task = task_on_bus(scenario, model, controller, offer=offer)
         self.node = ControllerNode(task, ends["controller"], observer=recorder)
@@ -241,7 +240,7 @@ class Bench:
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""
-        known, own = frames(), self.wiring
+        known, own = frames(), self.frame_map
         told, says = frozenset[int](), frozenset[int]()
         if self.scenario.drive is not None:
             told, says = self.scenario.drive.identifiers()

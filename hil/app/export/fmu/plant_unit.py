@@ -80,7 +80,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables
         "STAGES": len(stages),
         "PROFILE_COUNT": plant.profile.size,
     }
-    pairs = ", ".join(f"{{{reference(variables, v.name)}, {v.place}}}" for v in outputs_of(drive))
+    pairs = ", ".join(f"{{{reference(variables, v.name)}, {v.index}}}" for v in outputs_of(drive))
     tables = ",\n".join("{" + ", ".join(float(v).hex() for v in t.ravel()) + "}" for _, t in stages)
     return "\n".join(
         [

@@ -15,7 +15,7 @@ from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
-from hil.nodes.controller.operator import SETPOINT, STATUS, Operator, OperatorLimits
+from hil.nodes.operator import SETPOINT, STATUS, Operator, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from tests.hil.app.run.deployments import deployment, rig_file
 

@@ -19,8 +19,8 @@ from hil.app.sil.loop import SilTrace, judged_loop, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.log.log import LockstepLog
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import frames
+from hil.nodes.node import ControllerNode
 from models.files.toml import parse_toml
 from models.theta import Theta
 from plant import layout as at

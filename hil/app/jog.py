@@ -16,8 +16,8 @@ from hil.app.console import answer, note
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import StopSignals
 from hil.app.run.run import open_bus
+from hil.app.scenario.bus_scenario import Step, steps
 from hil.app.scenario.deployment import read_operator
-from hil.app.scenario.jog_script import Step, steps
 from hil.app.shared_options import Json, argument, option
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender

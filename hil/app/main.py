@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand, TyperGroup
 
 from hil.app.console import InterruptionError, printable
-from hil.app.interruption import INTERRUPTED, INTERRUPTION
 from hil.app.shared_options import loaded
+from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
 from models.parameter import nearest
 

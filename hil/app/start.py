@@ -3,9 +3,7 @@
 import os
 import sys
 
-from hil.app.interruption import INTERRUPTED, INTERRUPTION
-from hil.app.shortage import shortage, too_little
-from hil.app.streams import Streams
+from hil.app.system import INTERRUPTED, INTERRUPTION, Streams, shortage, too_little
 
 BAD_INPUT = 2  # exit status
 

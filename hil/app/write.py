@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.shortage import shortage
+from hil.app.system import shortage
 from models.files.csv_header import guarded
 from models.files.writing import draft
 

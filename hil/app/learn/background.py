@@ -10,8 +10,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Final, Self
 
-from hil.app.child_process import end_with_parent
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
+from hil.own_process import end_with_parent
 from models.theta import Theta
 
 NICE: Final = 19  # the lowest priority

@@ -3,21 +3,20 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final, Self, TypeVar
 
 import numpy as np
 
 from controller.drives import CARRIAGE
 from controller.signals import Array
 from controller.supervision.acceptance import BETTER, judge
-from hil.app.learn.experiment import Motion, motion_of
-from hil.app.learn.left_over import LeftOver
 from hil.log.record import SOURCES
 from models.assembly.model import effect_parameters
-from models.checks.usable import from_row
+from models.checks.usable import counted, from_row
 from models.identification import close
-from models.identification.finding import STAGES
+from models.identification.finding import STAGES, Proposal
 from models.identification.fitting.fit import evaluate
+from models.identification.kind import Kind
 from models.identification.kinds import AnyKind, Known, kind_for, ready
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import HELD_OUT
@@ -30,6 +29,8 @@ from models.theta import Theta
 from models.words.quantities import quantity
 
 T = TypeVar("T")
+Motion = tuple[tuple[float, ...], tuple[float, ...]]
+"""Times in s and positions in m from 0 on."""
 KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
 BELIEVED: Final = 0.05
@@ -46,6 +47,9 @@ ONE: Final = 1
 """Effects that one answer looks for: the next one begins from the model that has it."""
 PARTLY: Final = 0.5
 """Share of the held-out error of the model in use that one may leave whose verdict is `unknown`."""
+STEP_M: Final = 1e-3
+"""Length of wall over which the residual counts as one value."""
+LEAST: Final = 20  # readings that make such a value
 
 
 @dataclass(frozen=True)
@@ -140,8 +144,8 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
 
 
 def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
-    """The model as fitted to what was measured while it held, the columns less what that leaves (`LeftOver`), and the
-    rig with the rest as noise; all as they are where the prediction drifts or the time was short.
+    """The model fitted to what was measured while it held, the columns less the `WallResidual` of that fit, and the rig
+    with the rest as noise. Without change where the prediction drifts or the time was short.
     """
     rig, columns, end = question.rig, question.columns, question.broken_from
     times = columns[TIME]
@@ -153,11 +157,47 @@ def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Ar
     whole = ready(_part("whole", rig, columns, begin, None), rig)
     held = _held(rig, before, question.in_use)
     kind = kind_for(rig, [before])
-    left = LeftOver.of(kind, before, held, driven)
+    left = WallResidual.of(kind, before, held, driven)
     predicted = np.zeros(times.size)
     predicted[times.size - len(whole) :] = kind.predict(whole, held)
     less = {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
     return _as_noisy(rig, ready(_part("before", rig, less, begin, end), rig), held), held, less
+
+
+def motion_of(proposal: Proposal | None) -> Motion:
+    """The motion that a search proposes to tell effects apart, from 0 on; two empty tuples where it proposes none."""
+    if proposal is None or not proposal.separations:
+        return (), ()
+    times, places = proposal.times_s - proposal.times_s[0], proposal.places_m - proposal.places_m[0]
+    return tuple(times.tolist()), tuple(places.tolist())
+
+
+@dataclass(frozen=True)
+class WallResidual:
+    """What a model left unexplained while it held, by position and direction, as an uneven gut is not what broke it:
+    median of measured less predicted about `positions_m` (n,), led `forth` and `back`; 0 where readings are too few.
+    """
+
+    positions_m: Array
+    forth: Array
+    back: Array
+
+    @classmethod
+    def of(cls, kind: Kind, record: Record, theta: Theta, driven: str) -> Self:
+        """The residual of `record` under the model `theta`; the column `driven` leads the capsule."""
+        predicted = np.asarray(kind.predict(record, theta))
+        residual, rows = kind.measured(record) - predicted, counted(record)
+        forth = record[driven] >= predicted
+        cells = np.round(predicted / STEP_M).astype(int)
+        found = np.arange(cells[rows].min(), cells[rows].max() + 1)
+        here = [[rows & (forth == sense) & (cells == cell) for cell in found] for sense in (True, False)]
+        medians = [[float(np.median(residual[at])) if at.sum() >= LEAST else 0.0 for at in cell] for cell in here]
+        return cls(found * STEP_M, *(np.array(values) for values in medians))
+
+    def at(self, predicted: Array, led_to: Array) -> Array:
+        """Its value at each of the `predicted` positions (n,) of a capsule that is led to `led_to` (n,)."""
+        values = (np.interp(predicted, self.positions_m, one, 0.0, 0.0) for one in (self.forth, self.back))
+        return np.where(led_to >= predicted, *values)
 
 
 def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:

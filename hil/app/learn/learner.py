@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -16,10 +16,9 @@ from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
-from hil.app.learn.experiment import experiment_of
-from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, at_once
+from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
 from hil.app.scenario.deployment import Pace
-from hil.app.scenario.model_offer import Offered
+from hil.app.scenario.model_use import Offered
 from hil.log.record import SOURCES
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
@@ -28,6 +27,11 @@ from models.theta import Theta
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 """Runs what takes long, beside the ticks or at once."""
+STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))
+"""Shares of the reach to go to one after the other, and of the speed to go there with, each followed by a rest."""
+REST_S: Final = 0.5  # after each motion
+MM: Final = 1e-3  # in metres
+_LEAST_S: Final = 0.1  # of a motion
 
 
 def check_learnt(rig: Rig) -> None:
@@ -247,3 +251,31 @@ class Learner:
             self._prepare(now, self._old, "watching")
         else:
             self._phase = "watching"
+
+
+def experiment_of(motion: Motion, pace: Pace, at_s: float) -> Experiment | None:
+    """As much of `motion` as `pace` allows, or strokes where there is none; None where it allows nothing."""
+    reach, speed = MM * pace.experiment_mm, MM * pace.experiment_mm_s
+    if not reach:
+        return None
+    if any(motion[1]):
+        times, places = (np.array(values) for values in motion)
+        end = min(float(times[-1]), pace.experiment_s)
+        at = np.append(times[times < end], end)
+        wanted = np.interp(at, times, places)
+        wanted *= min(1.0, reach / float(np.max(np.abs(wanted), initial=1e-12)))
+        steps = [(float(t), float(x)) for t, x in zip(at, wanted, strict=True)]
+    else:
+        steps, here, now = [(0.0, 0.0)], 0.0, 0.0
+        for share, faster in STROKES:
+            place = share * reach
+            now += max(abs(place - here) / (faster * speed), _LEAST_S)
+            steps += [(now, place), (now + REST_S, place)]
+            here, now = place, now + REST_S
+            if now > pace.experiment_s:
+                break
+    end, last = steps[-1]
+    if last:
+        steps.append((end + max(abs(last) / speed, _LEAST_S), 0.0))
+    times_s, places_m = zip(*steps, strict=True)
+    return Experiment(tuple(times_s), tuple(places_m), at_s)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import ctypes
-import gc
 import math
-import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
-from hil.app.run.give_up import why_not_enabled
 from hil.log.recorder import Recorder
 from hil.nodes.controller.lateness import paused
 from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
-from hil.nodes.frame_map import FAULT, MOVING
+from hil.nodes.frame_map import BOOT, FAULT, MOVING, SELF_TEST, STANDBY, STOPPING, WAITING
 
 LISTEN_S: Final = 2.0  # at most, before a run begins
 LEAST_S: Final = 0.3  # at least
@@ -35,7 +31,14 @@ AWAY_S: Final = 4e-3
 """By so much a tick may come late without being named beside the reason of a stop: a coil's command lives for 6 ms."""
 _LATE: Final = ("controller late", "drive fault", "drive left operation", "feedback lost", "drive not enabled")
 """Reasons that a controller which does not get the processor brings about."""
-_MCL_CURRENT_AND_FUTURE: Final = 3  # of mlockall(2)
+_STATES: Final = {
+    BOOT: "boots",
+    SELF_TEST: "is in its self test",
+    STANDBY: "stays in standby",
+    WAITING: "is ready, and was not enabled",
+    STOPPING: "is in its quick stop",
+    FAULT: "is in fault",
+}
 
 
 @dataclass
@@ -259,31 +262,32 @@ def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder, learner: L
     return now
 
 
-def _lock_memory() -> None:
-    """Keep all pages of this process in memory, those to come too."""
-    if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE):
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))
+def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
+    """What was missing at `now`; `lost` says whether the estimate was. Refusals are told where they are the cause."""
+    receiver, fence = node.receiver, node.guard.fence
+    seen = receiver.evidence(now)
+    refused = f"; {words}" if (words := receiver.refused_words) else ""
+    if seen.localisation_s == math.inf:
+        return f"no localisation that counts has been heard{refused}"
+    if seen.localisation_s > fence.stop_s:
+        told = receiver.told_s > fence.stop_s
+        came = f"localisation is told as {_ms(receiver.told_s)} old" if told else ""
+        came = came or f"the newest localisation came {_ms(seen.localisation_s)} ago"
+        return f"{came}, and may be {_ms(fence.stop_s)} old{refused}"
+    if seen.feedback_s > fence.feedback_s:
+        return f"the newest feedback of the drive is {_ms(seen.feedback_s)} old{refused}"
+    if lost:
+        return f"the estimate is lost: {_why_lost(node)}"
+    return f"the drive {_STATES.get(seen.state, 'did not become ready')}{refused}"
 
 
-def prepare_process(priority: int, core: int) -> list[str]:
-    """Freeze the heap, take one `core` and SCHED_FIFO of `priority`; a sentence for each that is not allowed."""
-    gc.collect()
-    gc.freeze()
-    refused: list[str] = []
-    wishes: list[tuple[str, Callable[[], Any]]] = []
-    if core >= 0:
-        wishes.append((f"core {core}", lambda: os.sched_setaffinity(0, {core})))
-    if priority > 0:
-        wishes.append(("memory that stays", _lock_memory))
-        wishes.append(
-            (f"priority {priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority)))
-        )
-    for what, wish in wishes:
-        try:
-            wish()
-        except OSError as error:
-            refused.append(f"{what} is not to be had: {error.strerror or error}")
-        except AttributeError:
-            refused.append(f"{what} is not to be had on this system")
-    return refused
+def _why_lost(node: ControllerNode) -> str:
+    counts = node.estimator.counts
+    return (
+        f"of the localisations {counts.accepted} were as expected, {counts.outliers} were not, {counts.unusable} came"
+        " too late to be used"
+    )
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"

@@ -1,10 +1,12 @@
 """What this machine lacks for a controller: settings of the CAN interface, priority, time stamps; its tick."""
 
+import ctypes
+import gc
 import json
 import os
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from hil.app.run.clock import ClockedBus, Histogram
@@ -16,6 +18,7 @@ RESTART_MS: Final = 100  # after a bus-off
 LOOKED_S: Final = 0.4  # for which the machine's lateness is measured
 TICKS_S: Final = (5e-4, 1e-3, 2e-3, 4e-3, 5e-3, 8e-3, 1e-2, 2e-2)  # that a deployment can have
 _STEP_S: Final = 1e-3  # of that measurement
+_MCL_CURRENT_AND_FUTURE: Final = 3  # of mlockall(2)
 _IP_S: Final = 5  # for which `ip` may run
 _STAMPS: Final = {
     "socketcan": "the kernel's, as the driver hands a frame over; not the hardware's",
@@ -109,3 +112,33 @@ def stamp_words(table: BusTable, bus: ClockedBus) -> str:
     """Whose the time stamps of received frames are."""
     whose = _STAMPS.get(table.interface, "the driver's")
     return f"{whose}; {bus.unstamped} frames had none of use and count from being read" if bus.unstamped else whose
+
+
+def _lock_memory() -> None:
+    """Keep all pages of this process in memory, those to come too."""
+    if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
+def prepare_process(priority: int, core: int) -> list[str]:
+    """Freeze the heap, take one `core` and SCHED_FIFO of `priority`; a sentence for each that is not allowed."""
+    gc.collect()
+    gc.freeze()
+    refused: list[str] = []
+    wishes: list[tuple[str, Callable[[], Any]]] = []
+    if core >= 0:
+        wishes.append((f"core {core}", lambda: os.sched_setaffinity(0, {core})))
+    if priority > 0:
+        wishes.append(("memory that stays", _lock_memory))
+        wishes.append(
+            (f"priority {priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority)))
+        )
+    for what, wish in wishes:
+        try:
+            wish()
+        except OSError as error:
+            refused.append(f"{what} is not to be had: {error.strerror or error}")
+        except AttributeError:
+            refused.append(f"{what} is not to be had on this system")
+    return refused

@@ -20,10 +20,10 @@ from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.loop import Outcome, StopSignals, lead, prepare_process, reset
+from hil.app.run.loop import Outcome, StopSignals, lead, reset
+from hil.app.run.machine import prepare_process
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
-from hil.app.scenario.model_offer import offer_words, told
-from hil.app.scenario.model_use import health_of, health_words
+from hil.app.scenario.model_use import health_of, health_words, offer_words, told
 from hil.app.shared_options import (
     Json,
     Learn,

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
-from hil.app.run.loop import StopSignals, prepare_process
+from hil.app.run.loop import StopSignals
+from hil.app.run.machine import prepare_process
 from hil.app.run.run import open_bus
 from hil.app.scenario.deployment import DeployedPlant, read_plant
 from hil.app.scenario.scenario import load_track_scenario

@@ -13,7 +13,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.acceptance import Acceptance, judge
 from controller.trajectory import Trajectory
-from hil.app.scenario.model_offer import ModelTable, Offered, OfferTable, offer_of, read_offer
+from hil.app.scenario.model_use import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator
 from hil.bus.catalogue import load_catalogue

@@ -10,7 +10,7 @@ from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS, leads
 from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
-from hil.app.scenario.model_offer import OfferTable
+from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
 from models.files.tables import converted

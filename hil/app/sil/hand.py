@@ -7,8 +7,7 @@ from typing import Final
 
 import can
 
-from hil.app.scenario.bus_scenario import JogTable
-from hil.app.scenario.jog_script import Step
+from hil.app.scenario.bus_scenario import JogTable, Step
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import SETPOINT

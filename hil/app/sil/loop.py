@@ -21,7 +21,7 @@ from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.scenario.model_offer import Offered
+from hil.app.scenario.model_use import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.track.loop import Array, LoopTrace, Progress

@@ -19,8 +19,7 @@ from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
-from hil.app.scenario.model_use import health_words, values_of
+from hil.app.scenario.model_use import Offered, health_words, offer_of, offer_words, read_offer, told, values_of
 from hil.app.shared_options import (
     ControllerName,
     Json,

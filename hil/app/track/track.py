@@ -10,8 +10,7 @@ import typer
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
-from hil.app.scenario.model_offer import offer_of, read_offer, told
-from hil.app.scenario.model_use import values_of
+from hil.app.scenario.model_use import offer_of, read_offer, told, values_of
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import (
     ControllerName,
@@ -26,10 +25,8 @@ from hil.app.shared_options import (
     option,
 )
 from hil.app.track.loop import LoopTrace, Progress, believed_model, run_loop
-from hil.app.track.page import page_html
-from hil.app.track.score import document, score
-from hil.app.track.summary import say
-from hil.app.track.verdicts import verdicts
+from hil.app.track.page import page_html, say
+from hil.app.track.score import document, score, verdicts
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
 from models.theta import Theta

@@ -12,7 +12,7 @@ import pytest
 
 from hil.app.jog import keys, raw_terminal
 from hil.app.main import run
-from hil.app.scenario.jog_script import Step, steps
+from hil.app.scenario.bus_scenario import Step, steps
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.local import LocalBus

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.excursion import Experiment
-from hil.app.learn.experiment import experiment_of
+from hil.app.learn.learner import experiment_of
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import Pace

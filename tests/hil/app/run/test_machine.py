@@ -8,10 +8,17 @@ from typing import Any
 import can
 import pytest
 
-from hil.app.run import loop
+from hil.app.run import machine
 from hil.app.run.clock import Histogram
-from hil.app.run.loop import prepare_process
-from hil.app.run.machine import lateness, link_advice, link_faults, link_of, priority_words, tick_to_hold
+from hil.app.run.machine import (
+    lateness,
+    link_advice,
+    link_faults,
+    link_of,
+    prepare_process,
+    priority_words,
+    tick_to_hold,
+)
 from hil.app.scenario.deployment import BusTable, ControlTable
 from hil.bus.local import LocalBus
 
@@ -83,6 +90,6 @@ def test_a_system_without_real_time_scheduling_is_told_of_and_led_on(monkeypatch
     monkeypatch.delattr(os, "sched_setaffinity")
     assert priority_words(ControlTable(priority=20)) == "this system has no real-time priority to ask for"
     assert priority_words(ControlTable()) == ""
-    monkeypatch.setattr(loop, "_lock_memory", lambda: None)
-    monkeypatch.setattr(loop.gc, "freeze", lambda: None)
+    monkeypatch.setattr(machine, "_lock_memory", lambda: None)
+    monkeypatch.setattr(machine.gc, "freeze", lambda: None)
     assert prepare_process(20, 0) == [f"{what} is not to be had on this system" for what in ("core 0", "priority 20")]

@@ -14,7 +14,7 @@ from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.main import run
 from hil.app.scenario.deployment import load_deployment
-from hil.app.scenario.model_offer import read_offer
+from hil.app.scenario.model_use import read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import LoopTrace, believed_model, run_loop
 from models.identification import Model

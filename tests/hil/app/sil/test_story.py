@@ -10,7 +10,7 @@ import pytest
 
 from hil.app.learn.learner import Lesson
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
-from hil.app.scenario.model_offer import Offered
+from hil.app.scenario.model_use import Offered
 from hil.app.sil.sil import judged
 from hil.app.sil.story import NUMBERS, PAGE, error_by_second, instants, story_files
 from hil.app.sil.testbed import believed_on_bus

@@ -11,8 +11,7 @@ from hil.app.main import run
 from hil.app.scenario.model_use import values_of
 from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
-from hil.app.track.score import score
-from hil.app.track.verdicts import verdicts
+from hil.app.track.score import score, verdicts
 from models.theta import Theta
 from tests.hil.app.track.track_texts import SHORT
 from tests.places import CAPSUBOT_MODEL, SCENARIOS

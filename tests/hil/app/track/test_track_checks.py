@@ -10,8 +10,7 @@ import pytest
 from hil.app.main import run
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario, parse_track_scenario
 from hil.app.track.loop import LoopTrace, believed_model, run_loop
-from hil.app.track.score import score
-from hil.app.track.verdicts import verdicts
+from hil.app.track.score import score, verdicts
 from models.theta import Theta
 from plant import layout as at
 from tests.hil.app.track.track_texts import SHORT

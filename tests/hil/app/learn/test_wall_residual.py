@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.app.learn.identify import LearningQuestion, _as_it_held
-from hil.app.learn.left_over import LeftOver
+from hil.app.learn.identify import LearningQuestion, WallResidual, _as_it_held
 from models.identification.kinds import kind_for, ready
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -41,7 +40,7 @@ def test_it_tells_the_unevenness_each_way(run: tuple[Record, np.ndarray, np.ndar
     record, predicted, left = run
     rig = believed("magnetic")
     kind = kind_for(rig, [record])
-    found = LeftOver.of(kind, ready(record, rig), kind.nominal(), "carriage_position_m")
+    found = WallResidual.of(kind, ready(record, rig), kind.nominal(), "carriage_position_m")
     told = found.at(predicted, record["carriage_position_m"])
     assert np.sqrt(np.mean((told - left)[1000:] ** 2)) < 0.2 * UNEVEN_M
     assert np.all(found.at(np.array([-1.0, 1.0]), np.zeros(2)) == 0.0), "nothing is known of places never seen"

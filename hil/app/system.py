@@ -1,12 +1,17 @@
-"""Standard input, output and error that no command dies of: full, closed or read by nobody; loaded first."""
+"""What the system grants the program: standard streams, memory, open files. Loaded before anything that needs them."""
 
 import contextlib
+import errno
 import io
 import os
+import resource
 import select
 import sys
-from typing import TextIO
+from collections.abc import Sequence
+from typing import Final, TextIO
 
+INTERRUPTED: Final = 130  # exit status, as shells have it: 128 and SIGINT
+INTERRUPTION: Final = "interrupted: no result was written"
 UNWRITTEN = 1
 """The status of a command that did what it was asked for and whose result standard output did not take."""
 
@@ -63,3 +68,41 @@ def _text(raw: _Patient, before: TextIO | None) -> io.TextIOWrapper:
     encoding, errors = getattr(before, "encoding", None) or "utf-8", getattr(before, "errors", None) or "strict"
     by_line = getattr(before, "line_buffering", False) or getattr(before, "write_through", False)
     return io.TextIOWrapper(io.BufferedWriter(raw), encoding, errors, line_buffering=by_line)
+
+
+LEAST_MEMORY: Final = 1 << 30
+"""Bytes of address space without which libraries end in the middle of being loaded, some of them without a word."""
+LEAST_FILES: Final = 32  # open files that the program needs
+_ENDLESS: Final = 1 << 62  # bytes: a limit beyond is none
+_MANY: Final = (errno.EMFILE, errno.ENFILE)
+_FULL: Final = ("failed to map segment", "annot allocate memory", "Could not find/load shared object")
+"""How loaders and libraries say that there is no memory to put a library into."""
+
+
+def too_little(arguments: Sequence[str]) -> str:
+    """Why a command cannot be begun, "" where it can; help needs nothing."""
+    if not arguments or {"--help", "--version"} & set(arguments):
+        return ""
+    memory, files = _limit(resource.RLIMIT_AS), _limit(resource.RLIMIT_NOFILE)
+    if memory < LEAST_MEMORY:
+        return f"memory must be at least {LEAST_MEMORY >> 10} kB (ulimit -v); got a limit of {memory >> 10} kB"
+    if files < LEAST_FILES:
+        return f"open files must be at least {LEAST_FILES} (ulimit -n); got a limit of {files}"
+    return ""
+
+
+def shortage(error: BaseException) -> str:
+    """What there was too little of where `error` came of that, else ""."""
+    number, words = getattr(error, "errno", None), str(error)
+    if number in _MANY or "Too many open files" in words:
+        return f"open files must be enough for the command (ulimit -n); got a limit of {_limit(resource.RLIMIT_NOFILE)}"
+    if number == errno.ENOMEM or isinstance(error, MemoryError) or any(part in words for part in _FULL):
+        limit = _limit(resource.RLIMIT_AS)
+        got = f"a limit of {limit >> 10} kB (ulimit -v)" if limit < _ENDLESS else "no more of the machine's"
+        return f"memory must be enough for the command; got {got}"
+    return ""
+
+
+def _limit(what: int) -> int:
+    soft = resource.getrlimit(what)[0]
+    return _ENDLESS if soft == resource.RLIM_INFINITY else soft

@@ -9,8 +9,8 @@ from models.drives.magnetic import Magnetic, MagnetPair
 from models.drives.pull import Pull
 from models.drives.vibro import Stop, Vibro, VoltageVibro
 from models.laws.geometry import Capsule, Regime, Tissue
-from models.surfaces import plate
 from models.surfaces.gut import Wall
+from models.surfaces.surface import Plate
 from plant import layout as at
 from plant.drives.kinds import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.rig import Plant, TruePlate, Truth
@@ -87,7 +87,7 @@ def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_pla
     rows = Plant(Truth(pair, surface=TruePlate(0.2) if on_plate else None)).advance(carriage)
     k = pair.numbers()["magnet_stiffness_N_per_m"]
     drive = MagnetPair(k, height_m=0.1, orientation="along" if along else "across")
-    surface = plate.Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
+    surface = Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
     x = run(assemble(surface, drive), carriage, STEP_S)[: rows.shape[0]]
     assert np.max(np.abs(x - rows[:, at.O_X])) < 5e-3 * np.ptp(rows[:, at.O_X])
     unpressed = run(assemble(surface, Magnetic(k, drive.gap_limit_m * 3**0.5)), carriage, STEP_S)[: rows.shape[0]]
@@ -103,9 +103,7 @@ def test_vibro_on_a_plate_moves_like_the_plant(reaction: bool, stops: bool) -> N
         Truth(TrueVibro(0.01, 150.0, 0.05, 0.5, reaction, *gaps), capsule=BODY, surface=TruePlate(0.29)), 0.5 * on
     )
     walls = (Stop(2e-3, 3000.0), Stop(1.5e-3, 3000.0)) if stops else (None, None)
-    x = run(assemble(plate.Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[
-        : exact.size
-    ]
+    x = run(assemble(Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[: exact.size]
     assert np.max(np.abs(x - exact)) < 5e-3 * np.ptp(exact)
 
 
@@ -135,5 +133,5 @@ def test_a_voltage_driven_inner_mass_moves_like_the_plant() -> None:
     voltage = 8.0 * pulses(0.05, 0.4, 40, STEP_S)
     exact = plant_path(Truth(TrueVibro(0.01, 150.0, 0.05, coil=COIL), capsule=BODY, surface=TruePlate(0.29)), voltage)
     drive = VoltageVibro(0.01, 150.0, 0.05, coil_force_N_per_A=0.5, winding=WINDING)
-    x = run(assemble(plate.Plate(0.02, 0.29), drive), voltage, STEP_S)[: exact.size]
+    x = run(assemble(Plate(0.02, 0.29), drive), voltage, STEP_S)[: exact.size]
     assert np.max(np.abs(x - exact)) < 5e-3 * np.ptp(exact)

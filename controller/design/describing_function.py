@@ -22,7 +22,7 @@ from models.assembly.model import assemble
 from models.compiled.kernel import lower
 from models.drives.pull import Pull
 from models.rigs.parts import surface_of
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 
 AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)
 FREQUENCIES_HZ = np.geomspace(0.1, 40.0, 20)

@@ -17,7 +17,7 @@ from models.assembly.model import followed_by
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
-from models.effects.refinements.level_over_speed import LevelOverSpeed
+from models.effects.refinements import LevelOverSpeed
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import HELD_OUT
 from models.parameter import Name, nearest

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.system import shortage
-from models.files.csv_header import guarded
-from models.files.writing import draft
+from models.files.access import draft
+from models.files.csv_text import guarded
 
 
 def write_files(contents: Mapping[Path, str | bytes]) -> None:

@@ -16,7 +16,7 @@ from typing import Any, Final
 import can
 
 from hil.bus.wrapping import OwnBus
-from models.compiled.cache import private_folder
+from models.files.access import private_folder
 
 _HEAD: Final = struct.Struct("<dIB")  # time, identifier, type; the data follow
 _EXTENDED, _FD, _SWITCHED = 1, 2, 4  # bits of the type

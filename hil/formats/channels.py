@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.access import opened
 from models.files.csv_reader import MOST_CELLS
-from models.files.source import opened
 from models.rigs.columns import TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]

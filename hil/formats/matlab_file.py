@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from hil.formats.channels import Channel, Heading, Pick, RefusedError, alone, check_size, library, numbers, outside
-from models.files.source import opened
+from models.files.access import opened
 
 EXTRA = "matlab"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"

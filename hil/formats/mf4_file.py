@@ -12,7 +12,7 @@ import numpy as np
 
 from hil.formats.channels import Channel, Heading, Pick, RefusedError, library, numbers, outside, own_names
 from hil.formats.clock import by_clock
-from models.files.source import opened
+from models.files.access import opened
 
 EXTRA = "mf4"
 MOST_CHANNELS = 20_000

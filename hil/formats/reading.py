@@ -18,7 +18,7 @@ from hil.formats.channels import Array, Channel, Heading, Pick, check_size, refu
 from hil.formats.ros_bag import is_bag
 from hil.formats.table import FORMATS, Format, format_of
 from hil.own_process import own_environment, own_module
-from models.files.source import check_source
+from models.files.access import check_source
 
 LONGEST_S: Final = 900.0  # that a reader may run
 _LONGEST_LINE: Final = 1 << 26  # bytes that it may say at once

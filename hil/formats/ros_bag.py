@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from hil.formats.channels import Channel, Pick, RefusedError, library, outside
 from hil.formats.messages import Message, channels_of
-from models.files.source import check_source
+from models.files.access import check_source
 
 EXTRA = "ros"
 METADATA: Final = "metadata.yaml"

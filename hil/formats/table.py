@@ -8,7 +8,7 @@ from typing import Final
 
 from hil.formats import matlab_file, mcap_file, mf4_file, parquet_file, ros_bag, tdms_file
 from hil.formats.channels import Channel, Read, refusing
-from models.files.source import opened
+from models.files.access import opened
 
 Write = Callable[[Path, Sequence[Channel]], None]
 

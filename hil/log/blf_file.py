@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import can
 
-from models.files.writing import writing
+from models.files.access import writing
 
 RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
 """Which way a frame went: to the node, from it, kept back (a dry run); or it is no frame but a note."""

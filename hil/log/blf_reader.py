@@ -13,7 +13,7 @@ from typing import BinaryIO, Final
 from can.io.blf import systemtime_to_timestamp
 
 from hil.log.blf_file import NOTED, RECEIVED, SENT, WITHHELD, Logged, is_own
-from models.files.source import opened
+from models.files.access import opened
 
 LARGEST_CONTAINER: Final = 1 << 26
 """Most bytes of a container, packed and unpacked; Vector's and python-can's have 128 kB."""

@@ -8,7 +8,7 @@ from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Reception
 from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged
-from models.files.writing import writing
+from models.files.access import writing
 
 _CHUNK: Final = 1 << 16  # bytes of a chunk, which is on file once it is full: half a second at 500 Hz
 

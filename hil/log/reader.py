@@ -15,7 +15,7 @@ from hil.formats.reading import confined, reading_process
 from hil.log.blf_file import PACKED, Logged, way_of
 from hil.log.blf_reader import Tell, read_blf
 from hil.log.place import record_path
-from models.files.source import check_source, read_json
+from models.files.access import check_source, read_json
 
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
 """Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""

@@ -16,6 +16,7 @@ from markupsafe import Markup, escape
 
 from hil.report import words
 from hil.report.mathml import equations_html, symbol_html
+from models import effects
 from models.words import quantities, sentences
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -37,7 +38,8 @@ def environment(folder: Path = TEMPLATES) -> Environment:
     )
     for room, names in (
         (quantities, ("number", "fixed", "percent", "amount", "quantity", "unit_words")),
-        (words, ("column_words", "effect_words", "parameter_words", "signed", "tidy")),
+        (words, ("column_words", "parameter_words", "signed", "tidy")),
+        (effects, ("effect_words",)),
         (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}

@@ -7,7 +7,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.report.words import PARTS, effect_words, error_scale
+from hil.report.words import PARTS, error_scale
+from models.effects import effect_words
 from models.identification.finding import STAGES, CandidateRow, Finding
 from models.words.quantities import number
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from hil.report.mathml import symbol_html
-from hil.report.words import PARTS, effect_words, error_cells, interpolation, parameter_words, scaled
+from hil.report.words import PARTS, error_cells, interpolation, parameter_words, scaled
+from models.effects import effect_words
 from models.identification.finding import Check, Finding, Fitted
 from models.words.quantities import DASH, change, number, percent, quantity, scale, told
 

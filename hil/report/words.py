@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.effects import CATALOGUE
+from models.effects import CATALOGUE, effect_words
 from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding
 from models.rigs.kinds import KINDS
@@ -84,11 +84,6 @@ def error_cells(finding: Finding, part: str) -> list[str]:
     if part == "train" and interpolation(finding):
         cells[1:3] = ["interpolated"] * 2
     return cells
-
-
-def effect_words(effect: str) -> str:
-    """An effect's id as words."""
-    return effect.replace("_", " ")
 
 
 def tidy(text: str) -> str:

@@ -36,42 +36,26 @@ def check_delay(view: View) -> Findings:
     lag = _lag_of(view, place, measured) if {place, measured} <= set(view.record.columns) else None
     if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
         return
-    known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {SET.lag_drift_std_s if lag.drift else SET.lag_std_s:g}"
-    how = f"a friction loop through both fits {100 * lag.gain:.0f} % better with {measured} moved by so much"
-    where = f"{measured} against {place}"
+    known = f"[clock] offset_s = {lag.first_s:.3g}"
+    late = {"lag": abs(lag.first_s), "late": lag.first_s > 0, "gain": lag.gain}
     if not lag.drift:
-        said = f"{measured} comes about {late(lag.first_s)} than the motion that makes it"
-        said += ": two clocks, a filter or a slow sensor"
-        yield view.notes("clock_offset", said, how, f"[clock] {known}", where)
+        line = f"{known}, offset_std_s = {SET.lag_std_s:g}"
+        yield view.notes("clock_offset", measured, beside=place, line=line, **late)
         return
-    begins = f", from {late(lag.first_s)} at the first stamp on" if view.kind.drawn else ""
-    drift = f"drift = {lag.drift + stated_drift(view):.3g}"
-    remedy = f"[clock] {known}, {drift}" if view.kind.drawn else f"[clock] {drift}"
-    yield view.weakens("clock_drift", drifts(measured, lag.drift, begins), how, remedy, where)
+    case, line = "clock_drift", drift_line(view, lag.drift)
+    if view.kind.drawn:
+        case = "clock_drift.pull"
+        line = f"{known}, offset_std_s = {SET.lag_drift_std_s:g}, {line.removeprefix('[clock] ')}"
+    yield view.weakens(case, measured, beside=place, drift=abs(lag.drift), later=lag.drift > 0, line=line, **late)
 
 
-def drifts(measured: str, drift: float, begins: str = "") -> str:
-    """A drift in words."""
-    later = f"{1e3 * abs(drift):.3g} ms {_later(drift)} with every second"
-    return f"{measured} comes {later}{begins}: two clocks that do not run alike"
-
-
-def stated_drift(view: View) -> float:
-    """The drift that the rig file's clock has already."""
-    return view.rig.clock.drift if view.rig.clock else 0.0
-
-
-def late(lag_s: float) -> str:
-    """A lag in words."""
-    return f"{1e3 * abs(lag_s):.0f} ms {_later(lag_s)}"
-
-
-def _later(lag_s: float) -> str:
-    return "later" if lag_s > 0 else "earlier"
+def drift_line(view: View, drift: float) -> str:
+    """The line of `[clock]` that takes out a further `drift`."""
+    return f"[clock] drift = {drift + (view.rig.clock.drift if view.rig.clock else 0.0):.3g}"
 
 
 def _lag_of(view: View, place: str, measured: str) -> Lag | None:
-    """How late `measured` is behind the motion of `place`; None where the record tells nothing. What is left of a
+    """How late `measured` is behind the motion of `place`; None where the record does not show it. The residual of a
     friction loop is the smallest with `measured` moved by this: the loop is a sum of plays of several widths, friction
     that follows the sign of the speed more or less gradually, speed and slope; behind a magnet all but the speed may
     grow over the record.

@@ -45,7 +45,7 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
 
 
 def grid_step(x: Array) -> float:
-    """Step of the grid on which the values of `x` lie; 0 where they lie on none that can be told."""
+    """Step of the grid on which the values of `x` lie; 0 where they lie on none that is identifiable."""
     values = np.unique(x)
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
@@ -61,8 +61,8 @@ def step_noise(x: Array) -> float:
     return float(grid_step(x) / _ROUNDED)
 
 
-def told_noise(y: Array, vibrates: bool, stated: float | None) -> float:
-    """Standard deviation of the noise of a column's values `y` (n,) as they tell it themselves: in the quieter of its
+def estimated_noise(y: Array, vibrates: bool, stated: float | None) -> float:
+    """Standard deviation of the noise of a column's values `y` (n,), estimated from these: in the quieter of its
     stretches (slip events only add), where the rig `vibrates` in the quieter part of the spectrum, or as `stated` where
     there is none; and at least what its resolution makes.
     """

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from models.checks.estimators import Array, running_mean, runs_of
-from models.checks.finding import Findings, RecordFinding
+from models.checks.finding import Findings
 from models.checks.settings import SET
-from models.checks.view import View
+from models.checks.view import TEXT, View
 from models.effects.effect import Effect
 from models.records.record import Record, where_measured
 from models.rigs.rig import Rig
@@ -53,36 +53,38 @@ class Excitation:
     @cached_property
     def lacking(self) -> dict[str, str]:
         """What effects may name in `needs` and the series does not offer, and how that is said."""
-        low, high = self.speeds
-        places, told = [view.record[view.moving_column] for view in self.views], self.views[0].told
+        (low, high), (view, *_) = self.speeds, self.views
+        places = [view.record[view.moving_column] for view in self.views]
         travel = max(float(x.max()) for x in places) - min(float(x.min()) for x in places)
         longest, rate = max(float(v.t[-1] - v.t[0]) for v in self.views), min(1 / view.dt for view in self.views)
-        surface, load = self.views[0].rig.surface, self._lacking_load()
-        ways = {way for strokes in self._strokes for _, _, way in strokes}
-        offered = {
-            "both_ways": (len(ways) == 2, "the motion goes one way only"),
-            "reversals": (self.reversals, "the motion never turns round"),
-            "speeds": (high > SET.speeds_range * low, f"the motion has one speed only ({told(high)}/s)"),
-            "places": (travel > SET.travel_m, f"the motion covers {told(travel)} only"),
-            "rests": (self.rests, f"the motion never starts again after a rest of {SET.rest_s:g} s"),
-            "time": (longest > SET.long_s, f"the longest record lasts {longest:.3g} s only"),
-            "load": (not load, load),
-            "turning": (all(view.turns for view in self.views), "the axis does not turn"),
-            "samples": (
-                rate > 2 * SET.mains_top,
-                f"it is measured {rate:.3g} times a second, too seldom for a mains tone",
-            ),
-            "wall": (surface is None or surface.is_gut, f"there is no wall ({surface.kind if surface else ''})"),
-        }
-        return {need: said for need, (met, said) in offered.items() if not met}
-
-    def _lacking_load(self) -> str:
-        names = dict.fromkeys(n for view in self.views for n in view.record.layout.optional if n.startswith("load_"))
+        surface, names = view.rig.surface, [name for name in view.record.layout.optional if name.startswith("load_")]
         loads = [np.abs(v.record[n]) for v in self.views for n in names if n in v.record.columns]
-        if not loads:
-            return f"no load is logged (column {' or '.join(names)})" if names else "no load is logged"
-        low, high = np.percentile(np.concatenate(loads), [5, 95])
-        return "" if high > SET.speeds_range * low else f"the logged load is {high:.3g} throughout"
+        light, heavy = np.percentile(np.concatenate(loads), [5, 95]) if loads else (0.0, 0.0)
+        no_load = "load_constant" if loads else "load_column" if names else "load"
+        offered = {
+            "both_ways": len({way for strokes in self._strokes for _, _, way in strokes}) == 2,
+            "reversals": self.reversals,
+            "speeds": high > SET.speeds_range * low,
+            "places": travel > SET.travel_m,
+            "rests": self.rests,
+            "time": longest > SET.long_s,
+            "load": heavy > SET.speeds_range * light,
+            "turning": all(view.turns for view in self.views),
+            "samples": rate > 2 * SET.mains_top,
+            "wall": surface is None or surface.is_gut,
+        }
+        values = {
+            "speed": view.length(float(high), "/s"),
+            "travel": view.length(travel),
+            "rest": SET.rest_s,
+            "rate": rate,
+        }
+        values |= {"longest": longest, "names": names, "load": float(heavy), "surface": surface and surface.kind}
+        return {
+            need: TEXT(f"lacking.{no_load if need == 'load' else need}", **values)
+            for need, met in offered.items()
+            if not met
+        }
 
 
 def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
@@ -117,7 +119,7 @@ def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
     if not views:
         return {}
     if all(silent_response(view) for view in views):
-        return {effect.id: f"{views[0].measured} is a constant and noise" for effect in effects}
+        return dict.fromkeys((effect.id for effect in effects), TEXT("lacking.response", column=views[0].measured))
     lacking = Excitation(views).lacking
     why = {effect.id: "; ".join(lacking[name] for name in effect.needs if name in lacking) for effect in effects}
     return {effect: said for effect, said in why.items() if said}
@@ -154,22 +156,9 @@ def check_information(view: View) -> Findings:
     """
     for name in ((view.moving_column,) if view.kind.imposed else ()) + (view.measured,):
         if not np.ptp(view.record[name]):
-            yield unchanged(view, name, "all values are equal")
+            yield view.stops("no_response.constant", name, value=float(view.record[name][0]))
             return
     n = max(2, min(len(view.y) // 40, 50))
     alive = SET.alive * 2.0 * view.noise / np.sqrt(2 * n + 1)
     if view.noise and len(view.y) >= 100 and float(np.std(running_mean(view.y, n))) <= alive:
-        yield view.weakens(
-            "no_response",
-            f"{view.measured} is a constant and noise: nothing in it follows the motion, so these records tell no"
-            " parameter and no effect",
-            "its running mean scatters as noise alone would",
-            "record strokes to and fro over at least 10 mm, at speeds a factor of five apart, with rests of 1 s",
-        )
-
-
-def unchanged(view: View, name: str, how: str) -> RecordFinding:
-    """The finding that all values of a column are one."""
-    said = f"{name} must change to tell anything; got {view.record[name][0]:.6g} throughout: was it measured?"
-    remedy = "log the sensor, or give the column that holds it: [columns]"
-    return view.stops("no_response", said, how, remedy, name)
+        yield view.weakens("no_response")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
 
-from models.checks.delay import drifts, late, stated_drift
+from models.checks.delay import drift_line
 from models.checks.estimators import Array
 from models.checks.finding import Findings
 from models.checks.settings import SET
@@ -39,49 +39,26 @@ def check_inner_mass(view: View) -> Findings:
     if not view.kind.vibrates or view.rig.drive is None or driven is None:
         return
     if not np.ptp(view.record[driven]) and np.ptp(view.y) > 100 * view.noise:
-        said = (
-            f"{driven} is {view.record[driven][0]:g} throughout, while {measured} moves by"
-            f" {1e3 * float(np.ptp(view.y)):.3g} mm: a switch that enables the drive is not what drives it"
-        )
-        remedy = "log what the coil gets, pulse by pulse"
-        yield view.stops("drive_constant", said, "all values are equal", remedy, driven)
+        yield view.stops("drive_constant", driven, value=float(view.record[driven][0]), travel=np.ptp(view.y))
         return
-    both, where = _swings(view), f"{measured} against {driven}"
+    both = _swings(view)
     if both is None:
         return
     answer = _answer(*both, _grid_s(view))
+    lag = {"lag": abs(answer.late_s), "late": answer.late_s > 0}
     if answer.turned:
-        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > SET.swing_sure else ""
-        yield view.stops(
-            "drive_sign",
-            f"{measured} goes forward where {driven} drives the body back: one of the two has its sign turned"
-            f" round{shifted}",
-            f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
-            view.turned_line(measured),
-            where,
-        )
+        case = "drive_sign.shaken.shifted" if answer.best > SET.swing_sure else "drive_sign.shaken"
+        line = view.turned_line(measured)
+        yield view.stops(case, beside=driven, correlation=answer.near, line=line, **lag)
     elif answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
-        yield view.stops(
-            "units",
-            f"{measured} swings {answer.size:.2g} times as far as the two masses would in the air: another unit, of it,"
-            " of the drive's force or of a mass?",
-            f"correlation {answer.best:.2f} with those swings",
-            f"{view.unit_line(measured)}, or [drive] and [capsule]",
-            where,
-        )
+        line = view.unit_line(measured)
+        yield view.stops("units.shaken", beside=driven, ratio=answer.size, correlation=answer.best, line=line)
     elif drift := _drift(view, both, answer.best):
-        how = "the shift at which the swings in the air fit best, over the record"
-        remedy = f"[clock] drift = {stated_drift(view) + drift:.2g}"
-        yield view.weakens("clock_drift", drifts(measured, drift), how, remedy, where)
+        line = drift_line(view, drift)
+        yield view.weakens("clock_drift.shaken", beside=driven, drift=abs(drift), later=drift > 0, line=line)
     elif answer.best >= max(SET.alike, max(answer.near, 0.0) + SET.ahead) and abs(answer.late_s) > SET.late_s:
-        yield view.notes(
-            "clock_offset",
-            f"{measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or a slow"
-            " sensor",
-            f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
-            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {SET.swing_std_s:g}",
-            where,
-        )
+        line = f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {SET.swing_std_s:g}"
+        yield view.notes("clock_offset.shaken", beside=driven, best=answer.best, near=answer.near, line=line, **lag)
 
 
 def _drift(view: View, both: tuple[Array, Array], best: float) -> float:

@@ -6,12 +6,12 @@ import numpy as np
 from annotated_types import Ge
 from scipy.signal import periodogram
 
-from models.checks.estimators import Array, grid_step, told_noise
+from models.checks.estimators import Array, estimated_noise, grid_step
 from models.checks.finding import Findings
 from models.checks.sensor import without_outliers
 from models.checks.settings import SET
 from models.checks.usable import usable
-from models.checks.view import View
+from models.checks.view import TEXT, View
 from models.rigs.schema import bounds
 from models.rigs.tables import Noise
 
@@ -22,60 +22,51 @@ def _key(view: View) -> str:
     return f"{stem}_std_{unit}" if view.measured in ("force_N", "position_m", "torque_N_m") else ""
 
 
-def noise_used(stated: float | None, told: float, span: float, step: float = 0.0) -> float:
+def noise_used(stated: float | None, estimated: float, span: float, step: float = 0.0) -> float:
     """The noise that fits use: the stated one with what a resolution `step` adds, unless the record is noisier or the
     stated one is absurd beside the `span` of the signal.
     """
     stated = stated if stated is None else math.hypot(stated, step / math.sqrt(12))
-    if stated is None or told > SET.noise_off * stated or stated > SET.noise_absurd * span:
-        return told
+    if stated is None or estimated > SET.noise_off * stated or stated > SET.noise_absurd * span:
+        return estimated
     return stated
 
 
 def check_noise(view: View) -> Findings:
     """Noise that is not as the rig file states."""
-    key, name, unit, span = _key(view), view.measured, view.unit, float(np.ptp(view.y))
+    key, span = _key(view), float(np.ptp(view.y))
     stated = getattr(view.rig.noise, key) if key else None
     if stated is None or len(view.y) < 200:
         return
-    told = told_noise(view.y[usable(view)], view.kind.vibrates, stated)
-    how = "the quietest tenth of the spectrum" if view.kind.vibrates else "second differences in the quieter stretches"
+    own, spectral = estimated_noise(view.y[usable(view)], view.kind.vibrates, stated), view.kind.vibrates
     lower, _ = bounds(Noise, key)
-    small = isinstance(lower, Ge) and told < lower.ge  # type: ignore[operator]
-    remedy = f"leave {key} out of [noise]" if small else f"[noise] {key} = {told:.2g}"
-    if told > SET.noise_off * stated:
-        said = (
-            f"the noise of {name} is {told:.3g} {unit}, {told / stated:.2g} times the stated {stated:.3g} {unit}; the"
-            " fits use what was found"
-        )
-        yield view.notes("noise_stated", said, how, remedy)
+    small = isinstance(lower, Ge) and own < lower.ge  # type: ignore[operator]
+    values = {
+        "noise": view.of_measured(own),
+        "stated": view.of_measured(stated),
+        "line": TEXT("noise_line.leave_out", key=key) if small else f"[noise] {key} = {own:.2g}",
+    }
+    if own > SET.noise_off * stated:
+        yield view.notes("noise_stated.larger", ratio=own / stated, spectral=spectral, **values)
     elif stated > SET.noise_absurd * span:
-        said = (
-            f"the stated noise of {stated:.3g} {unit} is as large as the signal itself, which spans {span:.3g} {unit};"
-            f" the fits use {told:.3g} {unit}, which was found"
-        )
-        yield view.weakens("noise_stated", said, "the stated noise beside the span of the column", remedy)
-    elif told < stated / (2 * SET.noise_off):
-        said = (
-            f"white noise of {name} is {told:.3g} {unit}, less than the stated {stated:.3g} {unit}: it is filtered, or"
-            " better than its data sheet; the stated one is used"
-        )
-        yield view.notes("noise_stated", said, how, f"{remedy}, where the sensor is that good")
+        yield view.weakens("noise_stated.absurd", span=view.of_measured(span), **values)
+    elif own < stated / (2 * SET.noise_off):
+        yield view.notes("noise_stated.smaller", spectral=spectral, **values)
 
 
 def check_resolution(view: View) -> Findings:
     """Values of the measured column on a grid that is coarse beside the noise: a converter or a camera."""
-    step, unit, key = grid_step(view.y), view.unit, _key(view)
+    step, key = grid_step(view.y), _key(view)
     coarse = view.noise > 0 or np.mean(np.diff(view.y) == 0) >= SET.coarse_equal
     if step > SET.coarse * view.noise and coarse:
-        levels, value = round(float(np.ptp(view.y)) / step) + 1, step / np.sqrt(12)
+        levels, noise = round(float(np.ptp(view.y)) / step) + 1, step / math.sqrt(12)
         yield view.finding(
             "weakens" if levels < SET.few_levels else "note",
             "resolution",
-            f"{view.measured} has a resolution of {step:.3g} {unit}, {levels} levels over its range: coarser than its"
-            f" noise, so the noise counts as at least {value:.2g} {unit}",
-            "all values lie on one grid",
-            f"[noise] {key} = {value:.2g}" if key else "record with a finer resolution",
+            step=view.of_measured(step),
+            levels=levels,
+            noise=view.of_measured(noise),
+            line=f"[noise] {key} = {noise:.2g}" if key else TEXT("noise_line.finer"),
         )
 
 
@@ -84,17 +75,10 @@ def check_colour(view: View) -> Findings:
     if view.noise == 0:
         return
     view = View(without_outliers(view), view.rig)
-    told = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in SET.colour_windows)
-    rows, least = next(((rows, least) for rows, fewest, least in told if len(rows) >= fewest), (np.zeros((0, 1)), 0.0))
+    found = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in SET.colour_windows)
+    rows, least = next(((rows, least) for rows, fewest, least in found if len(rows) >= fewest), (np.zeros((0, 1)), 0.0))
     if rows.size and (correlation := _correlation(view, rows)) >= max(least, SET.colour_sure / np.sqrt(rows.size)):
-        yield view.notes(
-            "noise_coloured",
-            f"the noise of {view.measured} goes on from sample to sample (correlation {correlation:.2f}): the sensor or"
-            " its amplifier filters; a filter's delay looks like a late sensor",
-            f"correlation of neighbours over {rows.size} samples at rest",
-            "log the sensor unfiltered, or state its delay: [clock] offset_s",
-            rows="at rest",
-        )
+        yield view.notes("noise_coloured", rows="at rest", correlation=correlation, n=rows.size)
 
 
 def _correlation(view: View, rows: Array) -> float:
@@ -110,7 +94,7 @@ def _correlation(view: View, rows: Array) -> float:
 
 def check_tones(view: View) -> Findings:
     """Tones on the measured column that stay the same whatever the motion does: mains hum and ringing."""
-    unit, n, speeds = view.measured.rsplit("_", 1)[1], len(view.y), np.abs(view.speed[view.moves])
+    n, speeds = len(view.y), np.abs(view.speed[view.moves])
     steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < SET.tone_speeds * float(np.percentile(speeds, 10))
     own = steady or not view.kind.imposed  # stick-slip at one speed, or the tone of a capsule on its spring
     shown = []
@@ -118,15 +102,10 @@ def check_tones(view: View) -> Findings:
         near = (abs(hertz - m) < max(SET.near * m, 1.5 * SET.tone_parts / n / view.dt) for m in SET.mains_hz)
         mains = any(near)
         if mains or not own:
-            shown.append(f"{hertz:.4g} Hz ({amplitude:.2g} {unit}{', mains' if mains else ''})")
+            case = "tone.mains" if mains else "tone.line"
+            shown.append(TEXT(case, hertz=hertz, amplitude=view.of_measured(amplitude)))
     if shown:
-        yield view.notes(
-            "tone",
-            f"{view.measured} carries tones, whatever the motion does: {', '.join(shown)}",
-            f"lines more than {SET.tone:g} times their neighbourhood in each of {SET.tone_parts} stretches, or mains at"
-            " rest",
-            "mains: shield and ground the sensor, or average over whole periods; ringing: damp the mount",
-        )
+        yield view.notes("tone", tones=shown, ratio=SET.tone, parts=SET.tone_parts)
 
 
 def tones(view: View) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ from models.checks.estimators import Array, grid_step, running_mean, runs_of, wh
 from models.checks.finding import Findings
 from models.checks.sensor import fresh, silent
 from models.checks.settings import SET
-from models.checks.view import View, times
+from models.checks.view import View
 
 PLACES = ("position_m", "carriage_position_m", "angle_rad")
 """Driven columns that say where something is."""
@@ -37,15 +37,8 @@ def check_jumps(view: View) -> Findings:
     """A measured place that goes elsewhere from one sample to the next, faster than anything could move the capsule."""
     rows = jumps(view)
     if len(rows):
-        largest = view.told(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
-        yield view.weakens(
-            "place_jumps",
-            f"{view.measured} jumps {times(rows)}, by up to {largest}, from one sample to the next and stays there: the"
-            " localisation lost its place or its zero was set anew",
-            f"further than {SET.jump_force_N:g} N could move the capsule in a sampling interval",
-            "cut the file there into two records",
-            rows=rows,
-        )
+        largest = view.length(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
+        yield view.weakens("place_jumps", rows=rows, n=len(rows), largest=largest, force=SET.jump_force_N)
 
 
 def check_wraps(view: View) -> Findings:
@@ -61,15 +54,11 @@ def check_wraps(view: View) -> Findings:
             after = float(np.mean(np.abs(jump - per_sample))) / abs(view.rig.columns.entry(name).factor())
             usual = min(_USUAL, key=lambda size: abs(np.log(size / after)))
             after = usual if abs(usual / after - 1) < SET.wrap_snapped else after
-            yield view.stops(
-                "place_wraps",
-                f"{name} jumps back {times(rows)} by {view.told(float(np.max(np.abs(jump))))} and goes on as before: an"
-                " angle or a counter that begins again",
-                f"jumps through more than {SET.wrap_jump:.0%} of the span, against the motion on both sides",
+            largest, line = (
+                view.length(float(np.max(np.abs(jump)))),
                 view.columns_line(name, wrap=float(f"{after:.12g}")),
-                name,
-                rows,
             )
+            yield view.stops("place_wraps", name, rows, n=len(rows), largest=largest, share=SET.wrap_jump, line=line)
 
 
 def wraps(values: Array) -> NDArray[np.int64]:
@@ -81,15 +70,15 @@ def wraps(values: Array) -> NDArray[np.int64]:
     if not len(rows) or len(rows) > SET.wrap_most * len(values):
         return none
     passages = np.split(rows, np.flatnonzero(np.diff(rows) > side) + 1)
-    sure, told = 3 * white_noise(values), []
+    sure, sudden = 3 * white_noise(values), []
     for first, last in ((p[0], p[-1]) for p in passages if len(p) % 2 and p[0] > side and p[-1] < len(values) - side):
         ends = ((first - side, first - few), (last, last + side - few))
         before, after = (np.median(values[b : b + few]) - np.median(values[a : a + few]) for a, b in ends)
         back = -np.sign(values[last] - values[first - 1])
         if min(back * before, back * after) < -sure:
             return none
-        told += [first] if min(back * before, back * after) > sure else []
-    return np.array(told, dtype=np.int64)
+        sudden += [first] if min(back * before, back * after) > sure else []
+    return np.array(sudden, dtype=np.int64)
 
 
 def _half_step(view: View, x: Array) -> int:
@@ -113,16 +102,11 @@ def check_driven_resolution(view: View) -> Findings:
     """A driven place that goes in steps."""
     name = view.driven
     if name in PLACES and (half := _half_step(view, view.record[name])):
-        yield view.finding(
-            "weakens" if view.kind.drawn else "note",
-            "driven_resolution",
-            f"{name} goes in steps of {view.told(grid_step(view.record[name]))}, each"
-            f" {1e3 * 2 * half * view.dt:.3g} ms long at the usual speed; fits take a running mean of that length"
-            + ("; the wall's force changes within less than such a step" if view.kind.drawn else ""),
-            "all values lie on one grid",
-            "log the command or a finer encoder",
-            name,
-        )
+        step, length = view.length(grid_step(view.record[name])), 2 * half * view.dt
+        if view.kind.drawn:
+            yield view.weakens("driven_resolution.pull", name, step=step, length=length)
+        else:
+            yield view.notes("driven_resolution", name, step=step, length=length)
 
 
 def check_stuck(view: View) -> Findings:
@@ -139,16 +123,8 @@ def check_stuck(view: View) -> Findings:
     rests = [(a + settled, b) for a, b in runs_of(~view.moves, least)]
     stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
     if stuck and whole >= 20 * view.noise:
-        longest = max(b - a for a, b in stuck) * view.dt
-        yield view.weakens(
-            "driven_stuck",
-            f"{name} rests for up to {longest:.3g} s while {view.measured} goes to and fro as in motion: its encoder is"
-            " stuck, slips or was not logged",
-            f"{least_swings} or more swings at rest through more than {SET.stuck_much:.0%} of the range in motion",
-            "look at the encoder and its coupling; leave these stretches out of the record",
-            name,
-            [a for a, _ in stuck],
-        )
+        begins, longest = [a for a, _ in stuck], max(b - a for a, b in stuck) * view.dt
+        yield view.weakens("driven_stuck", name, begins, longest=longest, n=least_swings, share=SET.stuck_much)
 
 
 def _swings(y: Array, level: float) -> int:

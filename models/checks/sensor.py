@@ -6,11 +6,12 @@ Masks say which samples of the measured column a fit may not use; the checks tel
 import numpy as np
 
 from models.checks.estimators import Array, Mask, grid_step, runs_of, white_noise
-from models.checks.finding import Findings
+from models.checks.finding import Findings, Severity
 from models.checks.settings import SET
-from models.checks.view import View, times
+from models.checks.view import View
 from models.records.record import Record
 from models.rigs.columns import TIME
+from models.words.quantities import number
 
 SWITCHED = ("drive_on", "coil_voltage_V")
 """Driven columns with edges of their own."""
@@ -36,16 +37,9 @@ def check_clipping(view: View) -> Findings:
     """Clipping or saturation of the measured column."""
     where = clipped(view)
     if where.any():
-        unit, values = view.measured.rsplit("_", 1)[1], view.y[where]
-        limits = " and ".join(f"{end:.4g} {unit}" for end in np.unique([values.min(), values.max()]))
-        yield view.weakens(
-            "clipping",
-            f"{100 * where.mean():.1f} % of {view.measured} stand exactly at {limits}: the sensor or its amplifier"
-            " clips there; these samples are left out of every fit",
-            "several runs of equal values at the end of the range, many more than next to it",
-            "record again with a smaller gain (a larger range of the amplifier)",
-            rows=np.flatnonzero(where),
-        )
+        values = view.y[where]
+        limits = [view.of_measured(end) for end in np.unique([values.min(), values.max()])]
+        yield view.weakens("clipping", rows=np.flatnonzero(where), share=where.mean(), limits=limits)
 
 
 def fresh(view: View) -> Mask:
@@ -71,15 +65,9 @@ def fresh(view: View) -> Mask:
 
 def check_held_values(view: View) -> Findings:
     """A measured column of a slow sensor that is logged at a faster rate."""
-    new = fresh(view)
-    if not new.all() and clipped(view).mean() <= SET.held_clipped:
-        yield view.notes(
-            "held_values",
-            f"{view.measured} is logged {1 / view.dt:.4g} times a second but changes {float(new.mean()) / view.dt:.3g}"
-            " times a second: values are held in between; only the new ones are used",
-            f"runs of {1 / new.mean():.3g} equal values on average, of one length",
-            "log the sensor at its own rate with its own time stamps",
-        )
+    share = float(fresh(view).mean())
+    if share < 1 and clipped(view).mean() <= SET.held_clipped:
+        yield view.notes("held_values", rate=1 / view.dt, fresh=share / view.dt, length=1 / share)
 
 
 def silent(view: View) -> Mask:
@@ -108,17 +96,11 @@ def check_silence(view: View) -> Findings:
     mask = silent(view)
     if mask.any():
         lost = runs_of(mask)
-        longest = max((b - a) * view.dt for a, b in lost)
-        yield view.finding(
-            "weakens" if mask.mean() > SET.silence_much else "note",
-            "sensor_silent",
-            f"{view.measured} keeps one value or follows a straight line {times(lost)}, for up to {longest:.3g} s,"
-            " without the noise that it has elsewhere: the sensor was lost and its values are held or filled in; they"
-            " are left out of every fit",
-            f"second differences below 0.1 % of the usual ones for {SET.silence_samples} samples and more",
-            "leave out what was not measured; look at cable, connector and line of sight",
-            rows=[a for a, _ in lost],
-        )
+        longest, least = max((b - a) * view.dt for a, b in lost), SET.silence_samples
+        begins = [a for a, _ in lost]
+        much, n = mask.mean() > SET.silence_much, len(lost)
+        severity: Severity = "weakens" if much else "note"
+        yield view.finding(severity, "sensor_silent", rows=begins, n=n, longest=longest, least=least)
 
 
 def spikes(view: View, name: str) -> Mask:
@@ -173,15 +155,9 @@ def check_no_values(view: View) -> Findings:
     """Values of the measured column that no sensor gave: -999 of a logger that got no answer."""
     where = beyond(view.y)
     if where.any():
-        shown = ", ".join(f"{value:.6g}" for value in np.unique(view.y[where])[:3])
-        yield view.notes(
-            "no_values",
-            f"{int(where.sum())} samples of {view.measured} are {shown}, far from all others: a logger's sign for no"
-            " value; they are left out of every fit",
-            f"{SET.stray_apart:g} times as far from the median as every other sample",
-            "leave such rows out of the file",
-            rows=np.flatnonzero(where),
-        )
+        values = [number(value, 6) for value in np.unique(view.y[where])[:3]]
+        rows = np.flatnonzero(where)
+        yield view.notes("no_values", rows=rows, n=len(rows), values=values, apart=SET.stray_apart)
 
 
 def check_outliers(view: View) -> Findings:
@@ -191,12 +167,4 @@ def check_outliers(view: View) -> Findings:
         if name == view.measured:
             where &= ~beyond(view.y)
         if where.any():
-            yield view.notes(
-                "outliers",
-                f"{int(where.sum())} samples of {name} stand far off their neighbours on both sides; they are left"
-                " out of every fit",
-                f"more than {SET.far:g} standard deviations of the noise off both neighbours",
-                "look at cable, connector and interference; delete the samples if they are none of the rig's",
-                name,
-                np.flatnonzero(where),
-            )
+            yield view.notes("outliers", name, np.flatnonzero(where), n=int(where.sum()), far=SET.far)

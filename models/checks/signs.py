@@ -1,8 +1,9 @@
-"""Signs and zeros, and columns in each other's place: what friction tells of a force or a capsule that is led. Over
-strokes to and fro it acts equally far to both sides of the middle, against the motion.
+"""Signs and zeros, and columns in each other's place: what friction shows of a force, or of a capsule that is led.
+Over strokes in both directions it acts against the motion, equally far to both sides of the middle.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,35 +12,31 @@ from models.checks.excitation import silent_response
 from models.checks.finding import Findings, RecordFinding
 from models.checks.settings import SET
 from models.checks.view import View
-from models.files.units import unit_of
 
 _OF_MEDIAN = 1.253 / 0.6745  # standard error of a median by the median deviation and the root of the number
 
 
 def check_force_sign(view: View) -> Findings:
     """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
+    place = view.moving_column
     if view.kind.stage:
-        column, told = view.measured, _stage(view)
+        if _stage_reversed(view):
+            line = view.turned_line(view.measured)
+            yield view.stops("force_sign.stage", beside=place, place=place, line=line)
     elif view.pushing is not None:
-        column, told = view.pushing[0], _stroke(view, view.pushing[1])
-    else:
-        return
-    if told:
-        driving = column.removesuffix(unit_of(column)).strip("_").replace("_", " ")
-        yield view.stops(
-            "force_sign",
-            f"{column} opposes the motion that it should drive: friction would give energy; the sign of the {driving}"
-            f" (or of the {view.moving_column.partition('_')[0]}) is turned round",
-            told,
-            f"{view.turned_line(column)}, or change the wire over",
-            f"{column} against {view.moving_column}",
-        )
-    elif view.kind.drawn:
-        yield from _unsigned(view, column)
+        column, force = view.pushing
+        mean, n = _along(view, force)
+        if mean:
+            line = view.turned_line(column)
+            yield view.stops("force_sign.stroke", column, beside=place, place=place, line=line, mean=mean, n=n)
+        elif view.kind.drawn:
+            yield from _unsigned(view, column)
 
 
-def _stroke(view: View, force: Array) -> str:
-    """A stroke's `force` in N towards its end, where friction has built up, times its direction."""
+def _along(view: View, force: Array) -> tuple[float, int]:
+    """Mean of a stroke's `force` in N towards its end, where friction has built up, times its direction, where that is
+    surely negative, else 0; and the number of strokes.
+    """
     strokes = view.strokes()
     if len(strokes) == 1:
         ((a, b, way),) = strokes
@@ -47,12 +44,11 @@ def _stroke(view: View, force: Array) -> str:
     else:
         ends = np.concatenate([way * view.ends(force, way) for way in (1.0, -1.0)])
     if not len(ends):
-        return ""
+        return 0.0, 0
     error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * white_noise(force) / np.sqrt(len(force)), 1e-15)
     mean = float(np.mean(ends))
-    if mean < -SET.sure * error and mean < -SET.sign_mean * float(np.percentile(np.abs(force), 90)):
-        return f"force times direction is {mean:.3g} N on average over {len(ends)} strokes; friction makes it positive"
-    return ""
+    against = mean < -SET.sure * error and mean < -SET.sign_mean * float(np.percentile(np.abs(force), 90))
+    return mean if against else 0.0, len(strokes)
 
 
 def _unsigned(view: View, column: str) -> Findings:
@@ -66,19 +62,12 @@ def _unsigned(view: View, column: str) -> Findings:
     error = float(np.hypot(*(np.std(way) / np.sqrt(len(way)) for way in ways))) / 2
     size = float(np.percentile(np.abs(view.y), 90))
     if size >= 20 * view.noise and abs(turns) + SET.sure / 2 * error <= SET.sign_turns * size:
-        yield view.stops(
-            "force_unsigned",
-            f"{column} does not turn round with the motion, as friction does: its sign (or that of"
-            f" {view.moving_column}) was not logged, or the two do not belong together",
-            f"{np.mean(forward):.3g} N forward and {np.mean(backward):.3g} N backward, in {len(forward)} and"
-            f" {len(backward)} strokes",
-            "log both with their signs",
-            f"{column} against {view.moving_column}",
-        )
+        means = {"forward": np.mean(forward), "backward": np.mean(backward), "n": len(forward), "m": len(backward)}
+        yield view.stops("force_unsigned", column, beside=view.moving_column, place=view.moving_column, **means)
 
 
-def _stage(view: View) -> str:
-    """Signs of mass and of friction in a line through the force."""
+def _stage_reversed(view: View) -> bool:
+    """Whether mass and friction are both negative in a line through the force, and its work is."""
     x, force, n = view.record[view.moving_column], view.y, max(1, round(0.02 / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt
@@ -89,9 +78,7 @@ def _stage(view: View) -> str:
     (mass, friction, *_), *_ = np.linalg.lstsq(rows / scale, force, rcond=None)
     work, lost = float(np.sum(force * v)) * view.dt, float(np.sum(np.abs(force * v))) * view.dt
     light = mass < 0 or abs(mass) < SET.sign_weight * abs(friction)
-    if work < -SET.sign_work * lost and friction < 0 and light:
-        return "mass and friction both come out negative, and the work of the force over the record is negative"
-    return ""
+    return bool(work < -SET.sign_work * lost and friction < 0 and light)
 
 
 def check_drive_sign(view: View) -> Findings:
@@ -103,13 +90,8 @@ def check_drive_sign(view: View) -> Findings:
         return
     correlation = float(np.corrcoef(c, x)[0, 1])
     if correlation <= SET.sign_against:
-        yield view.stops(
-            "drive_sign",
-            f"{view.measured} goes back where {view.driven} goes forward: one of the two has its sign turned round",
-            f"correlation {correlation:.2f} between the two places",
-            f"{view.turned_line(view.measured)}, or change the wire over",
-            f"{view.measured} against {view.driven}",
-        )
+        line = view.turned_line(view.measured)
+        yield view.stops("drive_sign", beside=view.driven, correlation=correlation, line=line)
 
 
 def check_same(view: View) -> Findings:
@@ -121,13 +103,8 @@ def check_same(view: View) -> Findings:
         return
     slope, offset = np.polyfit(driven, view.y, 1)
     if float(np.max(np.abs(view.y - slope * driven - offset))) <= SET.same_column * span:
-        yield view.stops(
-            "columns_same",
-            f"{view.measured} is {view.driven} times {slope:.6g}, without any noise: the same column was logged twice",
-            f"a straight line leaves less than {SET.same_column:g} of the span",
-            f"log what is measured, or give its column: {view.columns_line(view.measured, column='...')}",
-            f"{view.measured} against {view.driven}",
-        )
+        line = view.columns_line(view.measured, column="...")
+        yield view.stops("columns_same", beside=view.driven, slope=slope, limit=SET.same_column, line=line)
 
 
 def check_pull_exchanged(view: View) -> Findings:
@@ -140,9 +117,7 @@ def check_pull_exchanged(view: View) -> Findings:
     place, noise = _coarse(view.record[view.driven]), _coarse(view.y)
     along = abs(float(np.mean(np.sign(view.y) * view.speed))) / way
     if place > SET.exchanged_coarser * noise and along < SET.exchanged_along:
-        why = f"{view.driven} is noisier for its span than {view.measured}, which does not go with the direction of"
-        how = f"noise {place:.2g} of the span against {noise:.2g}; force along {100 * along:.0f} % of the way"
-        yield _exchanged(view, view.driven, f"{why} motion", how)
+        yield _exchanged(view, view.driven, "columns_exchanged.pull", place=place, noise=noise, along=along)
 
 
 def _coarse(x: Array) -> float:
@@ -151,16 +126,14 @@ def _coarse(x: Array) -> float:
     return max(white_noise(x), step_noise(x)) / span if span else 0.0
 
 
-def _exchanged(view: View, driven: str, why: str, how: str) -> RecordFinding:
+def _exchanged(view: View, driven: str, case: str, **values: Any) -> RecordFinding:
     """The finding that the measured column and the `driven` one are in each other's place."""
     measured, sources = view.measured, view.rig.columns
-    lines = [
-        view.columns_line(one, column=sources.entry(other).column)
-        for one, other in ((measured, driven), (driven, measured))
-    ]
-    remedy = f"{lines[0]} and {lines[1].removeprefix('[columns] ')}"
-    said = f"{why}: the two columns are exchanged"
-    return view.stops("columns_exchanged", said, how, remedy, f"{measured} against {driven}")
+    line, other = (
+        view.columns_line(one, column=sources.entry(two).column)
+        for one, two in ((measured, driven), (driven, measured))
+    )
+    return view.finding("stops", case, beside=driven, line=line, other=other.removeprefix("[columns] "), **values)
 
 
 @dataclass(frozen=True)
@@ -201,31 +174,24 @@ def check_place_zero(view: View) -> Findings:
     sides = _sides(view, view.record[view.driven] - view.y, view.noise)
     late = SET.zero_late_s * float(np.percentile(np.abs(view.speed), 75))
     if sides is not None and -sides.friction > max(sides.unsure, late):
-        why = f"{view.measured} runs ahead of {view.driven} both ways, so friction would give energy"
-        lead = view.told(-sides.friction)
-        how = f"the capsule is {lead} ahead of its magnet over the later halves of the strokes"
-        yield _exchanged(view, view.driven, why, how)
+        lead = view.length(-sides.friction)
+        yield _exchanged(view, view.driven, "columns_exchanged.magnet", lead=lead)
     elif sides is not None and sides.apart and not (view.rig.surface and view.rig.surface.is_air):
-        side = "behind" if sides.middle > 0 else "ahead of"
-        said = f"{view.measured} is {view.told(abs(sides.middle))} {side} {view.driven}"
-        why = "the two count from different places, or a force larger than friction pulls the capsule one way"
-        yield _apart(view, said, why, -sides.middle)
+        off = view.length(abs(sides.middle))
+        line = _zero_line(view, -sides.middle)
+        yield view.notes("zeros_apart.position", offset=off, ahead=sides.middle < 0, line=line)
 
 
 def check_force_zero(view: View) -> Findings:
     """Whether the force of a pull lies on both sides of zero as friction does."""
     sides = _sides(view, view.y, view.noise) if view.kind.drawn else None
     if sides is not None and sides.apart:
-        why = "the load cell was not set to zero, or a weight hangs on it"
-        yield _apart(view, f"{view.measured} is {sides.middle:.3g} N", why, sides.middle)
+        offset, line = view.of_measured(sides.middle), _zero_line(view, sides.middle)
+        yield view.notes("zeros_apart.force", offset=offset, line=line)
 
 
-def _apart(view: View, sentence: str, why: str, offset: float) -> RecordFinding:
+def _zero_line(view: View, offset: float) -> str:
+    """The line of `[columns]` that takes `offset` off the measured column."""
     entry = view.rig.columns.entry(view.measured)
     zero = float(f"{entry.offset + offset / (entry.sign * entry.factor()):.3g}")
-    return view.notes(
-        "zeros_apart",
-        f"{sentence} on average over strokes both ways, further off than friction explains: {why}",
-        "mean over the later halves of the strokes, each way",
-        f"{view.columns_line(view.measured, offset=zero)}, where it is the zero",
-    )
+    return view.columns_line(view.measured, offset=zero)

@@ -145,14 +145,6 @@ def _starts_loaded(view: View) -> bool:
 def check_start(view: View) -> Findings:
     """Whether the record starts in motion or under load; predictions start at rest and free."""
     if rows := run_in(view):
-        speed, moving = float(np.mean(view.speed[_first(view)])), _starts_in_motion(view)
-        begins = f"in motion at {1e3 * speed:.3g} mm/s" if moving else "under the load that an earlier motion left"
-        yield view.notes(
-            "starts_in_motion",
-            f"the record starts {begins}; predictions start at rest and free, so its first {rows * view.dt:.3g} s count"
-            " in no fit and no error",
-            "speed over the first tenth of a second" if moving else "gap of the magnet at once, beside in motion",
-            "record from half a second before the motion starts, with the capsule free",
-            view.moving_column,
-            [0],
-        )
+        case = "starts_in_motion" if _starts_in_motion(view) else "starts_in_motion.loaded"
+        speed = float(np.mean(view.speed[_first(view)]))
+        yield view.notes(case, view.moving_column, [0], speed=speed, skipped=rows * view.dt)

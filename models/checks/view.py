@@ -1,9 +1,9 @@
 """One record as the checks look at it: its columns, its clock, its motion, its noise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partialmethod
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,9 @@ from models.rigs.columns import TIME
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
+from models.words.sentences import Quantity, Sentences
 
+TEXT: Final = Sentences(__file__)
 Rows = Sequence[int] | NDArray[np.int64]
 
 
@@ -96,14 +98,13 @@ class View:
         """Whether the motion is that of an axis that turns, in rad."""
         return self.moving_column.endswith("_rad")
 
-    def told(self, length: float) -> str:
-        """A length in m (an angle in rad) of the motion in words."""
-        return f"{length:.3g} rad" if self.turns else f"{1e3 * length:.3g} mm"
+    def length(self, value: float, rate: str = "") -> Quantity:
+        """A length of the motion in m, an angle in rad; a speed with the `rate` "/s"."""
+        return Quantity(value, f"{'rad' if self.turns else 'm'}{rate}")
 
-    @property
-    def unit(self) -> str:
-        """The unit of the measured column, as it is written."""
-        return unit_of(self.measured).replace("_", " ")
+    def of_measured(self, value: float) -> Quantity:
+        """A value of the measured column."""
+        return Quantity(value, unit_of(self.measured).replace("_", " "))
 
     @cached_property
     def _smoothed(self) -> tuple[Array, float]:
@@ -170,16 +171,21 @@ class View:
     def finding(
         self,
         severity: Severity,
-        name: str,
-        sentence: str,
-        how: str,
-        remedy: str,
+        case: str,
         column: str = "",
         rows: Rows | str = "throughout",
+        beside: str = "",
+        **values: Any,
     ) -> RecordFinding:
-        """A finding about a `column` of this record, the measured one where nothing is said, in these `rows`."""
-        where = f"{column or self.measured}, {rows if isinstance(rows, str) else self.at(rows)}"
-        return RecordFinding(name, severity, self.record.source or self.record.name, where, sentence, how, remedy)
+        """A finding about a `column` of this record (default: the measured one) in these `rows`, `beside` another one.
+        texts are the table `case` of `sentences.toml`, filled with `values`; its id is the first name of `case`.
+        """
+        names = {"column": column or self.measured, "measured": self.measured, "driven": self.driven}
+        texts = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
+        against = f" against {beside}" if beside else ""
+        where = f"{names['column']}{against}, {rows if isinstance(rows, str) else self.at(rows)}"
+        name = case.partition(".")[0]
+        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts)
 
     stops = partialmethod(finding, "stops")
     weakens = partialmethod(finding, "weakens")
@@ -192,7 +198,7 @@ class View:
 
     def unit_line(self, target: str) -> str:
         """The line of `[columns]` that is to state the unit of what `target` is read from."""
-        return f"{self.columns_line(target, unit='...')} with the unit of the file"
+        return self.columns_line(target, unit="...")
 
     def turned_line(self, target: str) -> str:
         """The line of `[columns]` that turns the sign of `target` round."""
@@ -205,6 +211,8 @@ class View:
         return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
 
 
-def times(rows: Sequence[object] | NDArray[np.int64]) -> str:
-    """How often something happens, in words."""
-    return "once" if len(rows) == 1 else f"{len(rows)} times"
+def _text(case: str, part: str, values: Mapping[str, Any]) -> str:
+    """A `part` of the texts of `case`, or of the finding that it is a case of: "units.follows" is a case of "units"."""
+    while f"{case}.{part}" not in TEXT:
+        case = case.rpartition(".")[0]
+    return TEXT(f"{case}.{part}", **values)

@@ -18,8 +18,7 @@ from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from models.compiled.arithmetic import OPERATIONS, Number
-from models.compiled.cache import cache_folder
-from models.files.writing import draft
+from models.files.access import cache_folder, draft
 
 _NAMES = {value: name.removeprefix("OP_").lower() for name, value in vars(ca).items() if name.startswith("OP_")}
 _INT, _REAL = ir.IntType(64), ir.DoubleType()

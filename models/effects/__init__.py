@@ -1,40 +1,39 @@
-"""What a rig may have beyond the base model: one file an effect, found in the folders below.
+"""What a rig may have beyond the base model: the effects that the files of `GROUPS` declare.
 
-A class in `friction/`, `force/`, `wall/`, `drive/`, `sensor/` or `inner_mass/` is a candidate of the search; one in
-`refinements/` gives the shape of an effect that is already named more freedom and is never a candidate by itself.
+Each class there with an `id` is an effect. Those in `refinements.py` give the shape of an effect that is already named
+more freedom; all others are candidates of the search.
 """
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Final
 
+from models.effects import drive, force, friction, inner_mass, refinements, sensor, wall
 from models.effects.effect import Effect
 from models.effects.own import Origin, own_effects
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
 
-_REFINEMENTS: Final = f"{__name__}.refinements."
+GROUPS: Final = (friction, force, wall, drive, sensor, inner_mass)
 
 
-def _declared() -> tuple[type[Effect], ...]:
-    found = []
-    for module in pkgutil.walk_packages(__path__, f"{__name__}."):
-        classes = vars(import_module(module.name)).values()
-        found += [
-            c for c in classes if isinstance(c, type) and issubclass(c, Effect) and c.__module__ == module.name and c.id
-        ]
+def _declared(*modules: ModuleType) -> tuple[type[Effect], ...]:
+    found = [
+        value
+        for module in modules
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == module.__name__ and value.id
+    ]
     return tuple(sorted(found, key=lambda effect: effect.id))
 
 
-_ALL: Final = _declared()
-EFFECTS: tuple[type[Effect], ...] = tuple(e for e in _ALL if not e.__module__.startswith(_REFINEMENTS))
-REFINEMENTS: tuple[type[Effect], ...] = tuple(e for e in _ALL if e.__module__.startswith(_REFINEMENTS))
+EFFECTS: Final = _declared(*GROUPS)
+REFINEMENTS: Final = _declared(refinements)
 """Free curves and further orders that refine the shape of a named effect; never candidates."""
 
 
@@ -60,7 +59,7 @@ class Catalogue(Mapping[str, type[Effect]]):
 
     @cached_property
     def _by_id(self) -> dict[str, type[Effect]]:
-        return {effect.id: effect for effect in (*_ALL, *(origin.effect for origin in self.own))}
+        return {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS, *(origin.effect for origin in self.own))}
 
     def __getitem__(self, name: str) -> type[Effect]:
         return self._by_id[name]
@@ -85,3 +84,9 @@ class Catalogue(Mapping[str, type[Effect]]):
 
 CATALOGUE: Final = Catalogue()
 """The project's effects alone."""
+
+
+def effect_words(name: str, catalogue: Mapping[str, type[Effect]] = CATALOGUE) -> str:
+    """The name of an effect in words with an article; the id with blanks where the effect declares none."""
+    declared = catalogue.get(name)
+    return (declared.words if declared else "") or name.replace("_", " ")

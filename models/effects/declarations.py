@@ -11,7 +11,7 @@ from models.files.units import unit
 from models.parameter import Parameter, nearest
 
 _TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
-_WORDS: Final = ("id", "summary", "source", "separated_by", "of")
+_WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of")
 DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "follows", "grid", "probe", "by_speed", "further")
 """What an effect may declare beside its parameters and hooks."""
 _OURS: Final = (*DECLARATIONS, "parameters")

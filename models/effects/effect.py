@@ -1,4 +1,4 @@
-"""What an effect is: parameters, hidden states, and what it adds to the base model. One subclass a file."""
+"""What an effect is: parameters, hidden states, and what it adds to the base model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
-from models.laws.dynamic_modulus import DynamicModulus
+from models.laws.five_elements import DynamicModulus
 from models.parameter import Parameter, Role
 
 Value = Any
@@ -70,6 +70,7 @@ def by_name(**entries: Any) -> Mapping[str, Any]:
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
+    `words` is its name with an article ("a lagging drive"), `summary` says what it does.
     Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
@@ -81,6 +82,7 @@ class Effect:
     """
 
     id: ClassVar[str] = ""
+    words: ClassVar[str] = ""
     summary: ClassVar[str] = ""
     source: ClassVar[str] = ""
     kinds: ClassVar[frozenset[str]] = frozenset()

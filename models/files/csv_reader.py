@@ -14,9 +14,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.clock_text import clock_s, over_midnight
-from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number, unguarded
-from models.files.source import WINDOWS, encoding_of, opened
+from models.files.access import WINDOWS, encoding_of, opened
+from models.files.csv_text import (
+    LONGEST_TOP,
+    SPACES,
+    EmptyError,
+    clock_s,
+    find_header,
+    over_midnight,
+    split,
+    to_number,
+    unguarded,
+)
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22  # read at once

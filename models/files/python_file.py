@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from models.files.source import LARGEST_TEXT, read_bytes
+from models.files.access import LARGEST_TEXT, read_bytes
 
 
 def installed(group: str, what: str) -> Iterator[tuple[str, type, str]]:

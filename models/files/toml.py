@@ -1,13 +1,17 @@
-"""A TOML file that a user wrote, with whatever is wrong with it said in one sentence."""
+"""TOML that a user wrote: what is wrong with it is refused in one sentence, down to types, words and magnitudes."""
 
 import json
+import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeVar
 
-from models.files.source import LARGEST_TEXT, read_text
+from models.files.access import LARGEST_TEXT, read_text
+from models.files.units import unit, unit_of
+from models.laws.geometry import contact_angle_deg
+from models.parameter import nearest
 
 
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
@@ -54,6 +58,95 @@ def in_file(path: Path) -> Iterator[None]:
 
 
 def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[str, Any], str]:
-    """The tables of a file and its text. Errors as `models.files.source.read_text`."""
+    """The tables of a file and its text. Errors as `models.files.access.read_text`."""
     text = read_text(path, what, largest)
     return parse_toml(text, f"{path}: {what}"), text
+
+
+Table = Mapping[str, Any]
+V = TypeVar("V", int, float)
+LARGEST_INTEGER: Final = 1 << 63  # what TOML's integers hold
+_SMALLEST: Final = 1e-12  # least of a positive number, in SI
+# most of a number by its dimension, in SI
+_LARGEST: Final = {"m": 1e6, "s": 1e12, "N": 1e6, "m/s": 1e6, "N/m": 1e9, "A": 1e4, "V": 1e6}
+_LARGEST_OTHER: Final = 1e15
+"""Magnitudes of numbers in a file by what their unit measures, in SI; those of integers such as seeds have none."""
+INTEGER: Final = f"an integer within {LARGEST_INTEGER:.0e} either way"
+
+
+def check_word(word: str, where: str, choices: Collection[str]) -> str:
+    """The `word` where it is one of the choices, else a ValueError of one sentence with the nearest."""
+    if word not in choices:
+        known = list(choices)
+        raise ValueError(f"{where} must be one of {', '.join(known)}; got {word!r}; {nearest(word, known)}")
+    return word
+
+
+def check_magnitude(value: Any, where: str) -> None:
+    """Raises ValueError for a number, or one of a list, that nothing in the unit of its key `where` can have."""
+    for number in value if isinstance(value, tuple) else (value,):
+        if not isinstance(number, float) or number == 0:
+            continue
+        found = unit(unit_of(where.rpartition(".")[2]) or "1") or unit("1")
+        most = (_LARGEST.get(found.dimension, _LARGEST_OTHER) / found.factor) if found else _LARGEST_OTHER
+        least = _SMALLEST / found.factor if found else _SMALLEST
+        if not least <= abs(number) <= most:
+            raise ValueError(f"{where} must be 0 or {least:g} to {most:g}, positive or negative; got {number:g}")
+
+
+def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
+    """A table `[tissue]` with the contact angle in place of `lumen_diameter_m`. Raises ValueError where both are given,
+    or where a capsule of `radius_m` does not stretch that lumen.
+    """
+    if "lumen_diameter_m" not in table:
+        return table
+    if "contact_angle_deg" in table:
+        raise ValueError(
+            f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both, and each follows from the other"
+        )
+    diameter = converted(table["lumen_diameter_m"], float, f"{where}.lumen_diameter_m")
+    try:
+        angle = contact_angle_deg(diameter, radius_m)
+    except ValueError as error:
+        raise ValueError(f"[{where}] {error}") from None
+    return {key: value for key, value in table.items() if key != "lumen_diameter_m"} | {"contact_angle_deg": angle}
+
+
+def converted(value: Any, kind: type[V], where: str) -> V:
+    """`value` as a float or an int. Raises ValueError of one sentence for what is none."""
+    if kind is int:
+        fits = isinstance(value, int) and not isinstance(value, bool) and abs(value) < LARGEST_INTEGER
+    else:
+        fits = is_number(value)
+    if not fits:
+        raise ValueError(f"{where} must be {INTEGER if kind is int else 'a finite number'}; got {shown(value)}")
+    return kind(value)
+
+
+def list_of_numbers(value: Any, where: str) -> tuple[float, ...]:
+    """A list of numbers. Raises ValueError of one sentence for what is none."""
+    if not isinstance(value, list):
+        raise ValueError(f"{where} must be a list of numbers; got {shown(value)}")
+    return tuple(converted(item, float, where) for item in value)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value of a file is a number that a float can hold; one of 400 digits is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def shown(value: Any, most: int = 60) -> str:
+    """A value of a file as a sentence tells it: on one line and short."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
+
+
+def choice(table: Table, where: str, choices: tuple[str, ...]) -> str:
+    """The key at the end of `where`, one of `choices`, else `ValueError` with the nearest."""
+    given = table.get(where.rpartition(".")[2])
+    if given not in choices:
+        raise ValueError(
+            f"{where} must be one of {', '.join(choices)}; got {shown(given)}"
+            + (f"; {nearest(given, choices)}" if isinstance(given, str) else "")
+        )
+    return str(given)

@@ -15,7 +15,8 @@ from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
-from models.identification.kinds import NOTHING_KNOWN, AnyKind, Known, kind_for, ready, report_of
+from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
+from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
@@ -51,7 +52,7 @@ def close(
     findings = examine(rig, [*train, *holdout])
     stop = stopping(findings)
     if stop is not None:
-        raise ValueError(f"{stop.file}: {stop.sentence} ({stop.where}); {stop.remedy}")
+        raise ValueError(f"{stop.file}, {stop.where}: {stop.sentence} Remedy: {stop.remedy}")
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train, known)

@@ -18,9 +18,8 @@ from pydantic import ConfigDict, Field, StringConstraints, ValidationError
 
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
-from models.files.source import read_json, read_text
-from models.files.tables import shown
-from models.files.toml import parse_toml
+from models.files.access import read_json, read_text
+from models.files.toml import parse_toml, shown
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY

@@ -89,7 +89,7 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
         values = [np.concatenate([r[name] for r in records]) for name in there]
         if kind.time and there and all(len(np.unique(v)) == 1 for v in values):
             raise ValueError(
-                f"{names}: {' and '.join(there)} must change to tell anything; got {values[0][0]:g} throughout"
+                f"{names}: {' and '.join(there)} must change to identify anything; got {values[0][0]:g} throughout"
             )
         if not kind.time and set(group) == set(kind.measured):
             if any(not v.any() for v in values):

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from models.files.source import read_text
+from models.files.access import read_text
 from models.identification.model import LARGEST_MODEL, Model, sealed
 
 

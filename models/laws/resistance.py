@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from models.laws.five_elements import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 from models.laws.geometry import GRAVITY, Capsule, Tissue, relaxed_diameter, shoulder_position, wall_diameter
-from models.laws.hoop import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 from models.parameter import load_set
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)

@@ -1,7 +1,6 @@
-"""Stick-slip at constant speed as paper A draws it: the wall sticks and is stretched, slips and draws back (Eq.
-10-20).
-"""
+"""Stick-slip at constant speed in a hyperelastic gut as paper A draws it: resistance and limit, teeth (Eq. 6-20)."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from models.laws.hyperelastic import WallConstants, wall_tension
+from models.laws.geometry import Capsule, Tissue, relaxed_diameter, shoulder_position, wall_diameter
+from models.laws.hyperelastic import WallConstants, circumferential_stress, wall_tension
+from models.laws.resistance import integrate_along
 from models.parameter import load_set
 
 Tension = Callable[[Any], Any]
@@ -92,3 +93,37 @@ def friction_curve(time: Any, tension: Tension, tooth: Tooth, initial_N: float) 
         initial_N + tension(tooth.drag_m) - tension(tooth.drag_m * np.maximum(phase - tooth.rise_s, 0.0) / tooth.fall_s)
     )
     return np.where(phase < tooth.rise_s, rising, falling)
+
+
+def elastic_pressure(diameter_m: Any, capsule: Capsule, tissue: Tissue, wall: WallConstants) -> Any:
+    """`P = 2 d H_c(D/D0)/D` in Pa for a wall around the diameter `D` in m, any shape (paper A Eq. 7, 9)."""
+    stress = circumferential_stress(diameter_m / relaxed_diameter(capsule, tissue), wall)
+    return 2 * tissue.wall_thickness_m * stress / diameter_m
+
+
+def _nose_load(capsule: Capsule, tissue: Tissue, wall: WallConstants) -> float:
+    def density(x: Any, _speed: Any) -> Any:
+        return (
+            2 * math.pi * capsule.radius_m * elastic_pressure(wall_diameter(x, capsule, tissue), capsule, tissue, wall)
+        )
+
+    return float(integrate_along(density, 0.0, 0.0, shoulder_position(capsule, tissue)))
+
+
+def initial_resistance(capsule: Capsule, tissue: Tissue, wall: WallConstants) -> float:
+    """`F_initial = F_e = sin(alpha) int_0^{R sin(alpha)} 2 pi R P dx` in N, independent of speed (paper A Eq. 6, 10).
+
+    With the printed parameters (alpha 30 deg) this is 502.7 mN where the paper states 23.23 mN.
+    """
+    return math.sin(tissue.alpha) * _nose_load(capsule, tissue, wall)
+
+
+def elastic_coulomb_limit(capsule: Capsule, tissue: Tissue, wall: WallConstants) -> float:
+    """`f_c = mu [cos(alpha) int_0^{R sin(alpha)} 2 pi R P dx + 2 pi R L P_m]` in N, without weight (paper A Eq. 8, 9).
+
+    `P_m` is the pressure on the cylinder, `D = 2 R`. With the printed parameters 148.8 mN where the paper states
+    39.79 - 23.23 = 16.56 mN.
+    """
+    R = capsule.radius_m
+    cylinder = 2 * math.pi * R * capsule.cylinder_length_m * elastic_pressure(2 * R, capsule, tissue, wall)
+    return float(tissue.friction_coefficient * (math.cos(tissue.alpha) * _nose_load(capsule, tissue, wall) + cylinder))

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
-from models.records.header import check_header, missing_in_layouts
-from models.records.proposal import proposed, to_scale, toml_lines
+from models.records.found_columns import check_header, missing_in_layouts, proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS

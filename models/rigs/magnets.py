@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from models.files.tables import shown
+from models.files.toml import shown
 from models.laws.dipole import PAIRINGS, Cylinder, Orientation, moment_A_m2, stiffness_N_per_m
 from models.rigs.schema import Height, Length, Positive, Remanence, Table, checked, key
 

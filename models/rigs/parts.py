@@ -7,8 +7,7 @@ from models.drives.drive import Drive
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
 from models.surfaces.gut import Wall
-from models.surfaces.plate import Air, Plate
-from models.surfaces.surface import Surface
+from models.surfaces.surface import Air, Plate, Surface
 
 
 def surface_of(rig: Rig) -> Surface:

@@ -5,8 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from models.files.tables import is_number, shown, with_contact_angle
-from models.files.toml import read_toml
+from models.files.toml import is_number, read_toml, shown, with_contact_angle
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.kind import RigKind

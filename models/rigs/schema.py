@@ -24,7 +24,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from models.files.tables import INTEGER, LARGEST_INTEGER, check_magnitude, is_number, shown
+from models.files.toml import INTEGER, LARGEST_INTEGER, check_magnitude, is_number, shown
 from models.files.units import unit_at_end, unit_of
 from models.parameter import nearest
 

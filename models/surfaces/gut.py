@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from models.laws.five_elements import blend_weight
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
-from models.laws.hoop import blend_weight
 from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import mucus_drag, pressure_integrals
 from models.parameter import Parameter

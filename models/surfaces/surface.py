@@ -1,9 +1,11 @@
-"""What a surface is: how it holds the body that lies on it, and what a model may fit of it. One subclass a file."""
+"""What a surface is: how it supports the body and what a fit may change; the rigid plate, and the air."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
+from models.laws.geometry import GRAVITY
 from models.parameter import Parameter
 
 Values = Mapping[str, Any]
@@ -59,3 +61,45 @@ class Surface(ABC):
     def recovery_time_s(self) -> float:
         """Time in s in which a wall that slipped draws back."""
         return 1.0
+
+
+@dataclass(frozen=True)
+class Plate(Surface):
+    """A body of `mass_kg` (without an inner mass) on a plate: it rests while the other forces stay within `mu m g`."""
+
+    mass_kg: float
+    friction_coefficient: float = 0.29
+
+    @property
+    def body_kg(self) -> float:
+        return self.mass_kg
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter.near("friction_coefficient", self.friction_coefficient, "1", 0.5, 2.0, "rig file"),)
+
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
+        load = carried_kg * GRAVITY + pressing
+        return p["friction_coefficient"] * (self.mass_kg * GRAVITY + load) * levels[0], 0.0
+
+    def equations(self, p: Values) -> list[str]:
+        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the load on the plate"]
+
+
+@dataclass(frozen=True)
+class Air(Surface):
+    """A body of `mass_kg` (without an inner mass) that nothing holds: `m a = F_act`."""
+
+    mass_kg: float
+
+    @property
+    def body_kg(self) -> float:
+        return self.mass_kg
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return ()
+
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
+        return 0.0, 0.0
+
+    def equations(self, p: Values) -> list[str]:
+        return ["m a = F_act"]

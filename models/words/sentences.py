@@ -1,7 +1,7 @@
 """The sentences of a room: they stand in its `sentences.toml`, and numbers are formatted as they are filled in."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,8 @@ class Quantity:
 
 
 class Sentences:
-    """The sentences of the room that `file` lies in: `Sentences(__file__)("key", error=2e-3)`.
+    """The sentences of the room that `file` lies in: `Sentences(__file__)("key", error=2e-3)`; a key within a table has
+    the table's name and a point before it.
 
     A place for a value may state how it is written: `{error:in m}` a quantity in an SI unit, with a prefix;
     `{share:in %}` a share in per cent; `{ratio:2}` so many significant digits; `{names:and}` a list in words;
@@ -35,6 +36,9 @@ class Sentences:
 
     def __call__(self, key: str, /, **values: Any) -> str:
         return _FORMATTER.vformat(_texts(self._path)[key], (), values)
+
+    def __contains__(self, key: str) -> bool:
+        return key in _texts(self._path)
 
 
 class _InWords(Formatter):
@@ -60,12 +64,21 @@ _FORMATTER = _InWords()
 
 @cache
 def _texts(path: Path) -> Mapping[str, str]:
-    return {key: " ".join(text.split()) for key, text in tomllib.loads(path.read_text(encoding="utf-8")).items()}
+    return dict(flat(tomllib.loads(path.read_text(encoding="utf-8"))))
 
 
-def listed(words: Iterable[str], last_word: str = "and") -> str:
+def flat(tables: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
+    """Keys and texts of `tables`, each text on one line."""
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{within}{key}.")
+        else:
+            yield f"{within}{key}", " ".join(value.split())
+
+
+def listed(words: Iterable[object], last_word: str = "and") -> str:
     """`a, b and c`."""
-    *first, last = list(words) or [""]
+    *first, last = list(map(str, words)) or [""]
     return f"{', '.join(first)} {last_word} {last}" if first else last
 
 

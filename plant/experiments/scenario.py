@@ -5,8 +5,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from models.files.tables import choice, converted, is_number, list_of_numbers, shown, with_contact_angle
-from models.files.toml import in_file, read_toml
+from models.files.toml import (
+    choice,
+    converted,
+    in_file,
+    is_number,
+    list_of_numbers,
+    read_toml,
+    shown,
+    with_contact_angle,
+)
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.magnets import Magnet as MagnetTable

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from models.files.writing import draft
+from models.files.access import draft
 from models.laws.geometry import Tissue
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import RunTable, Scenario

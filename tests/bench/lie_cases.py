@@ -132,7 +132,7 @@ def scaled_rig(rig: str, rng: np.random.Generator) -> dict[str, Any]:
 
 
 SOUND: Final = ("friction", "force", "wall")
-"""Folders of the catalogue whose effects a sound rig may have: friction, waves, folds, narrow places, walls. What a
+"""Files of the catalogue whose effects a sound rig may have: friction, waves, folds, narrow places, walls. What a
 drive or a sensor gets wrong lies of its own accord.
 """
 

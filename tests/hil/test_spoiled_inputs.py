@@ -401,9 +401,9 @@ def test_numbers_that_no_unit_can_have_are_refused(
 @pytest.mark.parametrize(
     ("t_by", "force_by", "sentence"),
     [
-        (1e-300, 1, "t_s must step by at least"),
-        (1e300, 1, "t_s must step by at most 1 s"),
-        (1e3, 1, "t_s must step by at most 1 s"),
+        (1e-300, 1, "t_s must step by 1 µs to 1 s"),
+        (1e300, 1, "t_s must step by 1 µs to 1 s"),
+        (1e3, 1, "t_s must step by 1 µs to 1 s"),
         (1, 1e300, "force_N must be between -1000 and 1000 N"),
     ],
 )

@@ -14,8 +14,7 @@ from controller.vibro.design.optimal_cycle import optimal_cycle
 from controller.vibro.design.speed_map import SpeedMap, speed_map, squares
 from controller.vibro.gears import DriveMap, Gear, gear_of
 from controller.vibro.waveform import Waveform
-from models.compiled.cache import cache_folder
-from models.files.source import read_text
+from models.files.access import cache_folder, read_text
 
 SEEDS_M_S = (14e-3, 4e-3)
 """Mean speeds for which a direction's shapes are found, one gear each; a gear's other speeds come from its strength."""

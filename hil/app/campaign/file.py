@@ -28,8 +28,7 @@ from hil.app.campaign.loop import Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
-from models.files.tables import LARGEST_INTEGER
-from models.files.toml import in_file, read_toml
+from models.files.toml import LARGEST_INTEGER, in_file, read_toml
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest

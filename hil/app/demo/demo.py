@@ -20,7 +20,8 @@ from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
 from hil.report.numbers import report_json
-from hil.report.words import effect_words, headline
+from hil.report.words import headline
+from models.effects import effect_words
 from models.identification.finding import STAGES
 from models.words.sentences import listed
 

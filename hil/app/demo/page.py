@@ -20,13 +20,13 @@ from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
     classes_words,
     column_words,
-    effect_words,
     error_scale,
     error_story,
     headline,
     parameter_words,
     tested_part,
 )  # fmt: skip
+from models.effects import effect_words
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 from models.words.quantities import DASH, quantity, scale, told, unit_words
 

@@ -17,7 +17,7 @@ from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, 
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, LearnedModel, Stage, argument, option
 from hil.app.write import own_folder, write_files
-from models.files.tables import check_word
+from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.rigs.rig import Rig

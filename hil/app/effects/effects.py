@@ -9,7 +9,7 @@ from rich.table import Table
 from hil.app.console import answer, text_table
 from hil.app.effects.propose import propose
 from hil.app.shared_options import Json, OwnEffects, argument, option
-from models.effects import CATALOGUE, Catalogue
+from models.effects import CATALOGUE, Catalogue, effect_words
 from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
 from models.effects.equation import text_of
@@ -58,6 +58,7 @@ def effects(
 def described(effect: type[Effect]) -> dict[str, Any]:
     return {
         "id": effect.id,
+        "name": effect_words(effect.id, {effect.id: effect}),
         "summary": effect.summary,
         "equation": text_of(effect),
         "kinds": sorted(effect.kinds),

@@ -13,7 +13,7 @@ from hil.app.write import check_file, check_targets, write_files
 from models.effects import CATALOGUE
 from models.effects.conformance import CHECKS
 from models.effects.own import effects_in, own_failure
-from models.files.tables import is_number
+from models.files.toml import is_number
 from models.identification.model import read_report
 from models.identification.residual.term import FORMS, SYMBOLS, UNITS
 

@@ -9,7 +9,7 @@ from hil.app.export.found import Found, read_found
 from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from models.effects import Catalogue
-from models.files.tables import check_word
+from models.files.toml import check_word
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
 FORMS: Final = ("fmu", "table", "mujoco")

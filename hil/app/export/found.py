@@ -9,7 +9,7 @@ from models.assembly.model import Assembly, assemble
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.files.tables import check_word
+from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model

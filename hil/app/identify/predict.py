@@ -12,8 +12,7 @@ from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
 from models.effects import Catalogue
-from models.files.tables import check_word
-from models.files.toml import in_file
+from models.files.toml import check_word, in_file
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.records.record import Record

@@ -17,7 +17,8 @@ from models.identification import close
 from models.identification.finding import STAGES, Proposal
 from models.identification.fitting.fit import evaluate
 from models.identification.kind import Kind
-from models.identification.kinds import AnyKind, Known, kind_for, ready
+from models.identification.kinds import Known, kind_for, ready
+from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit

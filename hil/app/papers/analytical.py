@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.app.papers.row import Row, rows
-from models.laws.elastic_nose import elastic_coulomb_limit, initial_resistance
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import mucus_drag
 from models.laws.stick_slip import (
     Tension,
     Tooth,
+    elastic_coulomb_limit,
+    initial_resistance,
     printed_force,
     printed_tension,
     quasi_static_tension,

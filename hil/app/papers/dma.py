@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from hil.app.papers.refit import FIVE_ELEMENTS, SPRINGPOT, Complex, Real, fit_spectrum, left_out_error, relative_error
 from hil.app.papers.row import Row, Verdict, row
-from models.laws.dynamic_modulus import Reading, angular_frequency, five_element_modulus
-from models.laws.hoop import high_speed_moduli
+from models.laws.five_elements import Reading, angular_frequency, five_element_modulus, high_speed_moduli
 from models.parameter import load_set
 from models.sets import load_measurement
 

@@ -11,9 +11,8 @@ from hil.app.papers.dma import DmaTable, best_scale, residual_shares
 from hil.app.papers.drawing import DERIVED, FOURTH, MEASURED, PRINTED, THIRD, Drawing, axes, line, points
 from hil.app.papers.refit import FIVE_ELEMENTS, SPRINGPOT, Complex, fit_spectrum
 from hil.app.papers.viscoelastic import BAND_SPEED, HIGH_SPEEDS, measured_band, viscoelastic_rig
-from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
+from models.laws.five_elements import angular_frequency, five_element_modulus, high_speed_moduli
 from models.laws.geometry import Regime
-from models.laws.hoop import high_speed_moduli
 from models.laws.resistance import Resistance, sliding_resistance
 from models.parameter import load_set
 

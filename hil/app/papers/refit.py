@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
-from models.laws.dynamic_modulus import DynamicModulus, maxwell_branch, springpot_modulus
+from models.laws.five_elements import DynamicModulus, maxwell_branch, springpot_modulus
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]

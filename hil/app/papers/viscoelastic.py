@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from hil.app.papers.row import Row, Verdict, row, speed_key
+from models.laws.five_elements import low_speed_moduli
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
-from models.laws.hoop import low_speed_moduli
 from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import mucus_drag, sliding_resistance
 from models.parameter import load_set

@@ -15,8 +15,7 @@ from hil.app.scenario.model_use import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
 from hil.nodes.controller.node import Task
 from models.effects import CATALOGUE, Catalogue
-from models.files.tables import shown
-from models.files.toml import parse_toml
+from models.files.toml import parse_toml, shown
 from models.theta import Theta
 
 

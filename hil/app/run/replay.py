@@ -20,7 +20,7 @@ from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
-from models.files.tables import shown
+from models.files.toml import shown
 
 _SHOWN: Final = 5  # differences on the terminal
 

@@ -30,8 +30,7 @@ from hil.nodes.frame_map import frame_map_of, frames
 from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.simulated.fmu_plant import read_fmu
 from hil.simulated.plant_node import SLOT_S
-from models.files.tables import check_word
-from models.files.toml import in_file, read_toml, toml_text
+from models.files.toml import check_word, in_file, read_toml, toml_text
 from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 

@@ -15,7 +15,7 @@ from controller.supervision.acceptance import Acceptance, judge
 from controller.supervision.model_switch import Offer
 from hil.app.console import note
 from models.effects import CATALOGUE, Catalogue
-from models.files.tables import check_word
+from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.rigs.rig import Rig

@@ -9,8 +9,7 @@ from pydantic import Field, Strict
 
 from controller.limits import Limits
 from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_places, by_speeds, through
-from models.files.tables import choice
-from models.files.toml import read_toml
+from models.files.toml import choice, read_toml
 from models.rigs.schema import NamedTable, Numbers, key
 
 MM: Final = 1e-3  # in metres

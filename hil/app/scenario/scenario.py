@@ -13,15 +13,14 @@ from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
-from models.files.tables import converted
-from models.files.toml import in_file, read_toml
+from models.files.toml import converted, in_file, read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, from_table, key
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from plant.experiments.scenario import parse_truth
 from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument

@@ -16,7 +16,7 @@ from hil.app.sil.loop import SilTrace, judged_loop
 from hil.app.sil.testbed import believed_on_bus
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, axes, line, line_colour
-from hil.report.words import effect_words
+from models.effects import effect_words
 from models.words.sentences import listed
 from plant import layout as at
 

@@ -3,58 +3,32 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from models.assembly.model import effect_parameters
 from models.checks.usable import cleaned, on_one_clock
 from models.effects import REFINEMENTS
-from models.identification.kinds.axis import report as axis_report
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import evened
-from models.identification.kinds.dma import report as dma_report
-from models.identification.kinds.dma.dma import DmaKind
-from models.identification.kinds.friction import report as friction_report
-from models.identification.kinds.friction.friction import FrictionKind
-from models.identification.kinds.periods import report as periods_report
-from models.identification.kinds.periods.periods import PeriodsKind
-from models.identification.kinds.series import report as series_report
+from models.identification.kinds.dma import DmaKind
+from models.identification.kinds.friction import FrictionKind
+from models.identification.kinds.periods import PeriodsKind
+from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.parameter import Name, Parameter, nearest
 from models.records.record import USED, Record, named
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
 
-AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
-
-
 Known = Mapping[Name, tuple[float, float]]
 """Values by name, each with its standard deviation: of base parameters, and of effects that a model has already."""
 NOTHING_KNOWN: Final[Known] = MappingProxyType({})
 
 
-_REPORTS: Final[Mapping[type, Any]] = {
-    AxisKind: axis_report,
-    DmaKind: dma_report,
-    FrictionKind: friction_report,
-    PeriodsKind: periods_report,
-    VibroTableKind: vibro_table_report,
-    SeriesKind: series_report,
-}
-
-
 _BY_NAME: Final[Mapping[str, type[AnyKind]]] = {
     kind.name: kind for kind in (AxisKind, DmaKind, FrictionKind, PeriodsKind, VibroTableKind)
 }
-
-
-def report_of(kind: AnyKind) -> Any:
-    """The module with the words for models of `kind`: `equations(kind, theta)` with their numbers, a line each;
-    `statements(kind, theta_by_stage, records)` on what these data cannot tell and what remains;
-    `next_experiment(kind, theta, records)` that would tell confounded effects apart, None where nothing is to be told.
-    """
-    return _REPORTS[type(kind)]
 
 
 def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) -> AnyKind:

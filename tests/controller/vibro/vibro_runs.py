@@ -12,7 +12,7 @@ from controller.vibro.cycles import VibroModel
 from models.drives.vibro import Stop, Vibro
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from models.theta import Theta
 from plant import layout as at
 from plant.drives.kinds import TrueVibro

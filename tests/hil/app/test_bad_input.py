@@ -73,8 +73,8 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 BAD_RECORDS = {
-    "axis, still": ("axis", series(x=0 * X), "position_m must change to tell anything; got 0 throughout"),
-    "axis, dead sensor": ("axis", series(f=0 * F + 3), "force_N must change to tell anything; got 3 throughout"),
+    "axis, still": ("axis", series(x=0 * X), "position_m must change to identify anything; got 0 throughout"),
+    "axis, dead sensor": ("axis", series(f=0 * F + 3), "force_N must change to identify anything; got 3 throughout"),
     "axis, too short": ("axis", series(T[:100], X[:100], F[:100]), "at least two parts to fit on and to judge by"),
     "axis, huge position": ("axis", series(x=X * 1e150), "line 3: position_m must be between -100 and 100 m"),
     "axis, huge force": ("axis", series(f=F * 1e200), "line 2: force_N must be between -1e6 and 1e6 N"),
@@ -84,11 +84,11 @@ BAD_RECORDS = {
         "t_s must go on without a gap; got none between 1.5 s",
     ),
     "axis, holes": ("axis", series(T + 0.2 * np.floor(10 * T)), "t_s must be evenly spaced"),
-    "axis, ms": ("axis", series(T * 1e6, f=F / 1e3), "t_s must step by at most 1 s"),
+    "axis, ms": ("axis", series(T * 1e6, f=F / 1e3), "t_s must step by 1 µs to 1 s"),
     "axis, time": ("axis", series(header="time,position_m,force_N"), "where it has 'time', did you mean 't_s'?"),
     "axis, time_s": ("axis", series(header="time_s,position_m,force_N"), "where it has 'time_s', did you mean 't_s'?"),
-    "pull, too fine a clock": ("pull", series(T * 1e-9, f=F / 1e3), "t_s must step by at least 1e-06 s"),
-    "pull, ms": ("pull", series(T * 1e6, f=F / 1e3), "t_s must step by at most 1 s; got steps of 2000 s"),
+    "pull, too fine a clock": ("pull", series(T * 1e-9, f=F / 1e3), "t_s must step by 1 µs to 1 s"),
+    "pull, ms": ("pull", series(T * 1e6, f=F / 1e3), "t_s must step by 1 µs to 1 s; got steps of 2000 s"),
     "pull, long": (
         "pull",
         series(LONG, 1e-5 * LONG, np.sqrt(LONG) / 1e3),
@@ -142,7 +142,7 @@ BAD_RECORDS = {
     "periods, mN": (
         "periods",
         HEADS["periods"] + "".join(f"0.09,{20 + k},{32 + 2 * k}\n" for k in range(5)),
-        "valley_N goes up to 24; such rigs do 0 to 5 N: another unit",
+        "valley_N reaches 24 N; such rigs have 0 N to 5 N",
     ),
     "periods, speed": (
         "periods",

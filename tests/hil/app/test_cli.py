@@ -110,7 +110,7 @@ def test_close_loop_writes_its_three_files(
     assert sorted(path.name for path in out.iterdir()) == ["model.toml", "report.html", "report.json"]
     assert json.loads((out / "report.json").read_text())["verdict"] == "named"
     said = capsys.readouterr()
-    assert "What the model lacked: fold periodic or peristaltic wave; these records cannot tell which." in said.out
+    assert "What the model lacked: folds of the gut or a peristaltic wave; these records cannot tell which." in said.out
     assert "chatter" not in said.out
 
 

@@ -13,7 +13,7 @@ from hil.app.write import file_trouble, sole_writer, write_files
 from hil.bus.local import channel_folder
 from hil.log.blf_file import SENT, BlfFile, Logged
 from hil.log.place import write_record
-from models.compiled.cache import cache_folder, private_folder
+from models.files.access import cache_folder, private_folder
 from plant.experiments.series import write_text
 
 

@@ -52,7 +52,7 @@ def test_library_of_the_pages_is_of_the_release_that_makes_the_figures() -> None
 
 def test_page_tells_the_whole_story(page: str) -> None:
     for said in (
-        "What the model lacked: fold periodic or peristaltic wave; these records cannot tell which.",
+        "What the model lacked: folds of the gut or a peristaltic wave; these records cannot tell which.",
         "11.3 mN (nominal) to 8.6 mN (calibrated) to 0.91 mN (augmented)",
         "noise floor is 0.75 mN",
         "Resistance varies periodically along the lumen",
@@ -253,7 +253,7 @@ def test_headlines() -> None:
     assert headline(pull_finding("unknown", 2.0)).startswith("Something structured is left")
     partly = Finding(**{**pull_finding(seconds=2.0).__dict__, "verdict": "unknown"})
     assert headline(partly).endswith(
-        "A part looks like fold periodic or peristaltic wave: 89 % of the error goes with it."
+        "A part looks like folds of the gut or a peristaltic wave: 89 % of the error goes with it."
     )
     assert not Fitted(1.0, (0.0, 2.0), told=False).told
 
@@ -267,7 +267,7 @@ def test_headlines() -> None:
         ("it spans 2e-10 N beside 0.001 N", "it spans 0.2 nN beside 1 mN"),
         ("1.8e+03 times the stated 0.001 N", "1800 times the stated 1 mN"),
         ("valley -79.2 %, between -2 and 3", "valley −79.2 %, between −2 and 3"),
-        ("on 2026-11-26 of fold_periodic", "on 2026-11-26 of fold periodic"),
+        ("on 2026-11-26 of fold_periodic", "on 2026-11-26 of folds of the gut"),
         ("25 N/m, 0.002 N/m", "25 N/m, 0.002 N/m"),
     ],
 )

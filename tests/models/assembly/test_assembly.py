@@ -14,13 +14,13 @@ from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro
-from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
+from models.effects.friction import DirectionalAsymmetry
 from models.identification.kinds.vibro_table.solver import VibroCycle, mean_velocities
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.rigs.parts import drive_of, surface_of
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from models.theta import Theta
 from tests.models.running import Array, pulses, run
 

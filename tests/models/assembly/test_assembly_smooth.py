@@ -12,7 +12,7 @@ from models.drives.pull import Pull
 from models.drives.vibro import Stop, Vibro, VoltageVibro
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from tests.models.running import Array
 
 GUT, PLATE = Wall.around(Capsule(), Tissue()), Plate(4e-3, 0.29)

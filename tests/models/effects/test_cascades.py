@@ -5,11 +5,9 @@ import pytest
 
 from models.assembly.model import assemble
 from models.drives.pull import Pull
-from models.effects.drive.actuator_lag import ActuatorLag
-from models.effects.drive.carriage_backlash import CarriageBacklash
-from models.effects.refinements.further_lag import FurtherLag
-from models.effects.refinements.further_lowpass import FurtherLowpass
-from models.effects.sensor.sensor_lowpass import SensorLowpass
+from models.effects.drive import ActuatorLag, CarriageBacklash
+from models.effects.refinements import FurtherLag, FurtherLowpass
+from models.effects.sensor import SensorLowpass
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.theta import Theta

@@ -6,8 +6,8 @@ from scipy.optimize import least_squares
 
 from models.assembly.effects import Active
 from models.effects.effect import Signals
-from models.effects.friction.tissue_drying import TissueDrying
-from models.effects.refinements.drying_shape import DryingShape
+from models.effects.friction import TissueDrying
+from models.effects.refinements import DryingShape
 from models.theta import Theta
 
 Array = NDArray[np.float64]

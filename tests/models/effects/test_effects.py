@@ -17,7 +17,7 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
-from models.effects import CATALOGUE, EFFECTS, REFINEMENTS
+from models.effects import CATALOGUE, EFFECTS, REFINEMENTS, effect_words
 from models.effects.conformance import CHECKS, values_of
 from models.effects.declarations import DECLARATIONS
 from models.effects.effect import HOOKS, Effect
@@ -102,10 +102,17 @@ def output(kind: str, effect: str = "", amplitude: float = 0.0) -> Array:
     return stepped(model(kind, effect), COMMANDS[kind][1], STEP_S, values)
 
 
-def test_every_file_in_a_folder_of_effects_is_an_effect() -> None:
-    files = [path.stem for path in Path(models.effects.__file__).parent.glob("*/*.py") if path.stem != "__init__"]
-    assert sorted(e.id for e in (*EFFECTS, *REFINEMENTS)) == sorted(files)
+def test_every_effect_that_a_file_of_the_room_declares_is_in_the_catalogue() -> None:
+    written = "".join(path.read_text() for path in Path(models.effects.__file__).parent.glob("*.py"))
+    assert sorted(e.id for e in (*EFFECTS, *REFINEMENTS)) == sorted(re.findall(r'^    id = "(\w+)"$', written, re.M))
     assert len(CATALOGUE) == len(EFFECTS) + len(REFINEMENTS)
+
+
+def test_every_effect_has_a_name_in_words() -> None:
+    words = [effect_words(name) for name in CATALOGUE]
+    assert len(set(words)) == len(words)
+    assert all("_" not in one and one != name.replace("_", " ") for one, name in zip(words, CATALOGUE, strict=True))
+    assert effect_words("my_effect") == "my effect"
 
 
 def test_no_published_id_is_lost() -> None:
@@ -114,7 +121,6 @@ def test_no_published_id_is_lost() -> None:
 
 @each_effect
 def test_it_is_declared(effect: type[Effect]) -> None:
-    assert effect.__module__.rpartition(".")[2] == effect.id
     assert effect.id.isidentifier()
     assert effect.id == effect.id.lower()
     assert effect.kinds

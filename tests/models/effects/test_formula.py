@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from models.effects.equation import text_of
 from models.effects.formula import Formula, value_of, written
-from models.effects.friction.lumen_taper import LumenTaper
+from models.effects.friction import LumenTaper
 from tests.models.effects import read_formula
 
 LEAVES = st.sampled_from(["a", "b", "c"]) | st.floats(-9, 9).map(lambda x: round(x, 3))

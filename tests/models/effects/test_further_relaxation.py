@@ -5,8 +5,8 @@ import pytest
 
 from models.assembly.model import assemble
 from models.drives.pull import Pull
-from models.effects.force.stress_relaxation import StressRelaxation
-from models.effects.refinements.further_relaxation import FurtherRelaxation
+from models.effects.force import StressRelaxation
+from models.effects.refinements import FurtherRelaxation
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.theta import Theta

@@ -10,7 +10,7 @@ import pytest
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.identification.kinds.dma.dma import DmaKind
+from models.identification.kinds.dma import DmaKind
 from models.identification.model import Model, own_effects_of
 from models.records.record import Record
 from models.rigs.rig import Rig
@@ -164,7 +164,7 @@ MODULUS = """
 def test_an_own_effect_on_a_dma_is_asked_for_its_modulus(tmp_path: Path) -> None:
     path = own_file(tmp_path, (KINDS, '"dma"'), ('"N", -0.2, 0.2', '"Pa", 0.0, 1e6'), ("probe = 0.01", "probe = 1e3"))
     text = path.read_text()
-    imported = "from models.laws.dynamic_modulus import DynamicModulus\nfrom models.parameter"
+    imported = "from models.laws.five_elements import DynamicModulus\nfrom models.parameter"
     path.write_text(text[: text.index("    def force")].replace("from models.parameter", imported) + MODULUS)
     kind = DmaKind.from_rig(Catalogue.read([path]).given_to(Rig("dma")))
     record = Record("sweep", "dma", {"frequency_Hz": np.array([1.0, 10.0])})

@@ -8,7 +8,7 @@ import pytest
 from models.drives.pull import Pull
 from models.effects import CATALOGUE
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.report import about_the_rig, equations
+from models.identification.kinds.reports.series import about_the_rig, equations
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import compare_candidates
 from models.identification.search.fitted_model import FittedModel, ahead
@@ -17,7 +17,7 @@ from models.identification.search.screening import screen
 from models.identification.settings import SET
 from models.records.record import read_record
 from models.rigs.reader import read_rig
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from models.theta import Theta
 from plant.experiments.series import make_series
 from plant.hidden.registry import hidden

@@ -9,9 +9,8 @@ from models.assembly.model import assemble
 from models.drives.magnetic import Magnetic
 from models.effects import CATALOGUE
 from models.effects.effect import Effect, Signals
-from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
-from models.effects.refinements.level_at_creep import LevelAtCreep
-from models.effects.refinements.level_at_onset import LevelAtOnset
+from models.effects.friction import DirectionalAsymmetry
+from models.effects.refinements import LevelAtCreep, LevelAtOnset
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.theta import Theta

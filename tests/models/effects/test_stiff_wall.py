@@ -6,7 +6,7 @@ import pytest
 from models.assembly.model import assemble
 from models.drives.pull import Pull
 from models.effects.effect import Signals
-from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
+from models.effects.wall import SmallStrainStiffening
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.theta import Theta

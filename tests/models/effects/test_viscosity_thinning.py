@@ -7,8 +7,8 @@ from scipy.optimize import least_squares
 
 from models.assembly.effects import Active
 from models.effects.effect import Signals
-from models.effects.refinements.viscosity_thinning import ViscosityThinning
-from models.effects.wall.wall_viscosity import WallViscosity
+from models.effects.refinements import ViscosityThinning
+from models.effects.wall import WallViscosity
 from models.theta import Theta
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from models.assembly.effects import Active
 from models.effects.effect import Signals
-from models.effects.force.peristaltic_wave import PeristalticWave
-from models.effects.refinements.wave_harmonics import WaveHarmonics
+from models.effects.force import PeristalticWave
+from models.effects.refinements import WaveHarmonics
 from models.theta import Theta
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from models.files.source import LARGEST_TEXT
+from models.files.access import LARGEST_TEXT
 from models.files.toml import read_toml
 
 

@@ -237,8 +237,8 @@ def test_records_that_tell_nothing_end_unknown_and_say_what_to_record() -> None:
     finding, _ = close(parse_rig(PULL), records, [], quiet)
     assert finding.verdict == "unknown"
     assert not finding.effects
-    assert "nothing in it follows the motion" in finding.reasons[0]
+    assert "does not respond to the motion" in finding.reasons[0]
     assert finding.next_experiment is not None
-    assert "strokes to and fro" in finding.next_experiment
+    assert "strokes in both directions" in finding.next_experiment
     start = next(f for f in finding.findings if f.id == "starts_in_motion")
     assert "at 1 mm/s" in start.sentence

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from models.checks.finding import RecordFinding
-from models.effects.drive.carriage_backlash import CarriageBacklash
+from models.effects.drive import CarriageBacklash
 from models.effects.effect import Effect
-from models.effects.force.respiration import Respiration
-from models.effects.force.stress_relaxation import StressRelaxation
-from models.effects.friction.fold_periodic import FoldPeriodic
-from models.effects.friction.stribeck import Stribeck
+from models.effects.force import Respiration, StressRelaxation
+from models.effects.friction import FoldPeriodic, Stribeck
 from models.identification.finding import Check, Fitted
 from models.identification.fitting.fit import Fit
 from models.identification.kinds.axis.axis import AxisKind

@@ -5,10 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from models.laws.dynamic_modulus import angular_frequency, five_element_modulus, maxwell_branch, springpot_modulus
+from models.laws.five_elements import (
+    angular_frequency,
+    five_element_modulus,
+    high_speed_moduli,
+    low_speed_moduli,
+    maxwell_branch,
+    springpot_modulus,
+)
 from models.laws.flat_car import FlatCar
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
-from models.laws.hoop import high_speed_moduli, low_speed_moduli
 from models.laws.hyperelastic import WallConstants
 from models.laws.stick_slip import (
     friction_curve,

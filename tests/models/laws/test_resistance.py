@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.laws.elastic_nose import elastic_coulomb_limit, initial_resistance
 from models.laws.geometry import (
     GRAVITY,
     Capsule,
@@ -26,6 +25,7 @@ from models.laws.resistance import (
     pressure_integrals,
     sliding_resistance,
 )
+from models.laws.stick_slip import elastic_coulomb_limit, initial_resistance
 
 CAPSULE, TISSUE = Capsule(), Tissue()
 HEAVY = replace(CAPSULE, mass_kg=50.1e-3)

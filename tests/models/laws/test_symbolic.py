@@ -4,11 +4,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from models.laws.dynamic_modulus import five_element_modulus, springpot_modulus
-from models.laws.elastic_nose import elastic_pressure
+from models.laws.five_elements import (
+    blend_weight,
+    five_element_modulus,
+    high_speed_moduli,
+    hoop_stress,
+    low_speed_moduli,
+    springpot_modulus,
+)
 from models.laws.flat_car import FlatCar
 from models.laws.geometry import Capsule, Tissue, wall_diameter
-from models.laws.hoop import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 from models.laws.hyperelastic import WallConstants, circumferential_stress, longitudinal_stress, wall_tension
 from models.laws.resistance import (
     contact_pressure,
@@ -17,7 +22,7 @@ from models.laws.resistance import (
     normal_load,
     sliding_resistance,
 )
-from models.laws.stick_slip import friction_curve, printed_force, printed_tension, stick_slip_tooth
+from models.laws.stick_slip import elastic_pressure, friction_curve, printed_force, printed_tension, stick_slip_tooth
 
 WALL, CAPSULE, TISSUE, CAR = WallConstants.from_set(), Capsule(), Tissue(), FlatCar.from_set()
 TOOTH = stick_slip_tooth(printed_tension(26.5e-3), 16.56e-3, 0.5e-3, 0.6e-3)

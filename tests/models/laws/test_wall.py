@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.laws.five_elements import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 from models.laws.geometry import (
     Capsule,
     Tissue,
@@ -16,7 +17,6 @@ from models.laws.geometry import (
     wall_diameter,
     wall_section,
 )
-from models.laws.hoop import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 from models.laws.hyperelastic import WallConstants, circumferential_stress, longitudinal_stress, wall_tension
 from models.laws.resistance import mucus_drag
 from models.sets import load_measurement

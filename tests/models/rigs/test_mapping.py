@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from models.files import csv_reader
 from models.files.units import factor, fitting
-from models.records.proposal import toml_lines
+from models.records.found_columns import toml_lines
 from models.records.record import Record, read_record
 from models.rigs.mapping import ColumnMap, MappedColumn
 from models.rigs.reader import parse_rig

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import t as student
 
-from hil.report.words import effect_words
+from models.effects import effect_words
 from models.identification.finding import STAGES
 from models.words.quantities import number
 from models.words.sentences import listed

@@ -10,9 +10,9 @@ import numpy as np
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import HOOKS, Effect, by_name, number
-from models.effects.force.viscous_drag import ViscousDrag
-from models.effects.friction.stribeck import Stribeck
-from models.effects.sensor.sensor_delay import SensorDelay
+from models.effects.force import ViscousDrag
+from models.effects.friction import Stribeck
+from models.effects.sensor import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.ranges import Ranges, ranged
 from models.parameter import Parameter

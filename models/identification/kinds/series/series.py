@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from models.checks.estimators import grid_step, told_noise
+from models.checks.estimators import estimated_noise, grid_step
 from models.checks.noise import noise_used
 from models.checks.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
@@ -253,7 +253,7 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     if not values:
         return stated or SET.no_noise
     vibrates = KINDS[measured[0].kind].vibrates
-    told = float(np.median([told_noise(y, vibrates, stated) for y in values]))
+    told = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
     step = resolution(records, column)
     return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), SET.no_noise)
 

@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from models.effects.drive.actuator_lag import ActuatorLag
+from models.effects.drive import ActuatorLag
 from models.effects.effect import Effect, by_name, number
-from models.effects.force.viscous_drag import ViscousDrag
-from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
-from models.effects.friction.stribeck import Stribeck
-from models.effects.inner_mass.end_stop_impact import EndStopImpact
-from models.effects.inner_mass.spring_hardening import SpringHardening
+from models.effects.force import ViscousDrag
+from models.effects.friction import DirectionalAsymmetry, Stribeck
+from models.effects.inner_mass import EndStopImpact, SpringHardening
 from models.identification.kinds.vibro_table.solver import GRAVITY, VibroCycle
 from models.parameter import Name
 from models.rigs.vibro_table import VIBRO_TABLE

@@ -12,7 +12,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from models.effects.inner_mass.spring_hardening import AT_M, TRAVEL_M
+from models.effects.inner_mass import AT_M, TRAVEL_M
 
 Array = NDArray[np.float64]
 F = TypeVar("F")

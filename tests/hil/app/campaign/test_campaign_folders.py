@@ -176,7 +176,7 @@ def test_series_that_stand_apart_are_called_out() -> None:
         answer("rough", {"viscous_drag": 0.0204}, friction=2.0),
     ]
     said = {one.name: " ".join(one.disagrees) for one in with_disagreements([*alike, *odd]) if one.disagrees}
-    assert "it lacks incline gravity or sensor bias" in said["other"]
+    assert "it lacks an inclined lumen or an offset of the sensor" in said["other"]
     assert "viscous_drag force_N is 0.2" in said["much"]
     assert "its held-out records" in said["worse"]
     assert "friction is 2" in said["rough"]
@@ -203,6 +203,6 @@ def test_the_page_says_what_there_is_to_say() -> None:
     assert "&lt;b&gt;" in page
     assert "no &amp; never" in page
     assert "times the noise floor: nominal 200, calibrated 20, augmented 2" in page
-    assert lacking(answers) == [("viscous drag", 1, 0)]
+    assert lacking(answers) == [("a viscous drag", 1, 0)]
     assert [one["better"] for one in document(answers)["series"][:2]] == [100.0, 100.0]
     assert page_html([]).startswith("<!doctype html>")

@@ -15,8 +15,8 @@ from hil.app.main import run
 from hil.app.write import table_text
 from hil.formats.channels import Channel, Heading
 from hil.formats.table import write_channels
-from models.files.csv_header import guarded, unguarded
 from models.files.csv_reader import read_table
+from models.files.csv_text import guarded, unguarded
 
 FORMULAS = (
     "=cmd|' /C calc'!A0",

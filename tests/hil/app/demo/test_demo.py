@@ -236,7 +236,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     )
     assert one.found["seed"] == 2001
     assert one.hidden == ("fold_periodic",)
-    assert "fold periodic learned and taken at" in one.sentence
+    assert "folds of the gut learned and taken at" in one.sentence
     lesson, *_ = one.numbers["learned"]
     assert 6.0 <= lesson["broken_at_s"] < 12.0
     assert lesson["taken_at_s"] > lesson["asked_at_s"] + 1.0

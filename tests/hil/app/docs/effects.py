@@ -24,8 +24,8 @@ def catalogue() -> str:
     return markdown(
         "effects.md.j2",
         groups={
-            title: [_record(e) for e in EFFECTS if e.__module__.split(".")[-2] == folder]
-            for folder, title in GROUPS.items()
+            title: [_record(e) for e in EFFECTS if e.__module__.split(".")[-1] == file]
+            for file, title in GROUPS.items()
         },
         known={effect.id for effect in EFFECTS},
         refinements=[(one, sorted(e.id for e in EFFECTS if one.id in e.refined_by)) for one in REFINEMENTS],

@@ -58,8 +58,8 @@ def test_the_page_says_what_was_learned_and_the_numbers_stand_beside_it(
     story: tuple[SilScenario, dict[str, str]],
 ) -> None:
     page, numbers = story[1][PAGE], json.loads(story[1][NUMBERS])
-    assert "fold periodic learned and taken at" in page
-    assert "base + fold periodic" in page
+    assert "folds of the gut learned and taken at" in page
+    assert "base + folds of the gut" in page
     assert "Hard limits broken: 0" in page
     assert [mark["what"] for mark in numbers["instants"]][-1] == "taken"
     assert numbers["parts"][-1]["until"] == "end of the run"

@@ -11,10 +11,10 @@ from scipy.optimize import least_squares
 from models.checks.usable import used
 from models.effects.effect import Effect
 from models.identification.kinds import ready
-from models.identification.kinds.axis import report
 from models.identification.kinds.axis.axis import NOISES, AxisKind
-from models.identification.kinds.axis.report import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
+from models.identification.kinds.reports import axis as report
+from models.identification.kinds.reports.axis import find_ripple
 from models.identification.search.refit import refit
 from models.records.record import Record
 from models.rigs.reader import parse_rig

@@ -11,9 +11,9 @@ from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
 from models.identification.fitting.fit import Fit
 from models.identification.kinds import kind_for
-from models.identification.kinds.axis import report
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
+from models.identification.kinds.reports import axis as report
 from models.identification.residual_tests import residual_checks
 from models.identification.search.refit import refit
 from models.records.record import Record, read_record

@@ -5,7 +5,8 @@ import pytest
 
 from hil.app.init import template
 from models.effects import EFFECTS
-from models.identification.kinds import AnyKind, kind_for
+from models.identification.kinds import kind_for
+from models.identification.kinds.reports import AnyKind
 from models.records.record import Record
 from models.rigs.kind import Record as Columns
 from models.rigs.kinds import KINDS

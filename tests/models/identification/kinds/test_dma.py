@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from models.effects.wall.broad_relaxation import BroadRelaxation
-from models.identification.kinds.dma import report
-from models.identification.kinds.dma.common_residual import best_relaxation, common_residual, springpot_alone
-from models.identification.kinds.dma.dma import COLUMNS, DmaKind, moduli_of, samples_of
+from models.effects.wall import BroadRelaxation
+from models.identification.kinds.dma import COLUMNS, DmaKind, moduli_of, samples_of
+from models.identification.kinds.reports import dma as report
+from models.identification.kinds.reports.dma import best_relaxation, common_residual, springpot_alone
 from models.parameter import SETS
 from models.records.record import Record
 from models.rigs.reader import parse_rig

@@ -8,10 +8,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from models.effects.effect import Signals
-from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
-from models.effects.wall.wall_viscosity import WallViscosity
-from models.identification.kinds.periods import report
-from models.identification.kinds.periods.periods import COLUMNS, PeriodsKind, relative_errors
+from models.effects.wall import SmallStrainStiffening, WallViscosity
+from models.identification.kinds.periods import COLUMNS, PeriodsKind, relative_errors
+from models.identification.kinds.reports import periods as report
 from models.identification.settings import SET
 from models.parameter import SETS
 from models.records.record import Record

@@ -12,13 +12,13 @@ from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
 from models.effects import CATALOGUE
 from models.identification import Model
 from models.identification.kinds import kind_for
-from models.identification.kinds.series import report
+from models.identification.kinds.reports import series as report
 from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, driven_column, feed, held, logged_whole
 from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record
 from models.rigs.reader import parse_rig
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Plate
 from models.theta import Theta
 from plant.drives.kinds import TrueCoil, TrueVibro
 from plant.experiments.excitation import pulse_width

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.effects.drive.coil_lag import CoilLag
+from models.effects.drive import CoilLag
 from models.effects.effect import InnerMassEffect, Signals
-from models.effects.force.incline_gravity import InclineGravity
-from models.effects.inner_mass.spring_damping import SpringDamping
-from models.identification.kinds.vibro_table import report
+from models.effects.force import InclineGravity
+from models.effects.inner_mass import SpringDamping
+from models.identification.kinds.reports import vibro_table as report
+from models.identification.kinds.reports.vibro_table import cross_validated, reversal
 from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
-from models.identification.kinds.vibro_table.report import cross_validated, reversal
 from models.identification.kinds.vibro_table.solver import (
     VibroCycle,
     drive_force,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from models.effects import CATALOGUE
-from models.effects.force.peristaltic_wave import PeristalticWave
+from models.effects.force import PeristalticWave
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Array, Kind
 from models.identification.search.refinement import refined_at_last

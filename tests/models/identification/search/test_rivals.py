@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from models.effects.effect import Effect
-from models.effects.force.incline_gravity import InclineGravity
-from models.effects.force.peristaltic_wave import PeristalticWave
-from models.effects.force.respiration import Respiration
-from models.effects.force.spring_over_position import SpringOverPosition
-from models.effects.friction.lumen_taper import LumenTaper
+from models.effects.force import InclineGravity, PeristalticWave, Respiration, SpringOverPosition
+from models.effects.friction import LumenTaper
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from models.effects import CATALOGUE
-from models.effects.inner_mass.end_stop_impact import EndStopImpact
-from models.effects.refinements.damping_over_speed import KNOTS_M_S, DampingOverSpeed
+from models.effects.inner_mass import EndStopImpact
+from models.effects.refinements import DAMPING_KNOTS_M_S, DampingOverSpeed
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.fitted_model import judged
@@ -101,9 +101,9 @@ def test_a_stop_takes_energy_and_never_pulls() -> None:
 
 
 def test_a_curve_of_damping_goes_through_its_knots() -> None:
-    p = {f"c_{k}": 0.1 * k for k in range(1, len(KNOTS_M_S))}
+    p = {f"c_{k}": 0.1 * k for k in range(1, len(DAMPING_KNOTS_M_S))}
     curve = DampingOverSpeed()
-    for k, rate in enumerate(KNOTS_M_S[1:], start=1):
+    for k, rate in enumerate(DAMPING_KNOTS_M_S[1:], start=1):
         assert curve.suspension(0.0, -rate, p) == pytest.approx(-0.1 * k * rate)
     assert curve.suspension(0.0, 0.15, p) == pytest.approx(0.15 * 0.15)
     assert curve.suspension(0.0, 2.0, p) == pytest.approx(0.4 * 2.0)

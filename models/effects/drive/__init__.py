@@ -1,1 +1,0 @@
-"""Effects of the drive: lag, play, dead zone, grip."""

@@ -1,0 +1,250 @@
+"""Effects that are forces on the capsule."""
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
+
+_CREEP = 1e-6  # m/s
+
+
+class ViscousDrag(Effect):
+    """Force `-c sgn(v) (|v|/10 mm/s)^n`, odd in speed, no memory."""
+
+    id = "viscous_drag"
+    words = "a viscous drag"
+    summary = "extra resistance that grows with speed"
+    source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
+    needs = ("speeds",)
+    grid = by_name(exponent=(0.5, 1.0, 1.5))
+    probe = 0.002
+    confounders = ("stribeck", "wall_viscosity", "back_emf")
+    separated_by = "two drive amplitudes; speeds over two decades"
+    refined_by = ("level_over_speed",)
+
+    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
+    exponent = number(1.0, "1", 0.4, 2.0)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
+        return -p["coefficient_N"] * s.v / 0.01 * (fast / 0.01) ** (p["exponent"] - 1)
+
+
+class InclineGravity(Effect):
+    """Constant force along +x, `m g sin(alpha)` of a tilted lumen."""
+
+    id = "incline_gravity"
+    words = "an inclined lumen"
+    summary = "a constant force along the lumen"
+    source = "tracing catalogue 13"
+    kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
+    probe = 0.002
+    confounders = ("directional_asymmetry", "sensor_bias")
+    separated_by = "tilt the rig by a known angle; records at rest"
+
+    force_N = number(0.0, "N", -0.5, 0.5)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return p["force_N"]
+
+
+class StressRelaxation(Effect):
+    """Maxwell branch that slips, force `-k q`, `q' = v/(1 + b |v|) - q/tau - c |v| q`: it relaxes with time and on the
+    way, c = 0 never slips, and b > 0 is drawn less and less as speed grows, as a material that thins.
+    """
+
+    id = "stress_relaxation"
+    words = "a stress relaxation of the wall"
+    summary = "a force that builds up while moving and relaxes"
+    source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("wall",)
+    states = ("stretch_m",)
+    grid = by_name(time_s=(0.15, 0.4, 1.0, 3.0, 8.0))
+    probe = 1.0
+    confounders: ClassVar[tuple[str, ...]] = ("viscous_drag", "wall_viscosity", "stribeck")
+    separated_by = "frequency sweep at fixed amplitude; stop and hold"
+    refined_by: ClassVar[tuple[str, ...]] = ("further_relaxation",)
+
+    stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0)
+    time_s = number(1.0, "s", 0.05, 20.0)
+    slip_per_m = number(0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995")
+    thinning_s_per_m = number(0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        return -p["stiffness_N_per_m"] * z["stretch_m"]
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+        fading = 1 / p["time_s"] + np.abs(s.v) * p["slip_per_m"]
+        decay = np.exp(-h * fading)
+        drawn = s.v / (1 + np.abs(s.v) * p["thinning_s_per_m"])
+        return {"stretch_m": z["stretch_m"] * decay + drawn / fading * (1 - decay)}
+
+
+_PULSES = "contractions are pulses rather than sines"
+# of neighbouring frequencies to screen: over half a minute their phases part by less than half a turn up to 0.4 Hz
+RATIO = 1.09
+
+
+def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tuple[float, ...]:
+    """Frequencies in Hz in steps of `ratio` from `lowest_Hz` up to `highest_Hz`, the last one within both."""
+    count = math.floor(math.log(highest_Hz / lowest_Hz) / math.log(ratio) + 1e-9) + 1
+    return tuple(lowest_Hz * ratio**k for k in range(count))
+
+
+def with_harmonics(wave: Value, turn: Value, p: Values, first: int, names: tuple[str, ...]) -> Value:
+    """`wave` and harmonics of the angle `turn` in rad from order `first` on, sizes `NAME_sin` and `NAME_cos`."""
+    for k, name in enumerate(names, start=first):
+        wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
+    return wave
+
+
+class ForceInTime(Effect):
+    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it
+    is late at the capsule's place.
+
+    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
+    """
+
+    probe = 0.003
+
+    force_N = number(0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most")
+    frequency_Hz = number(0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", role="phase")
+    second_sin = number(0.0, "1", -1.0, 1.0, _PULSES)
+    second_cos = number(0.0, "1", -1.0, 1.0, _PULSES)
+    third_sin = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2)
+    third_cos = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2)
+    fourth_sin = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2)
+    fourth_cos = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2)
+    offset = number(0.0, "1", -1.5, 1.5, _PULSES)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return contraction(turn(s, p), p)
+
+
+def turn(s: Signals, p: Values, late: Value = 0.0) -> Value:
+    """The angle q in rad of a `ForceInTime` that is `late` by so many turns."""
+    return 2 * math.pi * (p["frequency_Hz"] * s.t - late) + p["phase_rad"]
+
+
+def contraction(turn: Value, p: Values) -> Value:
+    """The force of a `ForceInTime` at its angle `turn` in rad."""
+    return p["force_N"] * with_harmonics(np.sin(turn) + p["offset"], turn, p, 2, ("second", "third", "fourth"))
+
+
+class Respiration(ForceInTime):
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
+
+    id = "respiration"
+    words = "a breathing force"
+    summary = "a force periodic in time, the same everywhere"
+    source = "tracing catalogue 15: 0.2 to 0.3 Hz"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("time", "wall")
+    grid = by_name(frequency_Hz=frequencies(0.04, 0.82))
+    confounders = ("peristaltic_wave", "mains_hum")
+    separated_by = "a second position; a pause of the ventilator"
+
+
+_SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
+
+
+class PeristalticWave(ForceInTime):
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi (f t - k x) + phi`; it travels at `f/k`, along +x
+    where both have one sign.
+
+    The wave number, unlike the speed, passes smoothly through the wave that stands everywhere at once (k = 0) to one
+    that comes back. At less than half of the longest wave's, 8.6 a minute at 20 mm/s, it is a force in time.
+    """
+
+    id = "peristaltic_wave"
+    words = "a peristaltic wave"
+    summary = "a force wave that travels along the lumen"
+    source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("time", "wall")
+    grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
+    confounders = ("respiration", "fold_periodic")
+    separated_by = "a record at rest at two places"
+    refined_by = ("wave_harmonics",)
+
+    frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
+    wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return contraction(wave_turn(s, p), p)
+
+
+def wave_turn(s: Signals, p: Values) -> Value:
+    """The angle in rad of the wave at the capsule's place."""
+    return turn(s, p, p["wavenumber_per_m"] * s.x)
+
+
+class AddedMass(Effect):
+    """Force `-m_a a`: fluid or rig mass moved along."""
+
+    id = "added_mass"
+    words = "an added mass"
+    summary = "inertia beyond the capsule's"
+    source = "tracing catalogue 16"
+    kinds = frozenset({"pull"})
+    needs = ("speeds",)
+    states = (
+        "acceleration",
+        "speed",
+    )
+    probe = 0.01
+    confounders = ("actuator_lag",)
+    separated_by = "faster reversals"
+
+    mass_kg = number(0.0, "kg", -0.005, 2.0)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return -p["mass_kg"] * z["acceleration"]
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
+        return {"acceleration": (s.v - z["speed"]) / h, "speed": s.v}
+
+
+class SpringOverPosition(Effect):
+    """Force `-k x`; where the spring is at rest goes into the axis' constant force."""
+
+    id = "spring_over_position"
+    words = "a spring to the frame"
+    summary = "a spring to the frame: a force proportional to the position"
+    source = "Hooke's law; balancing springs, cables and hoses of machine axes"
+    kinds = frozenset({"axis"})
+    needs = ("places",)
+    probe = 10.0
+    confounders = ("gravity_over_angle", "lumen_taper")
+    separated_by = "hold still at several places over the whole travel; swing over more than half a turn"
+
+    stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return -p["stiffness_N_per_m"] * s.x
+
+
+class GravityOverAngle(Effect):
+    """Torque `-m g l sin(x - x_0)`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
+
+    id = "gravity_over_angle"
+    words = "a weight on a lever"
+    summary = "the torque of a weight on a lever, over the angle"
+    source = "m g l of a lever: statics"
+    kinds = frozenset({"axis"})
+    needs = ("turning", "places")
+    grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
+    probe = 0.1
+    confounders = ("spring_over_position", "fold_periodic")
+    separated_by = "swing over more than half a turn; the axis laid so that gravity does no work"
+
+    torque_N_m = number(0.0, "N m", -1e3, 1e3)
+    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])

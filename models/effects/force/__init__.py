@@ -1,1 +1,0 @@
-"""Effects that are forces on the capsule."""

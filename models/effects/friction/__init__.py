@@ -1,1 +1,0 @@
-"""Effects that scale the friction."""

@@ -1,1 +1,0 @@
-"""Effects of an inner mass on its spring."""

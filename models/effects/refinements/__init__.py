@@ -1,1 +1,0 @@
-"""Finer shapes of effects that are already named; never candidates."""

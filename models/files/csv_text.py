@@ -1,0 +1,212 @@
+"""The text of a CSV file: header and units below lines about the file, and cells as numbers or stamps in seconds."""
+
+import csv
+import math
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.files.units import unit
+
+LONGEST_TOP: Final = 100
+"""Non-blank lines within which the header must stand."""
+SPACES: Final = " "
+"""Stands for cells with any number of spaces between them."""
+_COMMENTS: Final = ("#", "%", "//")
+_FORMULA: Final = "('* *[=+\\-@\uff1d\uff0b\uff0d\uff20])"
+"""How a cell begins that a spreadsheet takes for a formula, or one that was guarded."""
+_OPEN, _GUARDED = (re.compile(f'(^|[;,\t\r\n"]){guard}{_FORMULA}') for guard in ("", "'"))
+_QUOTED: Final = re.compile('"[^"]*"')
+
+
+class EmptyError(Exception):
+    """The file has no line that could be a header."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header's `line` and `separator`; `rows` is the number of the lines above the first row of values, `units`
+    what a row of units has for each column, else empty.
+    """
+
+    line: str
+    separator: str
+    rows: int
+    units: tuple[str, ...] = ()
+
+
+def guarded(name: str) -> str:
+    """A name as a cell of words that no spreadsheet takes for a formula, whatever it takes for the separator of cells:
+    with an apostrophe where one would begin.
+    """
+    return _OPEN.sub(r"\1'\2", name)
+
+
+def unguarded(cell: str) -> str:
+    """The name that `guarded` made `cell` of."""
+    return _GUARDED.sub(r"\1\2", cell)
+
+
+def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
+    """The header among the first non-blank lines of a file: the one that has one of `names`, else the last line with as
+    many cells as the first row of numbers, else the first line that is no comment. Raises EmptyError where there is
+    none.
+    """
+    plain = [k for k, line in enumerate(top) if not line.lstrip().startswith(_COMMENTS)]
+    if not top or not plain:
+        raise EmptyError
+    lines = [uncommented(line) for line in top]
+    named = next((k for k in range(len(lines)) if _has(lines, k, names)), None)
+    at = _above_numbers(lines) if named is None else named
+    at = plain[0] if at is None else at
+    separator = separator_of(lines[at])
+    units = _units(lines[at + 1], separator, len(cells(lines[at], separator))) if at + 1 < len(lines) else ()
+    return Header(lines[at], separator, at + 1 + bool(units), units)
+
+
+def uncommented(line: str) -> str:
+    """A line without the mark of a comment."""
+    mark = next((mark for mark in _COMMENTS if line.lstrip().startswith(mark)), "")
+    return line.lstrip().removeprefix(mark)
+
+
+def separator_of(line: str) -> str:
+    """What separates the cells of a line."""
+    line = _QUOTED.sub("x", line)
+    if ";" in line:
+        return ";"
+    if "\t" in line and "," not in line:
+        return "\t"
+    return "," if "," in line or len(line.split()) < 2 else SPACES
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line. Raises csv.Error."""
+    if separator == SPACES:
+        line = line.strip()
+    return next(csv.reader([line], delimiter=separator, skipinitialspace=separator == SPACES), [])
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a line without spaces and quotes; none of a line that cannot be split."""
+    try:
+        return [unguarded(cell.strip().strip('"').strip()) for cell in split(line, separator)]
+    except csv.Error:
+        return []
+
+
+def to_number(cell: str) -> float:
+    """A cell as a number, else NaN; Python's `1_000` is none."""
+    try:
+        return math.nan if "_" in cell else float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _has(lines: Sequence[str], row: int, names: Collection[str]) -> bool:
+    """Whether a line has one of `names`; words with spaces between are a header only right above numbers."""
+    separator = separator_of(lines[row])
+    found = cells(lines[row], separator)
+    return bool(set(found) & set(names)) and (
+        separator != SPACES or any(_columns(line, separator) == len(found) for line in lines[row + 1 : row + 3])
+    )
+
+
+def _columns(line: str, separator: str) -> int:
+    """How many numbers a line has; 0 of one that has anything else, or only one."""
+    found = cells(line, separator)
+    return len(found) if len(found) > 1 and all(_is_number(cell, separator) for cell in found) else 0
+
+
+def _above_numbers(lines: Sequence[str]) -> int | None:
+    """The last line, but for a row of units, before the first row of numbers that has as many cells."""
+    for row, line in enumerate(lines):
+        for separator in (";", "\t", ",", SPACES):
+            columns = _columns(line, separator)
+            if columns:
+                return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, columns)), None)
+    return None
+
+
+def _is_header(lines: Sequence[str], row: int, separator: str, columns: int) -> bool:
+    """Whether a line has a name for each column and is no row of units below one."""
+    names = cells(lines[row], separator)
+    if len(names) != columns or separator_of(lines[row]) != separator:
+        return False
+    if any(name and _is_number(name, separator) for name in names):
+        return False
+    above = cells(lines[row - 1], separator) if row else []
+    return len(above) != columns or not _units(lines[row], separator, columns)
+
+
+def _is_number(cell: str, separator: str) -> bool:
+    return not math.isnan(clock_s(cell if separator == "," else cell.replace(",", "."))) or not cell
+
+
+def _units(line: str, separator: str, columns: int) -> tuple[str, ...]:
+    """The cells of a row of units, brackets left out; none of a line that is no such row."""
+    found = [cell.strip("[](){}<>").strip() for cell in cells(line, separator)]
+    stated = [cell for cell in found if cell not in ("", "-")]
+    if len(found) != columns or not stated or any(not math.isnan(to_number(cell)) for cell in stated):
+        return ()
+    return tuple(found) if sum(unit(cell) is not None for cell in stated) * 2 >= len(stated) else ()
+
+
+DAY_S: Final = 86400.0  # a stamp from here on is no time of day
+_OF_DAY = re.compile(r"(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)(?: ?([AaPp])[Mm])?")
+_MINUTES = re.compile(r"(\d{1,4}):(\d{2}\.\d*)")
+
+
+def clock_s(cell: str) -> float:
+    """A cell in s; NaN where it is neither a number nor a stamp.
+
+    ISO 8601 (`2026-03-01T12:30:00.125Z`, a space for the T) counts from 1970, UTC where it has no zone; a time of day
+    (`12:30:00.125`, `1:30:00 PM`, after a date in another order or without one) from midnight; `90:12.5` is minutes and
+    seconds.
+    """
+    text = cell.strip().strip('"').strip()
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    if text[:5].count("-") == 1 or text[8:9] == "T":
+        return _dated(text)
+    if minutes := _MINUTES.fullmatch(text):
+        return 60.0 * int(minutes[1]) + float(minutes[2])
+    return _of_day(text)
+
+
+def over_midnight(times: NDArray[np.float64], before: float) -> NDArray[np.float64]:
+    """Times of day (n,) that go on over the next midnight, after one that came `before` (NaN: none did); dated ones as
+    they are.
+    """
+    if (times >= DAY_S).any():
+        return times
+    start = times[0] if math.isnan(before) else before
+    steps = np.diff(times, prepend=start % DAY_S)
+    return np.asarray(times + DAY_S * (start // DAY_S + np.cumsum(steps < -0.5 * DAY_S)))
+
+
+def _of_day(text: str) -> float:
+    found = _OF_DAY.fullmatch(text)
+    if found is None:
+        return math.nan
+    hour, minute, second = int(found[1]), int(found[2]), float(found[3])
+    if found[4]:
+        hour = hour % 12 + 12 * (found[4] in "pP")
+    if hour > 23 or minute > 59 or second >= 61:
+        return math.nan
+    return 3600.0 * hour + 60.0 * minute + second
+
+
+def _dated(text: str) -> float:
+    try:
+        at = datetime.fromisoformat(text)
+    except ValueError:
+        return math.nan
+    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()

@@ -1,1 +1,0 @@
-"""Dynamic moduli over frequency."""

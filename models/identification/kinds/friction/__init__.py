@@ -1,1 +1,0 @@
-"""Steady friction of a contact over speed and load."""

@@ -1,1 +1,0 @@
-"""Periods and force limits of the stick-slip saw-tooth."""

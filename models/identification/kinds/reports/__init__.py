@@ -1,0 +1,31 @@
+"""What the report says about each kind of rig, a file a kind: equations, statements, the next experiment."""
+
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any, Final
+
+from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.dma import DmaKind
+from models.identification.kinds.friction import FrictionKind
+from models.identification.kinds.periods import PeriodsKind
+from models.identification.kinds.reports import axis, dma, friction, periods, series, vibro_table
+from models.identification.kinds.series.series import SeriesKind
+from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+
+AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
+_REPORTS: Final[Mapping[type, ModuleType]] = {
+    AxisKind: axis,
+    DmaKind: dma,
+    FrictionKind: friction,
+    PeriodsKind: periods,
+    VibroTableKind: vibro_table,
+    SeriesKind: series,
+}
+
+
+def report_of(kind: AnyKind) -> Any:
+    """The module with the words for models of `kind`: `equations(kind, theta)` with their numbers, a line each;
+    `statements(kind, theta_by_stage, records)` on the limits of these data and the residual; and
+    `next_experiment(kind, theta, records)` that would separate confounded effects, None where none is needed.
+    """
+    return _REPORTS[type(kind)]

@@ -1,4 +1,4 @@
-"""Processes of this program's own: its modules, never those of the folder that a user happens to stand in."""
+"""Child processes: they run modules of this program, never of the current folder, and end with their parent."""
 
 import os
 import sys
@@ -21,7 +21,7 @@ def own_environment() -> dict[str, str]:
 
 
 def end_with_parent() -> None:
-    """End this process with its parent: of one that was killed a child would wait for work for ever."""
+    """End this process when its parent ends, also when the parent was killed."""
 
     def watch() -> None:
         parent = parent_process()

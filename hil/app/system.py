@@ -13,11 +13,11 @@ from typing import Final, TextIO
 INTERRUPTED: Final = 130  # exit status, as shells have it: 128 and SIGINT
 INTERRUPTION: Final = "interrupted: no result was written"
 UNWRITTEN = 1
-"""The status of a command that did what it was asked for and whose result standard output did not take."""
+"""The status of a command that did its work but could not write its result to standard output."""
 
 
 class _Patient(io.FileIO):
-    """A descriptor to write to; `trouble` is why it took no more, and what is written after that goes nowhere."""
+    """A descriptor to write to; `trouble` is why it accepts no more, and later writes are dropped."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number, "w", closefd=False)
@@ -38,21 +38,21 @@ class _Patient(io.FileIO):
 
 
 class Streams:
-    """The standard streams from `begin` on; `lost` says why the result is not all written, "" where it is."""
+    """Standard input, output and error that no command dies of, be they full, closed or read by nobody."""
 
     def __init__(self) -> None:
-        for number, way in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        for number, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
             with contextlib.suppress(OSError):
                 os.fstat(number)
                 continue
-            os.set_inheritable(os.open(os.devnull, way), True)
+            os.set_inheritable(os.open(os.devnull, mode), True)
         sys.stdin = sys.stdin or open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
         self._output, self._error = _Patient(1), _Patient(2)
         sys.stdout = self.stdout = _text(self._output, sys.stdout)
         sys.stderr = self.stderr = _text(self._error, sys.stderr)
 
     def status(self, status: int) -> int:
-        """The status that a command ends with whose own is `status`; where its result was not written, a sentence."""
+        """The exit status of a command whose own is `status`; a sentence where its result could not be written."""
         with contextlib.suppress(OSError, ValueError):
             self.stdout.flush()
         if self._output.trouble:
@@ -64,23 +64,23 @@ class Streams:
 
 
 def _text(raw: _Patient, before: TextIO | None) -> io.TextIOWrapper:
-    """Text to a descriptor as `before` took it."""
+    """A text stream to a descriptor, encoded as `before`."""
     encoding, errors = getattr(before, "encoding", None) or "utf-8", getattr(before, "errors", None) or "strict"
     by_line = getattr(before, "line_buffering", False) or getattr(before, "write_through", False)
     return io.TextIOWrapper(io.BufferedWriter(raw), encoding, errors, line_buffering=by_line)
 
 
 LEAST_MEMORY: Final = 1 << 30
-"""Bytes of address space without which libraries end in the middle of being loaded, some of them without a word."""
+"""Bytes of address space; with less, libraries fail while they are loaded, some of them silently."""
 LEAST_FILES: Final = 32  # open files that the program needs
 _ENDLESS: Final = 1 << 62  # bytes: a limit beyond is none
 _MANY: Final = (errno.EMFILE, errno.ENFILE)
 _FULL: Final = ("failed to map segment", "annot allocate memory", "Could not find/load shared object")
-"""How loaders and libraries say that there is no memory to put a library into."""
+"""How loaders and libraries report that there is no memory for a library."""
 
 
 def too_little(arguments: Sequence[str]) -> str:
-    """Why a command cannot be begun, "" where it can; help needs nothing."""
+    """Why a command cannot start, "" where it can; help needs nothing."""
     if not arguments or {"--help", "--version"} & set(arguments):
         return ""
     memory, files = _limit(resource.RLIMIT_AS), _limit(resource.RLIMIT_NOFILE)
@@ -92,7 +92,7 @@ def too_little(arguments: Sequence[str]) -> str:
 
 
 def shortage(error: BaseException) -> str:
-    """What there was too little of where `error` came of that, else ""."""
+    """Which resource `error` says is exhausted, else ""."""
     number, words = getattr(error, "errno", None), str(error)
     if number in _MANY or "Too many open files" in words:
         return f"open files must be enough for the command (ulimit -n); got a limit of {_limit(resource.RLIMIT_NOFILE)}"

@@ -17,7 +17,7 @@ from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.log_task import task_of
 from hil.app.run.loop import StopSignals
-from hil.app.run.run import open_bus
+from hil.app.run.machine import open_bus
 from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option

@@ -1,4 +1,4 @@
-"""The controller's task that the record beside a log describes."""
+"""The task of the controller as the record beside a log describes it."""
 
 import math
 from collections.abc import Mapping
@@ -49,7 +49,7 @@ class _Record(_Stated):
 
 
 def checked(record: Mapping[str, Any]) -> None:
-    """Raises ValueError for a key of a log's record that holds what no run writes there."""
+    """Raises ValueError for a key of a log's record with a value that no run writes."""
     try:
         _Record.model_validate(dict(record))
     except ValidationError as error:

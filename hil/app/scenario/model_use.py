@@ -73,7 +73,7 @@ def offer_of(offered: Offered | None, believed: Callable[[Theta], ControlModel])
     return None if offered is None else Offer(believed(offered.values), Acceptance(), offered.at_s)
 
 
-def told(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:
+def offer_document(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:
     """What a run's JSON object says of an offer, when it was taken in s of the reference's time."""
     if offered is None:
         return {}

@@ -19,7 +19,15 @@ from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.model_use import Offered, health_words, offer_of, offer_words, read_offer, told, values_of
+from hil.app.scenario.model_use import (
+    Offered,
+    health_words,
+    offer_document,
+    offer_of,
+    offer_words,
+    read_offer,
+    values_of,
+)
 from hil.app.shared_options import (
     ControllerName,
     Json,
@@ -93,7 +101,7 @@ def sil(
                 learning = None if background is None else learning_of(scenario, values, background)
                 more = {"offer": offer, "recorder": None if log is None else Recorder(log), "shown": shown}
                 found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
-                found |= told(offered, trace.taken_at)
+                found |= offer_document(offered, trace.taken_at)
                 if learn:
                     found["learned"] = [lesson.document() for lesson in trace.lessons]
             if log is not None and out is not None:

@@ -10,7 +10,7 @@ import typer
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
-from hil.app.scenario.model_use import offer_of, read_offer, told, values_of
+from hil.app.scenario.model_use import offer_document, offer_of, read_offer, values_of
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import (
     ControllerName,
@@ -90,7 +90,7 @@ def _runs(
             trace = run_loop(scenario, believed, name, seed, partial(_part, report, k, len(names)), offer=offer)
             worth = score(scenario, trace)
             found = document(scenario, name, seed, used, worth, None if out is None else str(out / "track.json"))
-            found |= told(offered, trace.taken_at)
+            found |= offer_document(offered, trace.taken_at)
             found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
             found["led_share"] = shares(trace.led)
             if believed.rig.magnets is not None:

@@ -73,7 +73,7 @@ def test_a_line_that_is_no_step(line: str, sentence: str) -> None:
     ("more", "words", "sentence"),
     [
         ("", [], "rig.toml: operator.accept must be true"),
-        (OPERATOR, [], "capsule jog must be run in a terminal, for its keys; got another input: --script - reads it"),
+        (OPERATOR, [], "capsule jog must run in a terminal, for its keys; got another input: --script - reads it"),
         (OPERATOR, ["--script", "none.txt"], "none.txt: script must be a text file that can be read"),
         (OPERATOR, ["--script", "-", "--life", "500"], r"life_ms must lie in [1, 200]; got 500"),
         (OPERATOR, ["--script", "-", "--source", "keybord"], "Source must be one of its names; got 'keybord'"),

@@ -109,6 +109,6 @@ def test_another_one_sends_by_the_same_name(
     assert found["sent"] == 0
     assert found["others"] >= 1
     told = " ".join(capsys.readouterr().out.split())
-    assert "another sender is on the bus as script: --source takes another name" in told
+    assert "another sender is on the bus as script: choose another name by --source" in told
     assert answer is not None
     assert answer.source == ("script" if pressed else "nobody")

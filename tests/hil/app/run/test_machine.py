@@ -34,7 +34,7 @@ def test_an_interface_as_the_kernel_makes_it_is_told_what_it_lacks() -> None:
     fresh = link(bittiming={"bitrate": 1_000_000}, data_bittiming={"bitrate": 2_000_000}, restart_ms=0)
     assert link_faults(fresh, TABLE) == ["data_bittiming of can0 must be 5000000; got 2000000"]
     assert link_advice(fresh, TABLE) == [
-        "a queue of 10 frames: ip link set can0 txqueuelen 128",
+        "queue of 10 frames: ip link set can0 txqueuelen 128",
         "no return after bus-off: ip link set can0 type can restart-ms 100, while it is down",
     ]
     assert link_faults(link(bittiming={"bitrate": 500_000}), BusTable(interface="socketcan", channel="can0")) == [
@@ -76,7 +76,7 @@ def test_priority_is_tried_and_given_back(monkeypatch: pytest.MonkeyPatch) -> No
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
-    assert priority_words(ControlTable(priority=20)).startswith("real-time priority 20 is not to be had: ")
+    assert priority_words(ControlTable(priority=20)).startswith("real-time priority 20 is not available")
 
 
 def test_a_system_without_such_sockets_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,8 +88,10 @@ def test_a_system_without_such_sockets_is_one_sentence(monkeypatch: pytest.Monke
 def test_a_system_without_real_time_scheduling_is_told_of_and_led_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
     monkeypatch.delattr(os, "sched_setaffinity")
-    assert priority_words(ControlTable(priority=20)) == "this system has no real-time priority to ask for"
+    assert priority_words(ControlTable(priority=20)) == "this system has no real-time priority"
     assert priority_words(ControlTable()) == ""
     monkeypatch.setattr(machine, "_lock_memory", lambda: None)
     monkeypatch.setattr(machine.gc, "freeze", lambda: None)
-    assert prepare_process(20, 0) == [f"{what} is not to be had on this system" for what in ("core 0", "priority 20")]
+    assert prepare_process(20, 0) == [
+        f"{what} is not available: this system does not have it" for what in ("core 0", "priority 20")
+    ]

@@ -35,7 +35,7 @@ def test_an_interface_as_the_kernel_makes_it_is_told_what_it_lacks() -> None:
     assert link_faults(fresh, TABLE) == ["data_bittiming of can0 must be 5000000; got 2000000"]
     assert link_advice(fresh, TABLE) == [
         "queue of 10 frames: ip link set can0 txqueuelen 128",
-        "no return after bus-off: ip link set can0 type can restart-ms 100, while it is down",
+        "no restart after bus-off: ip link set can0 type can restart-ms 100, while the interface is down",
     ]
     assert link_faults(link(bittiming={"bitrate": 500_000}), BusTable(interface="socketcan", channel="can0")) == [
         "bittiming of can0 must be 1000000; got 500000"

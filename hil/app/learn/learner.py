@@ -17,7 +17,7 @@ from controller.supervision.acceptance import Acceptance
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
-from hil.app.scenario.deployment import Pace
+from hil.app.scenario.deployment import LearningTable
 from hil.app.scenario.model_use import Offered
 from hil.log.record import SOURCES
 from models.rigs.columns import TIME
@@ -113,7 +113,7 @@ class Learner:
     values: Theta
     believed: Callable[[Theta], ControlModel]
     ask: Ask
-    pace: Pace = field(default_factory=Pace)
+    learning: LearningTable = field(default_factory=LearningTable)
     beside: Beside = at_once
     keep: Callable[[Mapping[str, Any]], object] = lambda record: None
     drive: Callable[[Experiment], object] = lambda experiment: None
@@ -127,7 +127,7 @@ class Learner:
         self.offers: list[Offered] = []
         self.experiments: list[Experiment] = []
         self._phase: Phase = "watching"
-        self._errors = _Errors(round(self.pace.trial_s))
+        self._errors = _Errors(round(self.learning.trial_s))
         self._future: Future[LearningAnswer] | None = None
         self._made: Future[Prepared] | None = None
         self._next: tuple[Theta, Phase] = (self.values, "offered")
@@ -142,7 +142,7 @@ class Learner:
         if self._phase == "watching" and health.state == "broken":
             self.lessons.append(Lesson(self._told(health.since_s)))
             self._since = health.since_s
-            self._due, self._phase = max(health.since_s + self.pace.gathered_s, now), "gathering"
+            self._due, self._phase = max(health.since_s + self.learning.gathered_s, now), "gathering"
         elif self._phase == "gathering" and now >= self._due:
             self._question(now)
         elif self._phase == "identifying":
@@ -151,18 +151,18 @@ class Learner:
             self._put(now)
         elif self._phase == "offered" and self.switch.taken_at > (self.lessons[-1].offered_at_s or 0.0):
             self.lessons[-1].taken_at_s, self._led_from = self.switch.taken_at, now
-            self._before, self._due, self._phase = self._errors.rms_m, now + self.pace.trial_s, "on trial"
+            self._before, self._due, self._phase = self._errors.rms_m, now + self.learning.trial_s, "on trial"
         elif self._phase == "on trial" and now >= self._due:
             self._try(now)
 
     def _question(self, now: float) -> None:
-        columns = self._columns(max(self._since - LEAD_S - self.pace.gathered_s, self._led_from))
-        held_s = now - self.pace.held_out_share * self.pace.gathered_s
+        columns = self._columns(max(self._since - LEAD_S - self.learning.gathered_s, self._led_from))
+        held_s = now - self.learning.held_out_share * self.learning.gathered_s
         broken_from, held_from = (int(row) for row in np.searchsorted(columns[TIME], (self._since, held_s)))
         self.lessons[-1].asked_at_s = self._told(now)
         base_holds = self.lessons[-1].answers % 2 == 0
         self._future = self.ask(LearningQuestion(self.rig, columns, held_from, self._new, base_holds, broken_from))
-        self._due, self._phase = now + self.pace.answer_s, "identifying"
+        self._due, self._phase = now + self.learning.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:
         """Rows at the measured values' own times, what drove them straight between its reports."""
@@ -178,7 +178,7 @@ class Learner:
 
     def _wait(self, now: float) -> None:
         assert self._future is not None
-        if math.isinf(self.pace.answer_s):
+        if math.isinf(self.learning.answer_s):
             if not self._future.done():
                 return
         elif now < self._due:
@@ -190,7 +190,7 @@ class Learner:
         lesson.answers, lesson.searched_s = lesson.answers + 1, round(found.seconds, 1)
         if not found.passed:
             self._phase = "gathering"
-            self._due = now + self.pace.gathered_s + self._excite(now, found)
+            self._due = now + self.learning.gathered_s + self._excite(now, found)
             return
         self._old, self._new = self._new, found.values
         self._prepare(now, found.values, "offered")
@@ -204,8 +204,8 @@ class Learner:
         }
 
     def _excite(self, now: float, found: LearningAnswer) -> float:
-        """Have an experiment driven; its seconds, 0 where the pace allows none or nobody searched."""
-        experiment = experiment_of(found.motion, self.pace, self._told(now)) if found.searched else None
+        """Have an experiment driven; its seconds, 0 where the learning allows none or nobody searched."""
+        experiment = experiment_of(found.motion, self.learning, self._told(now)) if found.searched else None
         if experiment is None:
             return 0.0
         self.lessons[-1].experiment_at_s = experiment.at_s
@@ -246,21 +246,21 @@ class Learner:
 
     def _try(self, now: float) -> None:
         """The learned model stays, or goes where it turned out worse."""
-        if self._errors.rms_m > self.pace.worse * self._before:
+        if self._errors.rms_m > self.learning.worse * self._before:
             self._new, self._led_from = self._old, now
             self._prepare(now, self._old, "watching")
         else:
             self._phase = "watching"
 
 
-def experiment_of(motion: Motion, pace: Pace, at_s: float) -> Experiment | None:
-    """As much of `motion` as `pace` allows, or strokes where there is none; None where it allows nothing."""
-    reach, speed = MM * pace.experiment_mm, MM * pace.experiment_mm_s
+def experiment_of(motion: Motion, learning: LearningTable, at_s: float) -> Experiment | None:
+    """As much of `motion` as `learning` allows, or strokes where there is none; None where it allows nothing."""
+    reach, speed = MM * learning.experiment_mm, MM * learning.experiment_mm_s
     if not reach:
         return None
     if any(motion[1]):
         times, places = (np.array(values) for values in motion)
-        end = min(float(times[-1]), pace.experiment_s)
+        end = min(float(times[-1]), learning.experiment_s)
         at = np.append(times[times < end], end)
         wanted = np.interp(at, times, places)
         wanted *= min(1.0, reach / float(np.max(np.abs(wanted), initial=1e-12)))
@@ -272,7 +272,7 @@ def experiment_of(motion: Motion, pace: Pace, at_s: float) -> Experiment | None:
             now += max(abs(place - here) / (faster * speed), _LEAST_S)
             steps += [(now, place), (now + REST_S, place)]
             here, now = place, now + REST_S
-            if now > pace.experiment_s:
+            if now > learning.experiment_s:
                 break
     end, last = steps[-1]
     if last:

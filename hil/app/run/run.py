@@ -273,7 +273,7 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
                 deployment.values,
                 deployment.believed,
                 background,
-                deployment.pace.model_copy(update={"answer_s": math.inf}),
+                deployment.learning.model_copy(update={"answer_s": math.inf}),
                 maker.submit,
                 keep,
                 node.drive,

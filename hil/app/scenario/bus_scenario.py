@@ -12,7 +12,7 @@ import can
 from hil.app.scenario.deployment import (
     KEY_FILE,
     DataBitRate,
-    Pace,
+    LearningTable,
     check_key,
     check_no_key,
     check_tick,
@@ -135,7 +135,7 @@ class SilScenario:
     plant: FmuTable | None = None
     operator: OperatorLimits | None = None
     jog: JogTable | None = None
-    pace: Pace = Pace()
+    learning: LearningTable = LearningTable()
 
 
 def watched_bus(channel: str) -> LocalBus:
@@ -196,7 +196,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
             raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
     _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
-    return SilScenario(loop, bus, faults, drive, plant, held, jog, Pace.read(raw))
+    return SilScenario(loop, bus, faults, drive, plant, held, jog, LearningTable.read(raw))
 
 
 _MISSING: Final[Mapping[str, str]] = MappingProxyType(

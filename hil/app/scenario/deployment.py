@@ -121,7 +121,7 @@ class PlantTable(NamedTable):
     priority: Priority = key("1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not", 0)
 
 
-class Pace(NamedTable):
+class LearningTable(NamedTable):
     """`[learning]`: an `answer_s` that is infinite waits for no answer: it comes when it comes."""
 
     where = "learning"
@@ -163,7 +163,7 @@ class DeployedPlant:
 @dataclass(frozen=True)
 class Deployment:
     """A controller to run on a bus: `values` of a learned model, the gate's `verdict`, the `drive` where another
-    maker's, what setpoints are held to (`operator`), the `pace` of learning.
+    maker's, what setpoints are held to (`operator`), the `learning` of learning.
     """
 
     name: str
@@ -178,7 +178,7 @@ class Deployment:
     drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
-    pace: Pace = Pace()
+    learning: LearningTable = LearningTable()
 
     def task(self) -> Task:
         """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
@@ -251,7 +251,7 @@ def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Accep
     reference = read_reference(raw.get("reference", {}), control.duration_s)
     drive, operator = _drive(raw, rig.kind, bus, limits), operator_limits(raw, limits)
     told = (name, text, rig, bus, control, reference, limits, values, verdict, drive)
-    return Deployment(*told, operator=operator, pace=Pace.read(raw))
+    return Deployment(*told, operator=operator, learning=LearningTable.read(raw))
 
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:

@@ -1,4 +1,4 @@
-"""What came of a localiser's or a drive's lie: how far the true capsule went, and whether that was safe."""
+"""The outcome of lies of a localiser or a drive: how far the true capsule went, and whether that was safe."""
 
 import math
 from collections.abc import Sequence
@@ -18,18 +18,18 @@ from plant.drives.kinds import Carriage
 
 Array = NDArray[np.float64]
 TICKS: Final = 2
-"""From what tells that something is wrong to the drive's brake."""
+"""Ticks from the first contradiction to the brake of the drive."""
 NOT_AT_REST: Final = "does not rest"
-"""What is said of a drive that moves by itself."""
+"""Words of the reason where a drive moves by itself."""
 _ADDED: Final = ("drift", "jumped", "sway", "scaled")
-"""Lies that tell the true motion beside an offset of their own, or in another scale: where the drive shows no place,
-nothing contradicts a slow one.
+"""Lies that add an offset or a scale to the true motion. Where the drive does not show the position, nothing
+contradicts a slow one.
 """
 
 
 def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> tuple[float, float, str]:
-    """What came of lies that began together, up to `end`: s until the drive was safe (nan: led to the end, 0: not led),
-    the largest distance in m of the true capsule from the wanted place until then, why it was unsafe ("": it was not).
+    """The outcome of lies that began together, up to `end`: s until the drive was safe (nan: led to the end, 0: not
+    led), the largest distance in m of the true capsule from the reference until then, and why it was unsafe ("": safe).
     """
     begin = faults[0].at_s
     t, safe, _ = trace.slots.T
@@ -50,7 +50,7 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
         distance = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
     again = bool(rests.size and moved.size and not safe[rests[0] :][within[rests[0] :]].all() and scenario.jog is None)
     if any(f.kind == "restless" for f in faults):
-        why = "" if NOT_AT_REST in trace.stopped_because and trace.led_at <= begin else "led, or not told"
+        why = "" if NOT_AT_REST in trace.stopped_because and trace.led_at <= begin else "led, or not reported"
     elif np.any(distance > allowed_m(scenario, trace, faults, rows)):
         why = "too far"
     else:
@@ -59,8 +59,8 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
 
 
 def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], rows: Array) -> Array:
-    """How far the true capsule may be from the wanted place at the times of `rows`: a magnet's by its gap and the way
-    to brake, else by the envelope; where nothing measured contradicts the lie, as far as the lie has gone.
+    """Allowed distance in m of the true capsule from the reference at the times of `rows`: behind a magnet its gap and
+    the braking distance, else the envelope. Where no measurement contradicts the lie, also the size of the lie.
     """
     limits, drive, driven = scenario.loop.limits, scenario.loop.truth.drive, DRIVES[scenario.loop.kind]
     if isinstance(drive, Carriage):
@@ -79,17 +79,17 @@ def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], r
 
 
 def _size(trace: SilTrace, rows: Array) -> Array:
-    """The largest offset so far, at the times of `rows`, of the place that was told from the true one, in m."""
-    told = trace.told[np.isfinite(trace.told[:, 1])]
-    if not told.size:
+    """The largest difference in m so far of reported and true position, at the times of `rows`."""
+    reported = trace.reported[np.isfinite(trace.reported[:, 1])]
+    if not reported.size:
         return np.zeros(len(rows))
-    true = np.interp(told[:, 0], trace.rows[:, at.O_T], trace.rows[:, at.O_X])
-    largest = np.concatenate([[0.0], np.maximum.accumulate(np.abs(told[:, 1] - true))])
-    return np.asarray(largest[np.searchsorted(told[:, 0], rows[:, at.O_T], side="right")])
+    true = np.interp(reported[:, 0], trace.rows[:, at.O_T], trace.rows[:, at.O_X])
+    largest = np.concatenate([[0.0], np.maximum.accumulate(np.abs(reported[:, 1] - true))])
+    return np.asarray(largest[np.searchsorted(reported[:, 0], rows[:, at.O_T], side="right")])
 
 
 def _broken(scenario: SilScenario, rows: Array) -> str:
-    """The limit that the truth broke, "" for none; a magnet that has let go breaks none."""
+    """The limit that the true state broke, "" for none; a magnet that lost the capsule breaks none."""
     truth, limits = scenario.loop.truth, scenario.loop.limits
     if len(rows) < 2:
         return ""

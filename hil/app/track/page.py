@@ -1,4 +1,4 @@
-"""The report of a closed-loop run: one page with the path, the error, the command and what the estimator believed."""
+"""The results of closed-loop runs: tables on the terminal, and a page with path, error, command and estimate."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,18 +19,20 @@ from hil.app.track.score import HARD
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, POINTS, Array, axes, line, line_look, styled, thinned
 from models.words.quantities import fixed, number, quantity
+from models.words.sentences import Sentences
 from plant import layout as at
 
 Found = dict[str, Any]
 Run = tuple[Found, LoopTrace]
 _WORDS: Final = ("controller", "check", "ticks not ok", "most of a hard limit")
 """Columns that hold words."""
+TEXT: Final = Sentences(__file__)
 ACROSS = 2
 """Small multiples side by side."""
 
 
 def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
-    """One self-contained page for the runs of a scenario, one a controller."""
+    """One self-contained page for the runs of a scenario, one for each controller."""
     found = [one for one, _ in runs]
     return page(
         "track.html.j2",
@@ -44,7 +46,7 @@ def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
 
 
 def _numbers(found: Found) -> Found:
-    """A run's JSON object, with its numbers as the tables have them."""
+    """The JSON object of a run, with its numbers as in the tables."""
     *lengths, _, wall, effort, violations = tracking(found)
     uses = {name: fixed(100 * share, 1) for name, share in found["limit_use"].items()}
     return found | {
@@ -60,7 +62,7 @@ def _error_mm(scenario: TrackScenario, trace: LoopTrace) -> Array:
 
 
 def _path(scenario: TrackScenario, found: Found, trace: LoopTrace) -> go.Figure:
-    """The path of one run over its reference, and its error."""
+    """The path of one run with its reference, and its error."""
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
     figure = axes("time in s", ("position in mm", "error in mm"), 620)
     line(figure, t, 1e3 * scenario.reference.position(t), "reference", {"color": MUTED, "width": 3.0})
@@ -70,7 +72,7 @@ def _path(scenario: TrackScenario, found: Found, trace: LoopTrace) -> go.Figure:
 
 
 def _errors(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
-    """The errors of many runs in small multiples, in each those of the others behind."""
+    """The errors of many runs in small multiples, each with those of the others behind."""
     t, rows = runs[0][1].rows[:, at.O_T], math.ceil(len(runs) / ACROSS)
     errors = [_error_mm(scenario, trace) for _, trace in runs]
     titles = [f"{found['controller']}: {quantity(found['tracking_rmse_m'], 'm')} rms" for found, _ in runs]
@@ -93,7 +95,7 @@ def _errors(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
 
 
 def _inside(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
-    """Command, error of the estimate and disturbance; of several runs one shows, the legend brings in the others."""
+    """Command, error of the estimate and disturbance; of several runs the best is shown, the others from the legend."""
     drive = DRIVES[scenario.kind]
     titles = (drive.shown[-1], "estimate less truth in mm", "disturbance in mN")
     figure = axes("time in s", titles, 760, spacing=0.05)
@@ -110,8 +112,8 @@ def _inside(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
 
 def say(scenario: TrackScenario, found: Sequence[Mapping[str, Any]], out: Path | None) -> None:
     """Print the JSON objects of a scenario's runs as tables, and where the report is."""
-    seconds = f"{scenario.duration_s:g} s, seed {found[0]['seed']}"
-    console.say(f"{scenario.name}: {scenario.kind} rig, {seconds}, {found[0]['model']} model")
+    first, run = found[0], {"name": scenario.name, "kind": scenario.kind, "seconds": scenario.duration_s}
+    console.say(TEXT("run", seed=first["seed"], model=first["model"], **run))
     heads = ("rmse mm", "max mm", "final mm", "mean mm/s", "wall mN", "effort mN", "violations")
     _print(heads, [[one["controller"], *tracking(one)] for one in found])
     _print(_WORDS[2:], [[one["controller"], not_ok(one), most_used(one)] for one in found])
@@ -126,22 +128,21 @@ def say(scenario: TrackScenario, found: Sequence[Mapping[str, Any]], out: Path |
         _print(("check", "value", "at most", "verdict"), checks)
     for one in found:
         ended = "" if one["ended"] == DONE else f"ended: {one['ended']}"
-        told = (*map(_change, one["events"]), ended, health_words(one), offer_words(one))
-        console.say(*(f"{one['controller']}: {words}" for words in told if words))
+        changes = [TEXT("change", **event) for event in one["events"]]
+        lines = filter(None, (*changes, ended, health_words(one), offer_words(one)))
+        console.say(*(f"{one['controller']}: {words}" for words in lines))
     if out is not None:
         console.say(f"report: {out / 'track.html'}")
 
 
 def not_ok(found: Mapping[str, Any]) -> str:
-    """Ticks by status, those that went well aside: "lost 5000, limited 12"."""
+    """Ticks by status, without those that are ok: "lost 5000, limited 12"."""
     return ", ".join(f"{name} {n}" for name, n in found["ticks"].items() if n and name != "ok") or "none"
 
 
 def most_used(found: Mapping[str, Any]) -> str:
-    """The limit of the true state of which the largest share was used: "gap 83 %"."""
-    name, share = max(
-        ((name, share) for name, share in found["limit_use"].items() if name in HARD), key=lambda item: item[1]
-    )
+    """The limit of the true state that was used most: "gap 83 %"."""
+    share, name = max((share, name) for name, share in found["limit_use"].items() if name in HARD)
     return f"{name} {100 * share:.0f} %"
 
 
@@ -152,10 +153,6 @@ def times(found: Mapping[str, Any]) -> list[str]:
 
 def verdict(check: Mapping[str, Any]) -> str:
     return "passed" if check["passed"] else "FAILED"
-
-
-def _change(event: Mapping[str, Any]) -> str:
-    return f"from {event['time_s']:.3f} s on {event['after']} in place of {event['before']}: {event['reason']}"
 
 
 def tracking(one: Mapping[str, Any]) -> list[str]:

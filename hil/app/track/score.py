@@ -1,4 +1,4 @@
-"""What a closed-loop run is worth, judged on the plant's truth: tracking, effort, forces, limits, times."""
+"""The score of a closed-loop run on the true state, and whether it passes the `[checks]` of its scenario."""
 
 import math
 from collections import Counter
@@ -21,17 +21,17 @@ from plant.rig import Truth
 
 Array = NDArray[np.float64]
 HARD: Final = ("speed", "force", "gap", "current")
-"""Limits of the true state, those of `shares`; the other limits are the command's."""
+"""Limits of the true state, those of `shares`; the others limit the command."""
 STAYING_S: Final = 1.0
 """For so long an error must stay small to count as recovered: later slip events do not belong to the drop-out."""
-_SELDOM = 100  # rows between those at which a magnet's attraction is looked at
+_SELDOM = 100  # rows between those at which a magnet's attraction is evaluated
 
 
 @dataclass(frozen=True)
 class Score:
-    """SI. `effort`: rms of the drive's force; `hard_violations`: ticks in which the truth broke a limit, `limit_use`
-    the largest share of each; `ticks` by status, `estimator` what became of measurements, `events` change-overs,
-    `monitor` the model's health.
+    """SI. `effort`: rms of the drive's force; `hard_violations`: ticks in which the true state broke a limit;
+    `limit_use`: largest share of each limit; `ticks` by status; `estimator`: measurements accepted and refused;
+    `events`: changes of the controller; `monitor`: health of the model.
     """
 
     tracking_rmse_m: float
@@ -53,7 +53,7 @@ class Score:
 
 
 def score(scenario: TrackScenario, trace: LoopTrace) -> Score:
-    """The numbers of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
+    """The score of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
     rows, truth = trace.rows, trace.truth or scenario.truth
     t, x = rows[:, at.O_T], rows[:, at.O_X]
     judged = t >= scenario.control.judged_from_s
@@ -82,7 +82,7 @@ def score(scenario: TrackScenario, trace: LoopTrace) -> Score:
 
 
 def wall_force(truth: Truth, rows: Array) -> Array:
-    """Force in N on the lumen, (rows - 1,): the drive's less what accelerates the masses."""
+    """Force in N on the lumen, (rows - 1,): the drive's force less the inertia of the masses."""
     dt = np.diff(rows[:, at.O_T])
     pushed = rows[:-1, at.O_FORCE] - truth.capsule.mass_kg * np.diff(rows[:, at.O_V]) / dt
     if isinstance(truth.drive, TrueVibro):
@@ -100,7 +100,7 @@ def violations(truth: Truth, limits: Limits, rows: Array, tick_s: float) -> int:
 
 
 def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
-    """The true state as a share of each limit, a value a row; for the force one less."""
+    """The true state as a share of each limit, one value for each row; for the force one value less."""
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
@@ -112,7 +112,7 @@ def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
 
 
 def limit_use(scenario: TrackScenario, trace: LoopTrace) -> dict[str, float]:
-    """The largest of `shares`; a carriage's speed, acceleration and travel beside them, as commanded."""
+    """The largest of `shares`, and those of a carriage's commanded speed, acceleration and travel."""
     limits, tick, truth = scenario.limits, scenario.control.tick_s, trace.truth or scenario.truth
     used = {name: float(np.max(share)) for name, share in shares(truth, limits, trace.rows).items()}
     magnets = scenario.belief.magnets
@@ -130,7 +130,7 @@ def limit_use(scenario: TrackScenario, trace: LoopTrace) -> dict[str, float]:
 
 
 def _times(seconds: Array) -> dict[str, float]:
-    """Median, 99th percentile and maximum in ms; of those that were measured."""
+    """Median, 99th percentile and maximum in ms of the finite ones."""
     ms = 1e3 * seconds[np.isfinite(seconds)]
     if not ms.size:
         return dict.fromkeys(("median", "p99", "max"), math.nan)

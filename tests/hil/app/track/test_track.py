@@ -80,7 +80,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
         (["--stage", "augmented"], "--stage must stand with --model"),
         (["--stage", "agumented"], "did you mean 'augmented'"),
         (["--model", "none.toml"], "model must be a file"),
-        (["--compare", "--controller", "pid"], "--compare must stand without"),
+        (["--compare", "--controller", "pid"], "must stand without --controller"),
     ],
 )
 def test_bad_options_are_one_sentence(

@@ -158,7 +158,7 @@ def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]
     assert run(["track", str(short)]) == 1
     said = capsys.readouterr()
     assert "lost 2000" in said.out
-    assert "localisation comes 1 s late and is not used" in said.err
+    assert "localisation is 1 s late and is not used" in said.err
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.series import LineFeed, Ring, Samples
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
+from hil.app.system import error_text
 from hil.log.blf_file import NOTED, Logged
 from hil.nodes.frame_map import plain
 
@@ -45,7 +46,7 @@ class BusSource:
             self._trouble = ""
         except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
             waits = False
-            self._trouble = f"the bus cannot be read: {' '.join(str(error).split())[:160] or type(error).__name__}"
+            self._trouble = f"the bus cannot be read: {error_text(error, 160)}"
         now = self.clock.now()
         if now - self._polled > AWAY_S:
             self.tell(f"this cockpit was away for {now - self._polled:.1f} s: it may have missed frames", "doubt")

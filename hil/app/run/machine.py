@@ -16,6 +16,7 @@ import can
 
 from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.scenario.deployment import BusTable, ControlTable
+from hil.app.system import error_text
 from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.key import next_epoch, read_key
 from models.parameter import nearest
@@ -65,14 +66,13 @@ def _plain_bus(table: BusTable) -> can.BusABC:
             interface=table.interface, channel=None if table.channel == "" else table.channel, **_rate(table)
         )
     except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
-        words = " ".join(str(error).split())[:200] or type(error).__name__
         fd = f" dbitrate {table.data_bitrate} fd on" if table.fd else ""
         points = f" sample-point {table.sample_point:g} dsample-point {table.data_sample_point:g}" if fd else ""
         up = f"ip link set {table.channel} up type can bitrate {table.bitrate}{points}{fd}"
         socketcan = table.interface == "socketcan" and table.channel != ""
         remedy = f"; '{up}' brings it up, in a kernel with CAN" if socketcan else ""
         raise ValueError(
-            f"bus must be one that opens; got {table.interface} {table.channel!r}: {words}{remedy}"
+            f"bus must be one that opens; got {table.interface} {table.channel!r}: {error_text(error)}{remedy}"
         ) from None
 
 

@@ -102,7 +102,7 @@ def test_a_log_never_takes_the_name_of_another_file(
             deployment(interface="socketcan", channel="nocan9"),
             "rig.toml: bus must be one that opens; got socketcan 'nocan9'",
         ),
-        (deployment(interface="socketcan", channel="nocan9"), "brings it up, in a kernel that knows CAN"),
+        (deployment(interface="socketcan", channel="nocan9"), "brings it up, in a kernel with CAN"),
         (deployment(channel="y" * 150), "bus must be one that opens"),
         (deployment(interface="pcan"), "bus must be one that opens; got pcan"),
         (

@@ -119,7 +119,7 @@ def answer_at_once(question: LearningQuestion) -> Future[LearningAnswer]:
 
 
 def _answer(question: LearningQuestion) -> LearningAnswer:
-    cut, (rig, before, columns) = question.held_from, _as_it_refitted(question)
+    cut, (rig, before, columns) = question.held_from, _before_the_break(question)
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
@@ -143,7 +143,7 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
     return LearningAnswer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _as_it_refitted(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
+def _before_the_break(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
     """The model fitted to what was measured while it held, the columns less the `WallResidual` of that fit, and the rig
     with the rest as noise. Without change where the prediction drifts or the time was short.
     """

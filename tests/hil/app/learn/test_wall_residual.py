@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.app.learn.identify import LearningQuestion, WallResidual, _as_it_held
+from hil.app.learn.identify import LearningQuestion, WallResidual, _before_the_break
 from models.identification.kinds import kind_for, ready
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -51,7 +51,9 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
     rig, broken = believed("magnetic"), len(record) // 2
     shift = np.where(np.arange(len(record)) >= broken, 0.5e-3, 0.0)
     columns = {**record.columns, "position_m": record["position_m"] + shift}
-    _, values, corrected = _as_it_held(LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken))
+    _, values, corrected = _before_the_break(
+        LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken)
+    )
     kind = kind_for(rig, [record])
     left = corrected["position_m"] - kind.predict(record, kind.nominal() | values)
     assert np.median(left[broken:]) == pytest.approx(0.5e-3, abs=0.05e-3)
@@ -61,7 +63,7 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
 def test_too_short_a_time_before_the_break_changes_nothing(run: tuple[Record, np.ndarray, np.ndarray]) -> None:
     record, _, _ = run
     question = LearningQuestion(believed("magnetic"), record.columns, 3000, Theta(), broken_from=500)
-    assert _as_it_held(question) == (believed("magnetic"), Theta(), record.columns)
+    assert _before_the_break(question) == (believed("magnetic"), Theta(), record.columns)
 
 
 def test_what_no_place_tells_counts_as_noise_and_does_not_bend_the_base(
@@ -72,9 +74,9 @@ def test_what_no_place_tells_counts_as_noise_and_does_not_bend_the_base(
     slow = 0.4e-3 * np.sin(2 * np.pi * record[TIME] / 23.0)
     columns = {**record.columns, "position_m": record["position_m"] + slow}
     nominal = kind_for(rig, [record]).nominal()
-    noisy, values, _ = _as_it_held(LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken))
+    noisy, values, _ = _before_the_break(LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken))
     assert noisy.noise.position_std_m is not None
     assert noisy.noise.position_std_m > 0.3e-3
     assert all(abs(values[name] / nominal[name] - 1) < 0.1 for name in values)
-    quiet, _, _ = _as_it_held(LearningQuestion(rig, record.columns, 3 * broken // 2, Theta(), broken_from=broken))
+    quiet, _, _ = _before_the_break(LearningQuestion(rig, record.columns, 3 * broken // 2, Theta(), broken_from=broken))
     assert (quiet.noise.position_std_m or 0.0) < UNEVEN_M

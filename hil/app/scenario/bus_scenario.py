@@ -36,12 +36,12 @@ from models.rigs.schema import NamedTable, Words, key
 
 
 class SimulatedBusTable(NamedTable):
-    """`[bus]` of a scenario: every node begins with the same epoch, which is not kept."""
+    """`[bus]` of a scenario; all nodes begin with the same epoch, which is not stored."""
 
     where = "bus"
-    force_sensor: bool = key("whether the force sensor speaks, too", False)
+    force_sensor: bool = key("whether the force sensor sends, too", False)
     longest_s_per_s: float = key(
-        "wall clock that a simulated second may take before the run is failed; a run has 60 s at least", 60.0
+        "longest wall clock of a simulated second before the run fails; a run has at least 60 s", 60.0
     )
     fd: bool = key("opens the interface for CAN FD", False)
     data_bitrate: DataBitRate = key("bit rate of the data of CAN FD frames", 5_000_000)
@@ -54,10 +54,10 @@ class SimulatedBusTable(NamedTable):
 
 
 class FmuTable(NamedTable):
-    """`[plant]` of a scenario: what is sensed and how, and what hides in the sensors, stays the scenario's."""
+    """`[plant]` of a scenario; instruments and hidden effects of sensors are still the scenario's."""
 
     where = "plant"
-    fmu: str = key("FMU that stands in for the simulated plant, relative to the scenario; `capsule sil` alone reads it")
+    fmu: str = key("FMU in place of the simulated plant, relative to the scenario; only `capsule sil` reads it")
 
 
 _NUMBERS: Final = {"speed": ("MM_S", "SECONDS"), "position": ("MM", "SECONDS"), "release": ("SECONDS",)}
@@ -106,26 +106,24 @@ class JogTable(NamedTable):
 
     where = "jog"
     script: Words = key(
-        "what an operator does from the run's begin on, in lines as `capsule jog --script` reads them: `speed MM_S"
-        " SECONDS`, `position MM SECONDS`, `release SECONDS`, which comes first; released after them"
+        "what an operator does from the start of the run, in lines as for `capsule jog --script`: `speed MM_S SECONDS`,"
+        " `position MM SECONDS`, `release SECONDS`, which comes first; released after the last line"
     )
     source: str = key("who steers, by the names of `OperatorSetpoint`", "script")
-    life_ms: float = key(
-        "how long each setpoint counts, from its arrival less what it was held back on the way", 100.0, 1, 200
-    )
+    life_ms: float = key("how long each setpoint is valid after its arrival, less its delay on the bus", 100.0, 1, 200)
 
     def model_post_init(self, _: Any) -> None:
         check_word(self.source, "jog.source", list(frames()[SETPOINT].field("Source").names.values()))
 
     def planned(self) -> tuple[Step, ...]:
-        """What is sent, one after the other. Raises ValueError for a line that says nothing."""
+        """The steps, one after the other. Raises ValueError for a line that cannot be read."""
         return tuple(steps(self.script, "jog.script"))
 
 
 @dataclass(frozen=True)
 class SilScenario:
-    """A closed `loop` over the bus and what goes wrong in it; its tick is the command frame's cycle where the file
-    names none; `drive` is another maker's, set up already.
+    """A closed `loop` over the bus with its faults. Its tick is the cycle of the command frame where the file states
+    none; `drive` is another maker's, already set up.
     """
 
     loop: TrackScenario
@@ -157,7 +155,7 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
 
 
 def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
-    """The scenario with the paths of its FMU and its key as they count from here, both of which can be used."""
+    """The scenario with the paths of its FMU and its key relative to the current folder, both checked."""
     if scenario.plant is not None:
         path = folder / scenario.plant.fmu
         read_fmu(path, scenario.loop.truth)
@@ -193,7 +191,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if jog is not None:
         jog.planned()
         if not (operator and operator.accept):
-            raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
+            raise ValueError("operator.accept must be true with [jog], or no setpoints are accepted; got false")
     _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
     return SilScenario(loop, bus, faults, drive, plant, held, jog, LearningTable.read(raw))
@@ -209,7 +207,7 @@ _MISSING: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def _there(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
-    """Refuse a fault of what the scenario has not."""
+    """Refuse a fault of something that the scenario does not have."""
     for fault in faults:
         fault.check_rig(kind)
         if fault.needs and not has[fault.needs]:

@@ -1,4 +1,4 @@
-"""The table `[checks]`: what a closed-loop run is held to, for all controllers or, as `[checks.mpc]`, for one."""
+"""The table `[checks]`: limits of a closed-loop run for all controllers or, as `[checks.mpc]`, for one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,14 +24,14 @@ Bound = Annotated[float, Field(ge=0)] | None
 
 
 class TrackChecks(NamedTable):
-    """Upper limits on what `capsule track` finds, None: not judged. Errors are those of the true position, judged as
-    `[control]` says.
+    """Upper limits of the score of `capsule track`; None: not judged. Errors are those of the true position from
+    `[control] judged_from_s` on.
 
-    `drift_mm` is the way between the outermost positions from `drift_from_s` on (else from `judged_from_s`).
-    `recovered_within_s` after the last drop-out or NaN the error must have come below `recovered_mm` and stay there for
-    a second, `settled_within_s` after each arrival of the reference below `settled_mm` and stay there.
-    `speed_error_percent` is how far the mean speed is off from `speed_after_s` after each change of the reference's
-    speed on. `failed_ticks` are those late, failed or stopped, `lost_ticks` those without an estimate.
+    `drift_mm`: distance of the outermost positions from `drift_from_s` on (else from `judged_from_s`).
+    `recovered_within_s`: time after the last drop-out or NaN until the error stays below `recovered_mm` for a second.
+    `settled_within_s`: time after each arrival of the reference until the error stays below `settled_mm`.
+    `speed_error_percent`: error of the mean speed from `speed_after_s` after each change of the reference's speed on.
+    `failed_ticks`: ticks late, failed or stopped; `lost_ticks`: ticks without an estimate.
     """
 
     where = "checks"
@@ -54,7 +54,7 @@ class TrackChecks(NamedTable):
 
 @dataclass(frozen=True)
 class CheckTable:
-    """`common` limits hold for a controller without a table of its `own`, which has them in it."""
+    """`common` limits hold for controllers without a table of their `own`, which includes the common ones."""
 
     common: TrackChecks = TrackChecks()
     own: Mapping[str, TrackChecks] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class CheckTable:
 def read_checks(
     table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
 ) -> CheckTable:
-    """`[checks]` of a scenario. Raises ValueError for what is unknown and what the run cannot be judged by."""
+    """`[checks]` of a scenario. Raises ValueError for unknown keys and for checks that this run cannot decide."""
     able = [name for name in CONTROLLERS if kind in leads(name)]
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
@@ -97,13 +97,13 @@ def last_fault_s(instruments: Instruments) -> float | None:
 
 
 def rests(reference: Trajectory, duration_s: float) -> list[Span]:
-    """From when to when in s the reference rests after it moved."""
+    """Intervals in s in which the reference rests after it moved."""
     still = np.abs(_speeds(reference, duration_s)) < _AT_REST
     return [span for span, rest in _stretches(still) if rest and span[0] > 0]
 
 
 def legs(reference: Trajectory, duration_s: float) -> list[tuple[Span, float]]:
-    """From when to when in s the reference moves at one speed, and this in m/s."""
+    """Intervals in s in which the reference moves at one speed, and the speed in m/s."""
     speed = _speeds(reference, duration_s)
     even = np.append(np.abs(np.diff(speed)) < _AT_REST, True)
     return [

@@ -1,4 +1,4 @@
-"""SCENARIO.toml of a closed loop: true plant, instruments, reference, and what the controller believes."""
+"""SCENARIO.toml of a closed loop: true plant, instruments, reference, and the controller's belief."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -31,7 +31,7 @@ TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
 BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
-"""Tables that a scenario on the bus may have beside these."""
+"""Further tables of a scenario on the bus."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""
 _CAPSULE: Final = asdict(Capsule())
@@ -41,18 +41,16 @@ _PLATE: Final = Plate(0.0)
 
 Estimator = Annotated[str, Among(ESTIMATORS)]
 ESTIMATOR: Final = (
-    "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as costly, to"
-    " compare with"
+    "`default` fits the controller; `ukf` is filterpy's unscented Kalman filter for comparison, ten times as costly"
 )
 PROBE: Final = (
-    "whether a short motion to and fro (5 mm behind a magnet, 3 mm else) shows that the capsule answers the drive"
-    " before the reference begins, unless setpoints of an operator are taken; over a simulated bus the reference then"
-    " begins where the capsule is"
+    "whether a short motion to and fro (5 mm behind a magnet, else 3 mm) first shows that the capsule follows the"
+    " drive; not with setpoints of an operator; over a simulated bus the reference then begins at the capsule"
 )
 
 
 class Control(NamedTable):
-    """`[control]` of a scenario; which controller leads where nothing is said goes with the rig."""
+    """`[control]` of a scenario; the default controller depends on the rig."""
 
     where = "control"
     tick_s: float = key("period of the control loop", 1e-3, 1e-4, 0.02)
@@ -64,7 +62,7 @@ class Control(NamedTable):
 
 @dataclass(frozen=True)
 class TrackScenario:
-    """A closed loop: `truth` and `instruments` of the plant; `belief` is all that the controller is told."""
+    """A closed loop: `truth` and `instruments` of the plant; `belief` is all that the controller knows."""
 
     name: str
     duration_s: float
@@ -80,7 +78,7 @@ class TrackScenario:
     offer: OfferTable | None = None
 
     def knowing(self, effects: Catalogue) -> Self:
-        """With the `effects` of a catalogue in what is believed."""
+        """With the `effects` of a catalogue in the belief."""
         return replace(self, belief=effects.given_to(self.belief))
 
 
@@ -137,7 +135,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
 
 
 def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
-    """The rig file that the experimenter would have written: `[belief.*]` over nominal values. Raises ValueError."""
+    """The rig file of the experimenter: `[belief.*]` over nominal values. Raises ValueError."""
     for name, content in table.items():
         if name not in table_names():
             raise ValueError(
@@ -146,13 +144,11 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
         if not isinstance(content, Mapping):
             raise ValueError(f"belief.{name} must be a table; got {content!r}")
     if "noise" in table:
-        raise ValueError(
-            "belief must have no table [belief.noise]: the filter has the noise it counts on from its drive"
-        )
+        raise ValueError("belief must have no table [belief.noise], as the drive sets the noise of the filter")
     own = KINDS[kind]
-    told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
+    stated = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
     nominal: dict[str, Table] = {**own.nominal, "capsule": {**_CAPSULE, **own.nominal.get("capsule", {})}}
-    nominal["rig"] = {"kind": kind, **(own.nominal.get("rig", {}) if told is None else {"magnet": told})}
+    nominal["rig"] = {"kind": kind, **(own.nominal.get("rig", {}) if stated is None else {"magnet": stated})}
     if surface == "gut":
         nominal["tissue"] = _TISSUE
     else:
@@ -168,7 +164,7 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
 
 
 def _buildable(truth: Truth, raw: Table) -> None:
-    """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
+    """Build the plant once, so that its errors name the table of the file in which the number stands."""
     for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
         for name, value in vars(record).items():
             if isinstance(value, str):

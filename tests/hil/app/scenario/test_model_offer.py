@@ -136,7 +136,10 @@ def test_a_model_in_use_that_its_report_does_not_know_and_a_worse_one_are_refuse
 ) -> None:
     path = offered(tmp_path, STEPS.format(seconds=13.0), better=1.2)
     assert run(["track", str(path)]) == 2
-    assert "offered model must pass the gate; got: held-out error must be at most 0.99" in capsys.readouterr().err
+    assert (
+        "offered model must pass the acceptance test; got: held-out error must be at most 0.99"
+        in capsys.readouterr().err
+    )
     path = offered(tmp_path, STEPS.format(seconds=13.0))
     scenario = load_track_scenario(path)
     base = kind_for(scenario.belief, []).nominal()

@@ -53,13 +53,11 @@ def convert(
     out: Annotated[
         str,
         argument(
-            "OUT",
-            "A .csv, .csv.gz, .parquet, .mf4 or .mcap file; or a folder for CSV files, existing or ending in /.",
+            "OUT", "A .csv, .csv.gz, .parquet, .mf4 or .mcap file; or a folder for CSV files, existing or ending in /."
         ),
     ],
     rig: Annotated[
-        Path | None,
-        option("--rig", "RIG.toml", "Rig file with the kind and [columns] to read; else all channels."),
+        Path | None, option("--rig", "RIG.toml", "Rig file with the kind and [columns] to read; else all channels.")
     ] = None,
     kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
     json_output: Json = False,

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import select
 import sys
 import termios
@@ -173,6 +174,7 @@ KEYS: Final = {
     "\x04": "quit",
     " ": "release",
 }
+_KEY: Final = re.compile("|".join(map(re.escape, KEYS)))
 
 
 @contextmanager
@@ -197,14 +199,4 @@ def keys(descriptor: int) -> list[str]:
         if not more:
             return ["quit"]
         text += more
-    return _named(text.decode("utf-8", "replace"))
-
-
-def _named(text: str) -> list[str]:
-    found, at = [], 0
-    while at < len(text):
-        length = next((n for n in (3, 1) if text[at : at + n] in KEYS), 0)
-        if length:
-            found.append(KEYS[text[at : at + length]])
-        at += length or 1
-    return found
+    return [KEYS[key] for key in _KEY.findall(text.decode("utf-8", "replace"))]

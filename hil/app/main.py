@@ -103,11 +103,7 @@ def _show_version(wanted: bool) -> None:
 
 
 def _program() -> TyperGroup:
-    app = typer.Typer(
-        name="capsule",
-        help=TEXT("program"),
-        rich_markup_mode=None,
-    )
+    app = typer.Typer(name="capsule", help=TEXT("program"), rich_markup_mode=None)
 
     @app.callback()
     def _options(

@@ -41,11 +41,7 @@ class OperatorPanel:
     """
 
     def __init__(
-        self,
-        source: BusSource,
-        path: Path,
-        limits: OperatorLimits | None,
-        clock: Callable[[], float] = time.monotonic,
+        self, source: BusSource, path: Path, limits: OperatorLimits | None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.source, self.path, self.limits = source, path, limits
         self._clock = clock

@@ -69,14 +69,16 @@ class Lesson:
     @property
     def words(self) -> str:
         values: dict[str, Any] = asdict(self) | {"effects": self.effects or [TEXT("no_effect")]}
-        said = TEXT("since", **values) + ("" if self.experiment_at_s is None else TEXT("experiment", **values))
         if self.offered_at_s is None:
             more = TEXT("wanted", **values) if self.wanted else ""
-            return said + (TEXT("not_offered", **values) + more if self.sentence else TEXT("nothing"))
-        partly = TEXT("partly") if self.verdict == "unknown" and self.effects else ""
-        taken = TEXT("not_taken" if self.taken_at_s is None else "taken", **values)
-        back = "" if self.withdrawn_at_s is None else TEXT("withdrawn", **values)
-        return f"{said}{TEXT('found', **values)}{partly}, {taken}{back}; {self.sentence}"
+            result = TEXT("not_offered", **values) + more if self.sentence else TEXT("nothing")
+        else:
+            taken = TEXT("not_taken" if self.taken_at_s is None else "taken", **values)
+            taken += "" if self.withdrawn_at_s is None else TEXT("withdrawn", **values)
+            partly = self.verdict == "unknown" and self.effects
+            result = TEXT("partly" if partly else "found", taken=taken, **values)
+        result = result if self.experiment_at_s is None else TEXT("experiment", result=result, **values)
+        return TEXT("since", result=result, **values)
 
 
 class _Errors:

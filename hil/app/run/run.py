@@ -68,8 +68,7 @@ def run(
     controllers: options.OwnControllers,
     learn: options.Learn = False,
     move: Annotated[
-        bool,
-        typer.Option("--move", help="With check: lead the drive 5 mm to and fro; the capsule must follow."),
+        bool, typer.Option("--move", help="With check: lead the drive 5 mm to and fro; the capsule must follow.")
     ] = False,
 ) -> int:
     """Lead, check or reset the drive: 0 where it ended as asked (`GOOD`), else 1. Raises ValueError."""

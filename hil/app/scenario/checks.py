@@ -130,29 +130,21 @@ def _judgeable(
     judged_from_s: float,
     duration_s: float,
 ) -> None:
+    """Raises ValueError for a check that this run cannot decide."""
     for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
         if (getattr(checks, within) is None) != (getattr(checks, size) is None):
             raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")
-    if checks.recovered_within_s is not None and not (
-        fault_s is not None and fault_s + checks.recovered_within_s < duration_s
+    recovered = fault_s is not None and fault_s + (checks.recovered_within_s or 0.0) < duration_s
+    fault = "none" if fault_s is None else f"{fault_s:g} s"
+    begin, after = checks.drift_from_s, checks.speed_after_s
+    begin = judged_from_s if begin is None else begin
+    still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
+    even = any(end - start > after for (start, end), _ in legs(reference, duration_s))
+    for name, good, needed, got in (
+        ("recovered_within_s", recovered, "the end of a drop-out or NaN early enough in the run", fault),
+        ("settled_within_s", bool(rests(reference, duration_s)), "a reference that comes to rest", "one that does not"),
+        ("drift_mm", still.size and still.all(), f"a reference at rest from {begin:g} s to the end", "one that moves"),
+        ("speed_error_percent", even, f"a reference at one speed for over {after:g} s", "none"),
     ):
-        got = "none" if fault_s is None else f"{fault_s:g} s"
-        raise ValueError(
-            f"{where}.recovered_within_s must have the end of a drop-out or NaN early enough in the run; got {got}"
-        )
-    if checks.settled_within_s is not None and not rests(reference, duration_s):
-        raise ValueError(f"{where}.settled_within_s must have a reference that comes to rest; got one that does not")
-    if checks.drift_mm is not None:
-        begin = judged_from_s if checks.drift_from_s is None else checks.drift_from_s
-        still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
-        if not still.size or not still.all():
-            raise ValueError(
-                f"{where}.drift_mm must have a reference at rest from {begin:g} s to the end; got one that moves"
-            )
-    if checks.speed_error_percent is not None and not [
-        leg for (begin, end), leg in legs(reference, duration_s) if end - begin > checks.speed_after_s
-    ]:
-        raise ValueError(
-            f"{where}.speed_error_percent must have a reference at one speed for over {checks.speed_after_s:g} s; got"
-            " none"
-        )
+        if getattr(checks, name) is not None and not good:
+            raise ValueError(f"{where}.{name} must have {needed}; got {got}")

@@ -18,14 +18,7 @@ from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.model_use import (
-    health_words,
-    offer_document,
-    offer_of,
-    offer_words,
-    read_offer,
-    values_of,
-)
+from hil.app.scenario.model_use import health_words, offer_document, offer_of, offer_words, read_offer, values_of
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.learning_page import learning_files
@@ -137,9 +130,9 @@ def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Ite
     if operator := found.get("operator"):
         yield TEXT("operator", **operator)
     for fault in found["faults"]:
-        said = TEXT("fault", **fault) + TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
-        said += TEXT("distance", **fault) if "distance_mm" in fault else ""
-        yield said + (TEXT("unsafe") if fault["unsafe"] else "")
+        outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
+        outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
+        yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
     yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons)))
     if trace.ended != DONE:
         yield f"ended: {trace.ended}"

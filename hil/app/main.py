@@ -59,7 +59,7 @@ class _Command(TyperCommand):
     """A command whose module is loaded as it is called, so that `capsule --help` answers at once."""
 
     def __init__(self, name: str) -> None:
-        self.place, example = COMMANDS[name]
+        self.target, example = COMMANDS[name]
         super().__init__(
             name, help=TEXT(f"help.{name}"), epilog=f"Example: capsule {name} {example}", rich_markup_mode=None
         )
@@ -67,7 +67,7 @@ class _Command(TyperCommand):
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """The context of the command that the function's signature declares."""
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(self.name, help=self.help, epilog=self.epilog)(loaded(self.place))
+        app.command(self.name, help=self.help, epilog=self.epilog)(loaded(self.target))
         return typer.main.get_command(app).make_context(info_name, args, parent, **extra)
 
 

@@ -11,9 +11,9 @@ MOST_SEED = (1 << 63) - 1  # what a signed word of 64 bits holds
 _STAGES = "nominal/calibrated/augmented"
 
 
-def loaded(place: str) -> Callable[..., Any]:
+def loaded(target: str) -> Callable[..., Any]:
     """The function `module:name`."""
-    module, _, name = place.partition(":")
+    module, _, name = target.partition(":")
     function: Callable[..., Any] = getattr(import_module(module), name)
     return function
 

@@ -52,7 +52,7 @@ class Streams:
         sys.stderr = self.stderr = _text(self._error, sys.stderr)
 
     def status(self, status: int) -> int:
-        """The exit status of a command whose own is `status`; a sentence where its result could not be written."""
+        """The exit status of a command that ended with `status`; an error sentence where its result was not written."""
         with contextlib.suppress(OSError, ValueError):
             self.stdout.flush()
         if self._output.trouble:

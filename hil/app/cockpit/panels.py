@@ -92,7 +92,7 @@ def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel
         LivePanel(word, unit, (*reported, command), 3, 0.01),
         LivePanel("Forces on the capsule", "mN", forces, 1, 2.0, (0.0,)),
         LivePanel("Residual", "σ", (surprise,), 1, 6.0, (-3.0, 3.0)),
-        LivePanel("Evidence against the model", "% of an alarm", (evidence,), 0, 110.0, (100.0,)),
+        LivePanel("Evidence against the model", "% of the alarm level", (evidence,), 0, 110.0, (100.0,)),
         LivePanel("States", "", states, strips=True),
     )
 

@@ -77,7 +77,7 @@ class Cockpit:
         for page in tuple(self.pages):
             page.send_new(state)
 
-    def place(self, page: Page) -> bool:
+    def admit(self, page: Page) -> bool:
         """Accept a page where there is room; a page with the token replaces the oldest one, preferably not armed."""
         alike = [other for other in self.pages if other.known == page.known]
         if len(alike) >= (OPERATORS if page.known else WATCHERS):
@@ -140,7 +140,7 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         self.next_bin, self.next_event, self._busy = 0, 0, False
         token = self.request.query_arguments.get("token", [b""])[-1]
         self.known = hmac.compare_digest(token, self.cockpit.token.encode())
-        if not self.cockpit.place(self):
+        if not self.cockpit.admit(self):
             self.close(1013, TEXT("page.full", most=WATCHERS))
             return
         self.commands = self.known and self.cockpit.operator is not None

@@ -192,21 +192,21 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
         jog.planned()
         if not (operator and operator.accept):
             raise ValueError("operator.accept must be true with [jog], or no setpoints are accepted; got false")
-    _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
+    _check_faults({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
     return SilScenario(loop, bus, faults, drive, plant, held, jog, LearningTable.read(raw))
 
 
 _MISSING: Final[Mapping[str, str]] = MappingProxyType(
     {
-        MAKER: f"with one of [{'], ['.join(ACTUATORS)}], whose it is",
+        MAKER: f"with one of [{'], ['.join(ACTUATORS)}], the drive that it concerns",
         OPERATOR: "with the table [jog], the operator",
-        KEY: "with bus.key_file, whose frames it spoils",
+        KEY: "with bus.key_file, the key of the frames that it corrupts",
     }
 )
 
 
-def _there(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
+def _check_faults(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
     """Refuse a fault of something that the scenario does not have."""
     for fault in faults:
         fault.check_rig(kind)

@@ -225,9 +225,7 @@ def read_plant(path: Path) -> DeployedPlant:
     with in_file(path):
         _check_tables(raw)
         if "plant" not in raw:
-            raise ValueError(
-                "table [plant] must be there with the key 'scenario', whose plant is simulated; it is missing"
-            )
+            raise ValueError("table [plant] must have the key 'scenario', the plant to simulate; it is missing")
         table = PlantTable.read(raw)
         bus = BusTable.read(raw)
         drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
@@ -295,8 +293,8 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than the life of a command and the timeout of feedback, or the drive is never led."""
-    wiring = frame_map_of(kind)
-    longest = min(1e-3 * wiring.life_ms(limits.carriage_speed_m_s), wiring.feedback_s)
+    frame_map = frame_map_of(kind)
+    longest = min(1e-3 * frame_map.life_ms(limits.carriage_speed_m_s), frame_map.feedback_s)
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"

@@ -66,7 +66,7 @@ class Bench:
         """Raises ValueError for a controller that cannot lead this rig."""
         self._recorder, self._seed = recorder, seed
         loop, self.scenario = scenario.loop, scenario
-        self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
+        self.tick_s, self.frame_map = loop.control.tick_s, frame_map_of(loop.kind)
         bus = scenario.bus
         fd = bus.fd or (scenario.drive is not None and scenario.drive.fd)
         self.medium = Medium(frames().bit_rate, data_bit_rate=bus.data_bitrate if fd else 0)
@@ -75,14 +75,14 @@ class Bench:
         self._kinds = {f.kind for f in scenario.faults}
         self._babbler = SimulatedBus(self.medium, "babbler") if "babbling" in self._kinds else None
         self.links: dict[str, FaultInjection] = {}
-        self._false = FalseController(self.medium, self.wiring, self.tick_s, self._kinds)
+        self._false = FalseController(self.medium, self.frame_map, self.tick_s, self._kinds)
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0, plant)
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
-            drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
+            drive.configure(self.frame_map.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = carriage_bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         task = task_on_bus(scenario, model, controller, offer=offer)
@@ -239,7 +239,7 @@ class Bench:
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers."""
-        known, own = frames(), self.wiring
+        known, own = frames(), self.frame_map
         commands, reports = frozenset[int](), frozenset[int]()
         if self.scenario.drive is not None:
             commands, reports = self.scenario.drive.identifiers()

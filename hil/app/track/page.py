@@ -80,13 +80,13 @@ def _errors(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
     shared: dict[str, Any] = {"shared_xaxes": "all", "shared_yaxes": "all", "subplot_titles": titles}
     shared |= {"horizontal_spacing": 0.04, "vertical_spacing": 44 / height}
     figure = make_subplots(rows=rows, cols=ACROSS, **shared)
-    for place, (found, _) in enumerate(runs):
-        here: dict[str, Any] = {"row": place // ACROSS + 1, "col": place % ACROSS + 1}
-        for error in (other for k, other in enumerate(errors) if k != place):
+    for panel, (found, _) in enumerate(runs):
+        here: dict[str, Any] = {"row": panel // ACROSS + 1, "col": panel % ACROSS + 1}
+        for error in (other for k, other in enumerate(errors) if k != panel):
             x, y = thinned(t, error, POINTS // 8)
             look = {"color": "#c6ced6", "width": 0.8}
             figure.add_scatter(x=x, y=y, mode="lines", line=look, hoverinfo="skip", **here)
-        line(figure, t, errors[place], found["controller"], {"color": INK}, **here)
+        line(figure, t, errors[panel], found["controller"], {"color": INK}, **here)
     for col in range(1, ACROSS + 1):
         figure.update_xaxes(title_text="time in s", row=rows, col=col)
     largest = float(np.quantile(np.abs(np.concatenate(errors)), 0.995))
@@ -128,7 +128,7 @@ def say(scenario: TrackScenario, found: Sequence[Mapping[str, Any]], out: Path |
         _print(("check", "value", "at most", "verdict"), checks)
     for one in found:
         ended = "" if one["ended"] == DONE else f"ended: {one['ended']}"
-        changes = [TEXT("change", **event) for event in one["events"]]
+        changes = [TEXT("stays" if e["after"] == e["before"] else "change", **e) for e in one["events"]]
         lines = filter(None, (*changes, ended, health_words(one), offer_words(one)))
         console.say(*(f"{one['controller']}: {words}" for words in lines))
     if out is not None:

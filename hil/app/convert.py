@@ -17,8 +17,8 @@ from hil.formats.table import WRITTEN, write_channels
 from hil.log.channels import file_channels
 from hil.log.reader import is_log
 from hil.log.record import read_rig_record
+from models.files.toml import check_word
 from models.files.units import split_unit, unit_of
-from models.parameter import nearest
 from models.records.record import as_measured
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
@@ -89,8 +89,8 @@ def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
 
 
 def _belief(rig: Path | None, kind: str | None) -> Rig | None:
-    if kind is not None and kind not in KINDS:
-        raise ValueError(f"--kind must be a known kind of rig; got {kind!r}; {nearest(kind, KINDS)}")
+    if kind is not None:
+        check_word(kind, "--kind", KINDS)
     if rig is None:
         return None if kind is None else Rig(kind)
     belief = read_deployed_rig(rig)

@@ -13,8 +13,8 @@ import typer
 from hil.app.console import answer, output_to_notes
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
+from models.files.toml import check_word
 from models.identification.kinds import kind_for
-from models.parameter import nearest
 from models.records.record import Record, read_record
 from models.rigs.kind import Record as Columns
 from models.rigs.kind import RigKind, Tables
@@ -47,8 +47,7 @@ def init(
     json_output: Json = False,
 ) -> None:
     """Write three files, all or none. Raises ValueError for an unknown kind and for a file that exists."""
-    if kind not in KINDS:
-        raise ValueError(f"KIND must be one of {', '.join(KINDS)}; got {kind!r}; {nearest(kind, KINDS)}")
+    check_word(kind, "KIND", KINDS)
     if rotary and KINDS[kind].turning_template is None:
         turning = [name for name, one in KINDS.items() if one.turning_template is not None]
         raise ValueError(f"--rotary must go with KIND {' or '.join(turning)}; got {kind}")

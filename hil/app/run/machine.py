@@ -19,7 +19,7 @@ from hil.app.scenario.deployment import BusTable, ControlTable
 from hil.app.system import error_text
 from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.key import next_epoch, read_key
-from models.parameter import nearest
+from models.files.toml import check_word
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -55,12 +55,7 @@ def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
 def _plain_bus(table: BusTable) -> can.BusABC:
     if not _DRIVERS.handlers:
         _DRIVERS.addHandler(logging.NullHandler())
-    if table.interface not in can.VALID_INTERFACES:
-        known = sorted(can.VALID_INTERFACES)
-        raise ValueError(
-            f"bus.interface must be one of {', '.join(known)}; got {table.interface!r};"
-            f" {nearest(table.interface, known)}"
-        )
+    check_word(table.interface, "bus.interface", sorted(can.VALID_INTERFACES))
     try:
         return can.Bus(
             interface=table.interface, channel=None if table.channel == "" else table.channel, **_rate(table)

@@ -38,8 +38,7 @@ from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.frame_map import controllers_frames, plain
 from hil.nodes.listening import heard_for
 from models.effects import Catalogue
-from models.files.toml import in_file
-from models.parameter import nearest
+from models.files.toml import check_word, in_file
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -72,8 +71,7 @@ def run(
     ] = False,
 ) -> int:
     """Lead, check or reset the drive: 0 where it ended as asked (`GOOD`), else 1. Raises ValueError."""
-    if action not in ACTIONS:
-        raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
+    check_word(action, "action", ACTIONS)
     deployment = load_deployment(path, reference, Catalogue.read(effects))
     log = log or Path(f"{deployment.name}.blf")
     if move and (action != "check" or dry_run):

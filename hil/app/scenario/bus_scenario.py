@@ -19,7 +19,7 @@ from hil.app.scenario.deployment import (
     operator_limits,
 )
 from hil.app.scenario.reference import with_reference
-from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
+from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, check_tables, parse_track_scenario
 from hil.bus.authenticated import authenticator
 from hil.bus.key import read_key
 from hil.bus.local import LocalBus
@@ -31,7 +31,6 @@ from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.simulated.fmu_plant import read_fmu
 from hil.simulated.plant_node import SLOT_S
 from models.files.toml import check_word, in_file, read_toml, toml_text
-from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
 
@@ -80,12 +79,7 @@ def steps(lines: Iterable[str], name: str) -> Iterator[Step]:
         if not words:
             continue
         where = f"{name} line {number}"
-        if words[0] not in _NUMBERS:
-            raise ValueError(
-                f"{where}: step must be one of {', '.join(_NUMBERS)}; got {words[0][:40]!r};"
-                f" {nearest(words[0], list(_NUMBERS))}"
-            )
-        wanted = _NUMBERS[words[0]]
+        wanted = _NUMBERS[check_word(words[0][:40], f"{where}: step", _NUMBERS)]
         values = [_number(word) for word in words[1:]]
         if len(values) != len(wanted) or not all(map(math.isfinite, values)):
             raise ValueError(f"{where}: step must be '{words[0]} {' '.join(wanted)}'; got {line.strip()[:60]!r}")
@@ -170,10 +164,7 @@ def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
     own = (*BUS_TABLES, *ACTUATORS)
-    known = (*TABLES, *own)
-    for name in raw:
-        if name not in known:
-            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
+    check_tables(raw, (*TABLES, *own))
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in own})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from controller.registry import CONTROLLERS, leads
 from controller.trajectory import STEP_S, Trajectory
-from models.parameter import nearest
+from models.files.toml import check_word
 from models.rigs.schema import NamedTable
 from plant.session import Instruments
 
@@ -71,10 +71,7 @@ def read_checks(
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     for name in tables:
-        if name not in able:
-            raise ValueError(
-                f"tables of [checks] must be controllers of a {kind} rig; got {name!r}; {nearest(name, able)}"
-            )
+        check_word(name, f"table of [checks] for a {kind} rig", able)
 
     def read(numbers: Table, where: str) -> TrackChecks:
         try:

@@ -15,7 +15,7 @@ from controller.supervision.acceptance import Acceptance, judge
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_use import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
-from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator
+from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator, check_tables
 from hil.bus.catalogue import load_catalogue
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
@@ -25,7 +25,6 @@ from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.model import read_model, read_report
-from models.parameter import nearest
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, from_table, key
@@ -281,10 +280,8 @@ def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
 
 
 def _check_tables(raw: Mapping[str, Any]) -> None:
-    known = (*table_names(), *OWN_TABLES)
+    check_tables(raw, (*table_names(), *OWN_TABLES))
     for table, content in raw.items():
-        if table not in known:
-            raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")
         if not isinstance(content, dict):
             raise ValueError(f"{table} must be a table; got {content!r}")
     if "plant" in raw:

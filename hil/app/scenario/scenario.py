@@ -1,6 +1,6 @@
 """SCENARIO.toml of a closed loop: true plant, instruments, reference, and the controller's belief."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -13,7 +13,7 @@ from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
-from models.files.toml import converted, in_file, read_toml
+from models.files.toml import check_word, converted, in_file, read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.kinds import KINDS
@@ -95,8 +95,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     for name, table in raw.items():
         if name in BUS_TABLES:
             raise ValueError(f"tables must be those of a loop without a bus; got [{name}], which `capsule sil` reads")
-        if name not in TABLES:
-            raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
+        check_tables([name], TABLES)
         if not isinstance(table, Mapping):
             raise ValueError(f"{name} must be a table; got {table!r}")
     seed = raw.get("anatomy", {}).get("seed", 0)
@@ -134,13 +133,16 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     )
 
 
+def check_tables(names: Iterable[str], known: tuple[str, ...]) -> None:
+    for name in names:
+        if name not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
+
+
 def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
     """The rig file of the experimenter: `[belief.*]` over nominal values. Raises ValueError."""
     for name, content in table.items():
-        if name not in table_names():
-            raise ValueError(
-                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, table_names())}"
-            )
+        check_word(name, "table of [belief]", table_names())
         if not isinstance(content, Mapping):
             raise ValueError(f"belief.{name} must be a table; got {content!r}")
     if "noise" in table:
@@ -186,10 +188,7 @@ def _buildable(truth: Truth, raw: Table) -> None:
 def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Control:
     control = Control.read({"control": {"controller": DRIVES[kind].leading, **table}})
     name, able = control.controller, [name for name in CONTROLLERS if kind in leads(name)]
-    if name not in able:
-        raise ValueError(
-            f"control.controller must be one of {', '.join(able)} for a {kind} rig; got {name!r}; {nearest(name, able)}"
-        )
+    check_word(name, f"control.controller of a {kind} rig", able)
     ratio, ticks = control.tick_s / step_s, round(duration_s / control.tick_s)
     if abs(ratio - round(ratio)) > 1e-6:
         raise ValueError(

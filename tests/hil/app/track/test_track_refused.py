@@ -58,7 +58,7 @@ def test_checks_that_cannot_be_judged_are_refused(
         ("[reference]", "[bus]\n[reference]", "got [bus], which `capsule sil` reads"),
         ("[reference]", "[effects.stenosis]\nexces = 1.0\n[reference]", "numbers of stenosis must be among"),
         ("[reference]", "[capsule]\nradius_m = -1.0\n[reference]", "capsule.radius_m must be 0.0001 to 0.1 m; got -1"),
-        ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller must be one of pid,"),
+        ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller of a magnetic rig must be one of pid,"),
         (
             "[reference]",
             "[surface]\nkind = 'air'\n[reference]",

@@ -22,7 +22,7 @@ from hil.app.scenario.deployment import read_operator
 from hil.app.shared_options import Json, argument, option
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
-from models.files.toml import in_file
+from models.files.toml import check_word, in_file
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -53,10 +53,8 @@ def jog(
 ) -> int:
     """Send setpoints: 0 where a controller accepted all that were sent while held, else 1, or where another sends."""
     table, limits = read_operator(path)
-    if limits.sources and source not in limits.sources:
-        raise ValueError(
-            f"{path}: --source must be among operator.sources, {', '.join(limits.sources)}; got {source!r}"
-        )
+    if limits.sources:
+        check_word(source, f"{path}: --source", limits.sources)
     if script is None and not sys.stdin.isatty():
         raise ValueError("capsule jog must run in a terminal, for its keys; got another input: --script - reads it")
     planned = [] if script is None else _planned(script)

@@ -67,4 +67,6 @@ ReferenceFile = Annotated[
     Path | None,
     option("--reference", "FILE.toml", "Reference in place of its own: next_experiment.toml of close-loop."),
 ]
-McapFile = Annotated[Path | None, option("--mcap", "FILE.mcap", "Signals of the bus as MCAP, beside the log.")]
+McapFile = Annotated[
+    Path | None, option("--mcap", "FILE.mcap", "Signals of the bus as MCAP, beside the log, while it runs.")
+]

@@ -84,9 +84,7 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
         yield _log(path, load_catalogue()), None
         return
     if path.suffix.lower() != ".toml":
-        raise ValueError(
-            f"{path}: source must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)}); got another ending"
-        )
+        raise ValueError(f"{path} must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)})")
     deployment = load_deployment(path)
     frame_map = frame_map_of(deployment.rig.kind)
     table = deployment.bus

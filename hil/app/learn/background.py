@@ -32,6 +32,7 @@ class Background:
     """
 
     def __init__(self) -> None:
+        assert "process.not_started" in TEXT  # read while files can be opened, so that no answer raises
         self._keeper = ThreadPoolExecutor(1, "learner")
         self._process: SpawnProcess | None = None
         self._pipe: Connection | None = None

@@ -257,14 +257,11 @@ def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
         return operator
     fastest, farthest = min(limits.speed_m_s, limits.carriage_speed_m_s), limits.travel_m
     if operator.speed_m_s > fastest:
-        raise ValueError(
-            f"operator.speed_m_s must be at most {fastest:g}, as [limits] have it; got {operator.speed_m_s:g}"
-        )
+        raise ValueError(f"operator.speed_m_s must be at most {fastest:g}, as in [limits]; got {operator.speed_m_s:g}")
     for name in ("lowest_m", "highest_m"):
-        if abs(getattr(operator, name)) > farthest:
-            raise ValueError(
-                f"operator.{name} must lie within limits.travel_m, {farthest:g} m; got {getattr(operator, name):g}"
-            )
+        end = getattr(operator, name)
+        if abs(end) > farthest:
+            raise ValueError(f"operator.{name} must lie within limits.travel_m, {farthest:g} m; got {end:g}")
     return operator
 
 
@@ -311,9 +308,7 @@ def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> 
 def check_key(key_file: str, fd: bool) -> None:
     """Refuse a key on a classic bus. Raises ValueError."""
     if key_file and not fd:
-        raise ValueError(
-            "bus.fd must be true with bus.key_file: classic CAN has no room for an authenticator; got false"
-        )
+        raise ValueError("bus.fd must be true with bus.key_file, as an authenticator needs CAN FD; got false")
 
 
 def check_no_key(drive: ActuatorTable | None, key_file: str) -> None:

@@ -52,9 +52,7 @@ class Sine(ReferenceTable):
 
     def trajectory(self, duration_s: float) -> Trajectory:
         if not 0 < self.frequency_Hz <= FASTEST_HZ:
-            raise ValueError(
-                f"reference.frequency_Hz must be positive and at most {FASTEST_HZ:g}; got {self.frequency_Hz:g}"
-            )
+            raise ValueError(f"reference.frequency_Hz must lie in (0, {FASTEST_HZ:g}]; got {self.frequency_Hz:g}")
         t = np.maximum(STEP_S * np.arange(round(duration_s / STEP_S) + 2) - self.start_s, 0.0)
         return Trajectory(0.5 * self.amplitude_mm * MM * (1 - np.cos(2 * np.pi * self.frequency_Hz * t)))
 
@@ -168,11 +166,8 @@ def _within(trajectory: Trajectory, duration_s: float, limits: Limits) -> None:
     speed = float(np.max(np.abs(np.diff(trajectory.places)))) / STEP_S
     farthest = float(np.max(np.abs(trajectory.places[: round(duration_s / STEP_S) + 1])))
     if speed > limits.speed_m_s * (1 + 1e-9):
-        raise ValueError(
-            f"reference must be no faster than limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s; got {speed / MM:.4g}"
-            " mm/s"
-        )
+        limit = f"limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s"
+        raise ValueError(f"reference must be no faster than {limit}; got {speed / MM:.4g} mm/s")
     if farthest > limits.travel_m:
-        raise ValueError(
-            f"reference must stay within limits.travel_m, {limits.travel_m / MM:g} mm; got {farthest / MM:.6g} mm"
-        )
+        limit = f"limits.travel_m, {limits.travel_m / MM:g} mm"
+        raise ValueError(f"reference must stay within {limit}; got {farthest / MM:.6g} mm")

@@ -173,9 +173,8 @@ def _buildable(truth: Truth, raw: Table) -> None:
                 continue
             may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
             if not (value > 0 or (may_be_zero and value == 0)):
-                raise ValueError(
-                    f"{where}.{name} must be {'zero or more' if may_be_zero else 'positive'}; got {value:g}"
-                )
+                least = "zero or more" if may_be_zero else "positive"
+                raise ValueError(f"{where}.{name} must be {least}; got {value:g}")
     try:
         Plant(truth)
     except ValueError as error:
@@ -191,9 +190,7 @@ def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Contr
     check_word(name, f"control.controller of a {kind} rig", able)
     ratio, ticks = control.tick_s / step_s, round(duration_s / control.tick_s)
     if abs(ratio - round(ratio)) > 1e-6:
-        raise ValueError(
-            f"control.tick_s must be a multiple of the plant's step of {step_s:g} s; got {control.tick_s:g}"
-        )
+        raise ValueError(f"control.tick_s must be a multiple of the plant's step {step_s:g} s; got {control.tick_s:g}")
     if ticks < 1:
         raise ValueError(f"scenario.duration_s must be a tick of {control.tick_s:g} s or more; got {duration_s:g}")
     latest = ticks * control.tick_s - 2 * SAMPLE_STEPS * step_s

@@ -174,8 +174,8 @@ def motion_of(proposal: Proposal | None) -> Motion:
 
 @dataclass(frozen=True)
 class WallResidual:
-    """What a model left unexplained while it held, by position and direction, as an uneven gut is not what broke it:
-    median of measured less predicted about `positions_m` (n,), led `forth` and `back`; 0 where readings are too few.
+    """The residual of a model before it broke, by position and direction, so that an uneven gut does not count as the
+    cause: median of measured less predicted about `positions_m` (n,), led `forth` and `back`; 0 with too few readings.
     """
 
     positions_m: Array

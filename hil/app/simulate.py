@@ -6,9 +6,7 @@ from typing import Annotated
 from hil.app.console import answer, output_to_notes
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_targets
-from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import load_scenario
-from plant.experiments.series import write_record
+from plant.experiments.scenario import load_scenario, record_scenario, write_record
 
 
 def simulate(
@@ -16,7 +14,7 @@ def simulate(
     out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
     json_output: Json = False,
 ) -> None:
-    """Write the record of the scenario and say so."""
+    """Write the record of the scenario and print where it is."""
     with output_to_notes():
         write_simulated(scenario, out)
     answer(json_output, {"scenario": str(scenario), "record": str(out)}, f"record: {out}")

@@ -2,22 +2,21 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
+from models.formula import Line
 from models.parameter import Parameter
+from models.words.sentences import Sentences
 
 Values = Mapping[str, Any]
-ANYWHERE = "Predictions start at the place where the record starts: the drive alone does not tell it."
-BELIEVED = (
-    "Of the coil's resistance and its force per current a position shows the ratio alone: the resistance is believed."
-)
+TEXT: Final = Sentences(__file__)
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, its
-    speed `start` before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name, and what
-    effects make of it: the factor `gain` on the force, `suspension(stretch, rate)` in N beside an inner mass's spring,
+    """Inputs of a drive in one step of `h` s: the body's position `x` in m and speed `v` in m/s at mid-step, its speed
+    `start` before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name. Effects add
+    the factor `gain` on the force, `suspension(stretch, rate)` in N to an inner mass's spring, and the factor
     `reach(stretch)` on its coil's force.
     """
 
@@ -35,9 +34,8 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Push:
-    """What a drive does to the body in one step: its mean `force` in N, the `inertia` in kg that the body feels beside
-    its own (a mass on a spring, solved implicitly), and the drive's states `after(speed at the step's end, mean speed)`
-    of the body.
+    """Output of a drive in one step: its mean `force` in N, the `inertia` in kg that it adds to the body's (a mass on a
+    spring, solved implicitly), and its states `after(speed at the step's end, mean speed)`.
     """
 
     force: Any
@@ -47,15 +45,15 @@ class Push:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured. `anchored`:
-    the command holds a place, so that being off it tells of the wall; else a position is only known from where it
-    started.
+    """A drive as it is modelled. `imposed`: the command is the capsule's position, and the force on it is measured.
+    `anchored`: the command is a position, so that the distance from it shows the wall's force; else a position is only
+    known relative to its start.
 
     `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's
-    unit; `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or
-    stops within the step, for drives that shake it to and fro in every cycle. `held`: the command is a switch, which
-    over a step stays what it was at the step's beginning; else it goes in a straight line. `by_voltage`: the command is
-    a coil's voltage, and its current a state.
+    unit; `carried_kg` rides on the body and presses it down. `turning` finds the moment within the step at which the
+    body turns or stops, for drives that shake it in every cycle. `held`: the command is a switch, which keeps over a
+    step its value at the beginning; else it changes linearly. `by_voltage`: the command is a coil's voltage, and its
+    current a state.
     """
 
     name: ClassVar[str] = ""
@@ -75,7 +73,7 @@ class Drive:
 
     @property
     def carried_kg(self) -> float:
-        """Mass in kg that the body carries beside its own."""
+        """Mass in kg that the body carries in addition to its own."""
         return 0.0
 
     @property
@@ -84,20 +82,20 @@ class Drive:
         return None
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """What calibration may fit of the drive."""
+        """The parameters of the drive that calibration may fit."""
         return ()
 
-    def equations(self, p: Values) -> list[str]:
-        """How the command becomes a force, in words and numbers, a line each."""
+    def equations(self, p: Values) -> list[Line]:
+        """How the command becomes a force, a line each."""
         return []
 
-    def untold(self) -> list[str]:
-        """Sentences on what records under this drive cannot tell."""
-        return [] if self.imposed else [ANYWHERE]
+    def unidentifiable(self) -> list[str]:
+        """Sentences on what records under this drive cannot identify."""
+        return [] if self.imposed else [TEXT("start")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
-        """The command that pushes with `force` in N at `x` in m and `v` in m/s, held for long: the inverse of `force`
-        within the drive's reach; 0 where there is none.
+        """The command that pushes with `force` in N at `x` in m and `v` in m/s in the steady state: the inverse of
+        `force` within the drive's range; 0 where there is none.
         """
         return 0.0
 
@@ -110,7 +108,7 @@ class Drive:
         return 0.0
 
     def pressing(self, x: Any, command: Any, p: Values) -> Any:
-        """Force in N with which the drive presses the body on its surface, beside the weights."""
+        """Force in N with which the drive presses the body on its surface, in addition to the weights."""
         return 0.0
 
     def push(self, at: Actuation) -> Push:

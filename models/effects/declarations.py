@@ -1,4 +1,4 @@
-"""What an effect states of itself: names that something reads, of the right sort, and hooks of the right form."""
+"""Checks of an effect's declarations: known names, values of the right type, hooks of the right signature."""
 
 import inspect
 import math
@@ -12,8 +12,8 @@ from models.parameter import Parameter, nearest
 
 _TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
 _WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of")
-DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "follows", "grid", "probe", "by_speed", "further")
-"""What an effect may declare beside its parameters and hooks."""
+DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "symbols", "follows", "grid", "probe", "by_speed", "forms")
+"""What an effect may declare in addition to its parameters and hooks."""
 _OURS: Final = (*DECLARATIONS, "parameters")
 _OWN_HOOKS: Final = ("suspension", "reach")
 _UNITS: Final = ("kg", "K", "J", "W", "T", "C", "F", "H", "ohm", "degC", "Wb", "or", "at")
@@ -41,6 +41,8 @@ def declared(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         for strange in sorted(set(values[key]) - set(choices)):
             what = "among its choices" if key == "needs" else "ids of known effects"
             yield f".{key} must be {what}; got {strange!r}; {nearest(strange, list(choices))}"
+    if not isinstance(effect.symbols, Mapping) or not all(isinstance(one, str) for one in effect.symbols.values()):
+        yield f".symbols must map parameters and states to letters; got {effect.symbols!r}"
     if not isinstance(effect.follows, Mapping) or not set(effect.follows) <= set(effect.states):
         yield f".follows must map states to 'command' or 'position'; got {effect.follows!r}"
     for wrong in sorted(str(value) for value in effect.follows.values() if value not in ("command", "position")):
@@ -109,7 +111,7 @@ def hooked(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     for key, value in _own(effect).items():
         if key in HOOKS:
             if key in _OWN_HOOKS and not inner:
-                yield f" must be a subclass of InnerMassEffect to answer {key!r}; got one of Effect"
+                yield f" must be a subclass of InnerMassEffect to define {key!r}; got one of Effect"
             if not inspect.isfunction(value):
                 yield f".{key} must be a method; got {value!r}"
             wanted, got = (list(inspect.signature(f).parameters) for f in (HOOKS[key], value))

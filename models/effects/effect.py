@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
+from models.formula import Formula
 from models.laws.five_elements import DynamicModulus
 from models.parameter import Parameter, Role
 
@@ -17,19 +18,18 @@ Value = Any
 """A number, an array or a CasADi symbol: a hook serves all of them."""
 Values = Mapping[str, Value]
 Shares = tuple[Value, Value, Value]
+Forms = Mapping[str, Sequence[Formula]]
 NEEDS: Final = ("both_ways", "reversals", "speeds", "places", "rests", "time", "load", "samples", "wall", "turning")
 """What a motion may offer for an effect to show."""
 
 
 @dataclass(frozen=True)
 class Signals:
-    """What an effect may look at within one step; numbers, arrays or CasADi symbols alike, SI units.
-
-    `t` time, `x` position along the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at
-    rest), `command` the drive's command (carriage position, coil current, drive on), `rate` its rate of change,
-    `travelled` path length so far, `tension` the wall's quasi-static tension, `drag` the wall's displacement u,
-    `drag_rate` its rate, `dwell` time at rest, `load` the logged load. A rig kind that has no such signal leaves it
-    at 0.
+    """Inputs of an effect within one step, SI units: numbers, arrays or CasADi symbols. `t` time, `x` position along
+    the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at rest), `command` the drive's
+    command (carriage position, coil current, drive on), `rate` its rate of change, `travelled` path length so far,
+    `tension` the wall's quasi-static tension, `drag` the wall's displacement, `drag_rate` its rate, `dwell` time at
+    rest, `load` the logged load. A kind of rig without such a signal leaves it at 0.
     """
 
     t: Value = 0.0
@@ -57,9 +57,10 @@ def number(
     spread: float = math.inf,
     role: Role = "",
     least: float = 0.0,
+    symbol: str = "",
 ) -> Parameter:
     """A parameter of an effect, named after its attribute; the effect's source where it has none of its own."""
-    return Parameter("", value, unit, lower, upper, source, fit, spread, role, least)
+    return Parameter("", value, unit, lower, upper, source, fit, spread, role, least, symbol=symbol)
 
 
 def by_name(**entries: Any) -> Mapping[str, Any]:
@@ -72,6 +73,7 @@ class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
     `words` is its name with an article ("a lagging drive"), `summary` says what it does.
+    `symbols` are letters of states in equations, beside those of the parameters.
     Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
@@ -88,6 +90,7 @@ class Effect:
     source: ClassVar[str] = ""
     kinds: ClassVar[frozenset[str]] = frozenset()
     states: ClassVar[tuple[str, ...]] = ()
+    symbols: ClassVar[Mapping[str, str]] = MappingProxyType({})
     follows: ClassVar[Mapping[str, str]] = MappingProxyType({})
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
     probe: ClassVar[float] = 0.1
@@ -117,23 +120,30 @@ class Effect:
         return next((p.name for p in cls.parameters() if p.role == role), None)
 
     @classmethod
+    def letters(cls) -> dict[str, str]:
+        """The symbols of parameters and states in equations, by their names."""
+        return {p.name: p.symbol or p.name for p in cls.parameters()} | dict(cls.symbols)
+
+    @classmethod
     def looks_like(cls, other: type[Effect]) -> bool:
         """Whether this effect or the `other` declares to be confounded with it."""
         return cls.id in other.confounders or other.id in cls.confounders
 
     @classmethod
     def start(cls) -> dict[str, float]:
-        """Where a search begins that knows nothing of the effect: its declared values."""
+        """The declared values, at which a search without prior knowledge begins."""
         return {p.name: p.value for p in cls.parameters()}
 
     @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, Any]]:
-        """Equations (hook, left, right) of what one kind of rig alone asks; others are written from the hooks."""
-        return []
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        """Textbook equations and conditions on them, by the name of the hook or the hidden state whose traced equation
+        they replace. The symbol of a state's rate is the state's with a prime.
+        """
+        return {}
 
     @classmethod
     def answers(cls, hook: str) -> bool:
-        """Whether the effect has an answer of its own under `hook`."""
+        """Whether the effect defines `hook`."""
         return getattr(cls, hook, HOOKS[hook]) is not HOOKS[hook]
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
@@ -141,7 +151,7 @@ class Effect:
         return 1.0
 
     def shared(self, p: Values, factors: Shares) -> Shares:
-        """Factors on F_e, `mu m g` and `mu N_p` (the slip limit's parts), given those that `level` would give them."""
+        """Factors on F_e, `mu m g` and `mu N_p` (the slip limit's parts), given the product of all `level`s."""
         return factors
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
@@ -149,7 +159,7 @@ class Effect:
         return 0.0
 
     def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
-        """Extra force in N that presses the capsule on its surface, beside the weights."""
+        """Extra force in N that presses the capsule on its surface, in addition to the weights."""
         return 0.0
 
     def stiffening(self, s: Signals, p: Values, z: Values) -> Value:
@@ -157,7 +167,7 @@ class Effect:
         return 1.0
 
     def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
-        """Extra force in N with which the wall resists being dragged; does not count towards the slip condition."""
+        """Extra force in N of the wall against being dragged; it does not count in the slip condition."""
         return 0.0
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Value, onset: Value) -> Value:
@@ -165,7 +175,7 @@ class Effect:
         return speed
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
-        """The command that reaches the capsule, given the one that was sent."""
+        """The command that arrives at the capsule."""
         return s.command
 
     def response(self, p: Values) -> Value:
@@ -181,7 +191,7 @@ class Effect:
         return None
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
-        """What the sensor shows of the true output `y`."""
+        """The reading of the true output `y`."""
         return y
 
     def delay(self, p: Values) -> Value:
@@ -203,7 +213,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class InnerMassEffect(Effect):
-    """An effect of the vibro drive's suspension or coil; hooks see the inner mass's place (m) and speed (m/s)."""
+    """An effect of a vibro drive's suspension or coil; hooks get the inner mass's displacement in m, speed in m/s."""
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         """Extra force in N that pulls the inner mass back to the body (and the body after it)."""
@@ -220,4 +230,4 @@ HOOKS: Final[Mapping[str, Callable[..., Any]]] = {
     for name, hook in vars(base).items()
     if isfunction(hook) and not name.startswith("_")
 }
-"""Every hook with the answer of its base class; the last two are `InnerMassEffect`'s alone."""
+"""Every hook with its default; the last two are `InnerMassEffect`'s alone."""

@@ -1,12 +1,13 @@
-"""Shapes of a curve over one signal, dimensionless: what a term that was proposed from a residual is written in.
-
-Each serves numbers, arrays, CasADi symbols and formulas, for an effect's hook calls it.
+"""Dimensionless shapes of a curve over one signal, for terms that are proposed from a residual. Each works for numbers,
+arrays, CasADi symbols and formulas, since an effect's hook calls it.
 """
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+from models.formula import interpolated, shown_as
 
 
 def line(z: Any, scale: Any) -> Any:
@@ -51,4 +52,4 @@ def knots(z: Any, places: Sequence[float], values: Sequence[float]) -> Any:
     y: Any = values[0]
     for left, right, low, high in zip(places, places[1:], values, values[1:], strict=False):
         y = y + (high - low) / (right - left) * (np.minimum(np.maximum(z, left), right) - left)
-    return y
+    return shown_as(y, lambda: interpolated(z, places, values))

@@ -1,16 +1,14 @@
 """Effects of the wall: its rate, its stiffness at small strain, its recovery."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Value, Values, by_name, number
-from models.effects.formula import Formula
+from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name, number
+from models.formula import equal, named, shown_as, symbols
 from models.laws.five_elements import DynamicModulus, springpot_modulus
 
 
 class WallViscosity(Effect):
-    """Extra wall force `c u'`; the wall slips by its elastic tension alone."""
+    """Wall force `c u_w'` beside the tension; the wall slips by its tension alone."""
 
     id = "wall_viscosity"
     words = "a viscous wall"
@@ -23,7 +21,7 @@ class WallViscosity(Effect):
     refined_by = ("viscosity_thinning",)
     separated_by = "frequency sweep at fixed amplitude; the force while the wall draws back"
 
-    viscosity_N_s_per_m = number(0.0, "N s/m", -1.0, 30.0)
+    viscosity_N_s_per_m = number(0.0, "N s/m", -1.0, 30.0, symbol="c")
 
     def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["viscosity_N_s_per_m"] * s.drag_rate
@@ -33,11 +31,11 @@ _NO_TAIL = 1e-3  # exponent of a tail that is none
 
 
 class SmallStrainStiffening(Effect):
-    """Tension `T(u) (1 + a (1 + m |u|/u_0)^(-1/m))`, at m = 0 `exp(-|u|/u_0)`: extra stiffness that is gone where
+    """Tension `T(u_w) (1 + a (1 + m |u_w|/u_0)^(-1/m))`, at m = 0 `exp(-|u_w|/u_0)`: extra stiffness that is gone where
     quasi-static tests measured.
 
-    `u` the wall's drag in m, `a` the excess at zero stretch, `u_0` in m the drag over which it fades, with a tail m.
-    The tension stays monotone in `u` for `a < e^2` at m = 0.
+    u_w is the wall's displacement, a the excess at zero stretch, u_0 the displacement over which it fades, with a tail
+    m. The tension stays monotone for `a < e^2` at m = 0.
     """
 
     id = "small_strain_stiffening"
@@ -50,16 +48,20 @@ class SmallStrainStiffening(Effect):
     confounders = ("wall_viscosity", "exponential_recovery")
     separated_by = "pulls at several speeds; step and hold of 0.05 and 0.5 mm"
 
-    excess = number(0.0, "1", -0.8, 7.0)
-    scale_m = number(2e-4, "m", 2e-5, 2e-3, "between A's 0.03 mm and the mm of quasi-static tests")
-    tail = number(_NO_TAIL, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", spread=0.5)
+    excess = number(0.0, "1", -0.8, 7.0, symbol="a")
+    scale_m = number(2e-4, "m", 2e-5, 2e-3, "between A's 0.03 mm and the mm of quasi-static tests", symbol="u_0")
+    tail = number(_NO_TAIL, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", spread=0.5, symbol="m")
 
     def stiffening(self, s: Signals, p: Values, z: Values) -> Value:
-        return 1 + p["excess"] * np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / p["tail"])
+        m, strain = p["tail"], np.abs(s.drag) / p["scale_m"]
+        fading = shown_as(
+            np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / m), lambda: (1 + m * strain) ** (-1 / m)
+        )
+        return 1 + p["excess"] * fading
 
 
 class ExponentialRecovery(Effect):
-    """Recovery at `v_i (1 - q + q m |u|/u_c)`: constant speed at q = 0, exponential in `t_r/m` at q = 1."""
+    """Speed `v_i0 (1 - q + q m |u_w|/u_c)`: constant at q = 0, exponential with `t_r/m` at q = 1."""
 
     id = "exponential_recovery"
     words = "an exponential recovery of the wall"
@@ -70,8 +72,8 @@ class ExponentialRecovery(Effect):
     confounders = ("wall_viscosity",)
     separated_by = "the shape of the falling edge at high sampling rate"
 
-    share = number(0.0, "1", -0.5, 1.5)
-    times = number(3.0, "1", 0.5, 10.0, "95 % of an exponential within t_r", spread=1.0)
+    share = number(0.0, "1", -0.5, 1.5, symbol="q")
+    times = number(3.0, "1", 0.5, 10.0, "95 % of an exponential within t_r", spread=1.0, symbol="m")
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Value, onset: Value) -> Value:
         return speed * (1 - p["share"] + p["share"] * p["times"] * np.abs(s.drag) / onset)
@@ -81,10 +83,10 @@ REFERENCE_HZ = 10.0  # at which the stiffness is stated
 
 
 class BroadRelaxation(Effect):
-    """Modulus `K (i f/10 Hz)^alpha` added to the wall's: a continuous, power-law spectrum.
+    """Modulus `K (i f/10 Hz)^alpha` beside the wall's: a continuous, power-law spectrum.
 
-    `f` in Hz, any shape, `K` in Pa at 10 Hz, `alpha` from near 0 (spring) to 0.6; nearer 1 it would be one
-    damper and not a broad spectrum.
+    `f` in Hz, any shape; `K` in Pa at 10 Hz; `alpha` from near 0 (spring) to 0.6, nearer 1 it would be one damper and
+    no broad spectrum.
     """
 
     id = "broad_relaxation"
@@ -97,14 +99,14 @@ class BroadRelaxation(Effect):
     confounders = ()
     separated_by = "frequencies over three decades"
 
-    stiffness_Pa = number(0.0, "Pa", 0.0, 1e7)
-    exponent = number(0.25, "1", 0.02, 0.6)
+    stiffness_Pa = number(0.0, "Pa", 0.0, 1e7, symbol="K")
+    exponent = number(0.25, "1", 0.02, 0.6, symbol="alpha")
 
     def modulus(self, frequency_Hz: Value, p: Values) -> DynamicModulus:
         """Storage and loss modulus in Pa that the springpot adds at `frequency_Hz`, any shape."""
         return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])
 
     @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, Any]]:
-        power = (Formula("i") * Formula("f") / REFERENCE_HZ) ** p["exponent"]
-        return [("modulus", "added modulus in Pa", p["stiffness_Pa"] * power)]
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        i, f, G = symbols("i f G_extra")
+        return {"modulus": [equal(G, p["stiffness_Pa"] * (i * f / named("f_0", REFERENCE_HZ, f)) ** p["exponent"])]}

@@ -1,10 +1,11 @@
-"""What a closed loop found, as plain records: everything the report shows and nothing it has to compute."""
+"""The result of a closed loop as plain records: everything the report shows and nothing it has to compute."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
+from models.formula import Line
 from models.identification.kind import Array
 
 STAGES = ("nominal", "calibrated", "augmented")
@@ -14,19 +15,19 @@ NEXT_TOML, NEXT_CSV = "next_experiment.toml", "next_experiment.csv"
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted number with its 95 % interval; `told` is False where the data cannot tell it."""
+    """A fitted number with its 95 % interval; `identifiable` is False where the data do not determine it."""
 
     value: float
     ci95: tuple[float, float]
     unit: str = "1"
-    told: bool = True
+    identifiable: bool = True
 
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
-    its shape, by id. `confidence` is what the search's `score` is worth, as a probability where it is `calibrated`;
-    `meaning` says it in words.
+    """An effect that was added, with the effects that the data do not separate from it (`equivalent`). `curves` are the
+    parameters of the refinements of its shape, by id. `confidence` is the search's `score` as a probability, where it
+    is `calibrated`; `meaning` says it in words.
     """
 
     id: str
@@ -42,7 +43,7 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """A candidate of a round: share of the residual when screened, held-out gain when fitted, what became of it."""
+    """A candidate of a round: share of the residual when screened, validation gain when fitted, what became of it."""
 
     id: str
     round: int
@@ -78,7 +79,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Separation:
-    """Standard deviations by which a proposed record, and the `best_record` so far, tell `rival` from `effect`."""
+    """Standard deviations by which a proposed record, and the `best_record` so far, separate `rival` from `effect`."""
 
     effect: str
     rival: str
@@ -89,9 +90,9 @@ class Separation:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven column
-    `column`, the same as columns of a record, what it would separate, and which effects it could show, by id, that the
-    records so far cannot.
+    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven `column`, the
+    same as columns of a record, what it would separate, and the ids of effects that it would show and the records so
+    far cannot.
     """
 
     column: str
@@ -106,7 +107,7 @@ class Proposal:
 class ResidualCurve:
     """The residual over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
     `low` to `high`. `along`: as the residual stands, "+x", or against the motion, "-v". `share` of the residual that
-    the curve foretells on stretches it was not made on.
+    the curve predicts on stretches that it was not made on.
     """
 
     variable: str
@@ -119,7 +120,7 @@ class ResidualCurve:
 
     @property
     def sized(self) -> bool:
-        """Whether it stands over the size of the variable: a resistance over a speed or a gap, which have a sign."""
+        """Whether it is over the absolute variable: a resistance over a speed or a gap, which have a sign."""
         return self.along == "-v" and self.variable.startswith(("v_", "gap"))
 
 
@@ -139,7 +140,7 @@ class ResidualSurface:
 class Term:
     """A term that follows a curve: `amplitude (offset + shape)`, the function `form` of `models.effects.shapes` over
     `variable` (`sized`: over its size) with the fitted `numbers` and those that are `given`; `level` is the resistance
-    that it is held against where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
+    that it is compared with where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
     the share of the curve's variance beyond its own uncertainty that it does not follow.
     """
 
@@ -166,8 +167,8 @@ class Tone:
 
 @dataclass(frozen=True)
 class Dependence:
-    """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves` from the one
-    that foretells most on, a `surface` where two variables foretell clearly more, a `tone`, and the proposed `term`.
+    """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves`, the one
+    that predicts most first, a `surface` where two variables predict clearly more, a `tone`, and the proposed `term`.
     """
 
     quantity: str
@@ -200,7 +201,7 @@ class Finding:
     smallest_detectable: dict[str, float]
     next_experiment: str | None
     statements: tuple[str, ...]
-    equations: tuple[str, ...]
+    equations: tuple[Line, ...]
     traces: tuple[Trace, ...]
     seconds: float
     timings: dict[str, float]
@@ -208,7 +209,7 @@ class Finding:
     cannot_show: dict[str, str] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     proposal: Proposal | None = None
-    symbolic: tuple[str, ...] = ()
+    symbolic: tuple[Line, ...] = ()
     dependence: Dependence | None = None
     declared: Mapping[str, type[Effect]] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""A model that the loop found: parameter values for each stage, kept in TOML, and its free-running prediction."""
+"""An identified model: parameter values for each stage, kept in TOML, and its free-running prediction."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, StringConstraints, ValidationError
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.access import read_json, read_text
-from models.files.toml import parse_toml, shown
+from models.files.toml import parse_toml, shown, toml_text
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -36,8 +36,7 @@ LARGEST_REPORT = 1 << 26  # bytes of a report
 
 def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogue: Catalogue = CATALOGUE) -> Model:
     """The model of a file, for rigs of `kind` or one of the `others`, with effects of the `catalogue`; a ValueError of
-    one sentence where it is none. A caller who sees to it later that it is `whole` says more of what is wrong with it
-    first.
+    one sentence where it is none. A caller that checks later that it is `whole` can report other errors first.
     """
     text = read_text(path, "model", LARGEST_MODEL)
     try:
@@ -47,7 +46,7 @@ def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogu
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if not model.sealed:
-        _tell_unsealed(path)
+        _note_unsealed(path)
     if model.kind not in (kind, *others):
         raise ValueError(
             f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
@@ -64,8 +63,7 @@ FORMAT = 1  # of the model file, which a reader asks for
 CHECKSUM = "checksum"
 SEAL = "'python -m models.identification.seal MODEL.toml'"
 HELD_OUT = "held_out_error"
-"""The name, among the values that a controller is given, of how far off the model was on records that no fit has seen.
-"""
+"""The name of the error on held-out records among the values that a controller is given."""
 
 
 _Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
@@ -90,9 +88,9 @@ class _ModelFile(Table):
 class Model:
     """`stages` maps nominal, calibrated and augmented to values.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
-    empty where none were held out; `cautions` say of a stage that it errs more there than an earlier one.
-    `own_effects` names file and SHA-256 of each effect from outside that it uses. It is `sealed` but where its file
-    carries no checksum; `misfit` says what is wrong where that is one of another content.
+    empty where none were held out; `cautions` name a stage that errs more there than an earlier one.
+    `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
+    has no checksum; `misfit` says what is wrong where the checksum is that of another content.
     """
 
     kind: str
@@ -111,22 +109,13 @@ class Model:
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        lines = [f"format = {FORMAT}", f"kind = {json.dumps(self.kind)}", f"verdict = {json.dumps(self.verdict)}", ""]
-        if self.provenance:
-            lines += ["[provenance]", *(f"{key} = {json.dumps(value)}" for key, value in self.provenance.items()), ""]
-        if self.held_out:
-            lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
-        if self.cautions:
-            lines += ["[cautions]", *(f"{stage} = {json.dumps(said)}" for stage, said in self.cautions.items()), ""]
-        for name, origin in self.own_effects.items():
-            lines += [f"[own_effects.{name}]", *(f"{key} = {json.dumps(value)}" for key, value in origin.items()), ""]
+        tables = ("provenance", "held_out", "cautions", "own_effects")
+        content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
+        text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
         for stage in STAGES:
-            lines += [
-                f"[{stage}]",
-                *(f"{json.dumps(spelled(name))} = {value!r}" for name, value in self.stages[stage].items()),
-                "",
-            ]
-        return sealed("\n".join(lines))
+            lines = (f"{json.dumps(spelled(name))} = {value!r}\n" for name, value in self.stages[stage].items())
+            text += f"[{stage}]\n{''.join(lines)}\n"
+        return sealed(text)
 
     @classmethod
     def from_toml(cls, text: str, catalogue: Catalogue = CATALOGUE) -> Model:
@@ -145,12 +134,12 @@ class Model:
             raise ValueError(f"model {at}: {first['msg'].lower()}; got {shown(first['input'])}"[:200]) from None
         _check_own_effects(file.own_effects, catalogue)
         stages = {stage: _values(getattr(file, stage), stage, catalogue) for stage in STAGES}
-        told = {key: str(value) for key, value in file.provenance.items()}
-        known = (file.kind, stages, file.verdict, told, file.held_out, file.own_effects, file.cautions)
+        provenance = {key: str(value) for key, value in file.provenance.items()}
+        known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
         return cls(*known, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
-        """Raises ValueError where its file carries the checksum of another content."""
+        """Raises ValueError where its file has the checksum of another content."""
         if self.misfit:
             raise ValueError(self.misfit)
 
@@ -170,18 +159,12 @@ class Model:
         sentence.
         """
         kind = kind_for(rig, [record.without(record.layout.measured)])
-        base = tuple(
-            replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base
-        )  # at most a sample of its own records
+        # the delay of a switch is bounded by a sample of the records that it was found on
+        base = [replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base]
         effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
         for stage, values in self.stages.items():
-            strange = next((name for name in values.effects if name not in effects), None)
-            if strange is not None:
-                hint = nearest(strange, list(effects))
-                raise ValueError(
-                    f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r};"
-                    f" {hint}"
-                )
+            must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
+            _refuse_strange(must, values.effects, [*effects])
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]
             _check_values(stage, values, [*((p, True) for p in base), *own])
 
@@ -199,7 +182,7 @@ def _checksum(raw: Mapping[str, Any]) -> str:
 
 
 def _misfit(raw: Mapping[str, Any]) -> str:
-    """That a model file carries a checksum of another content, "" where it does not."""
+    """A sentence where a model file has the checksum of another content; else ""."""
     if CHECKSUM not in raw or raw[CHECKSUM] == _checksum(raw):
         return ""
     return (
@@ -209,18 +192,16 @@ def _misfit(raw: Mapping[str, Any]) -> str:
 
 
 @cache
-def _tell_unsealed(path: Path) -> None:
+def _note_unsealed(path: Path) -> None:
     """Said once on standard error."""
-    print(f"{path}: model carries no checksum, so nothing tells whether it is whole; {SEAL} seals it", file=sys.stderr)
+    print(f"{path}: model carries no checksum, so it cannot be checked for damage; {SEAL} adds one", file=sys.stderr)
 
 
 def _check_values(stage: str, values: Theta, declared: Sequence[tuple[Parameter, bool]]) -> None:
     """`values` against parameters, each with whether it must be there."""
-    known = [p.key for p, _ in declared]
-    unknown = next((spelled(name) for name in values if name not in known), None)
-    if unknown is not None:
-        hint = nearest(unknown, [spelled(name) for name in known if name not in values] or [*map(spelled, known)])
-        raise ValueError(f"model [{stage}] must have parameters of its rig and effects; got {unknown!r}; {hint}")
+    known = [spelled(p.key) for p, _ in declared]
+    missing = [spelled(p.key) for p, _ in declared if p.key not in values]
+    _refuse_strange(f"[{stage}] must have parameters of its rig and effects", map(spelled, values), known, missing)
     for p, needed in declared:
         name, value = spelled(p.key), values.get(p.key)
         if value is None and needed:
@@ -253,14 +234,14 @@ def _check_own_effects(named: Mapping[str, Mapping[str, str]], catalogue: Catalo
 def _values(raw: Mapping[str, float], stage: str, catalogue: Catalogue) -> Theta:
     theta = Theta.read(raw)
     for effect, values in theta.effects.items():
-        if effect not in catalogue:
-            got = next(text for text in raw if text.startswith(f"{effect}."))
-            raise ValueError(
-                f"model [{stage}] must name known effects; got {got!r}; {nearest(effect, list(catalogue))}"
-            )
+        _refuse_strange(f"[{stage}] must name known effects", [effect], [*catalogue])
         known = [p.name for p in catalogue[effect].parameters()]
-        strange = next((name for name in values if name not in known), None)
-        if strange is not None:
-            hint = nearest(strange, known)
-            raise ValueError(f"model [{stage}] {effect} must have parameters of that effect; got {strange!r}; {hint}")
+        _refuse_strange(f"[{stage}] {effect} must have parameters of that effect", values, known)
     return theta
+
+
+def _refuse_strange(must: str, names: Iterable[str], known: Sequence[str], hints: Sequence[str] = ()) -> None:
+    """Refuse the first of `names` that is not `known`, with the nearest of `hints` or of those known."""
+    for name in names:
+        if name not in known:
+            raise ValueError(f"model {must}; got {name!r}; {nearest(name, [*(hints or known)])}")

@@ -1,4 +1,4 @@
-"""What the experimenter believes about a rig, as plain records."""
+"""The nominal values of a rig, as plain records."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -42,7 +42,7 @@ class Rig:
     own_effects: tuple[Any, ...] = ()
 
     def needed(self, part: T | None) -> T:
-        """A part that the rig's kind has; ValueError where a rig that was put together by hand lacks it."""
+        """A part that the rig's kind has; ValueError where it lacks it."""
         if part is None:
             raise ValueError(f"rig of kind {self.kind!r} must have the numbers of its drive; got none")
         return part
@@ -63,11 +63,11 @@ def at_height(rig: Rig, height_m: float) -> Rig:
 
 
 class Head(Table):
-    """`[rig]` of a kind that needs nothing else there."""
+    """`[rig]` of a kind without further keys there."""
 
     kind: str
     name: str = ""
 
     def parts(self, nested: Any) -> dict[str, Any]:
-        """What it states of a `Rig`; `nested` is the table within it, None where there is none."""
+        """Its fields of a `Rig`; `nested` is the table within it, None where there is none."""
         return {"name": self.name}

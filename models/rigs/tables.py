@@ -22,7 +22,7 @@ from models.rigs.schema import (
 
 
 class Noise(Table):
-    """Standard deviations of the measurement, where known; what is left out is estimated from the record."""
+    """Standard deviations of the measurement; one that is left out is estimated from the record."""
 
     position_std_m: Annotated[float, Field(ge=1e-9, le=0.1)] | None = key(
         "standard deviation of the position measurement; left out: estimated from the record", None
@@ -46,7 +46,7 @@ class Noise(Table):
 
 
 class ChecksTable(Table):
-    """What is known of the records of this rig: findings of `capsule check` that no longer stop a fit, by id."""
+    """Findings of `capsule check` that no longer stop a fit, by id."""
 
     accept: list[str] = key(
         "findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict",
@@ -61,7 +61,7 @@ MOST_DRIFT = 0.1
 class ClockTable(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
     the standard deviation with which that is known: a calibration looks for it within four of these. With `drift` they
-    come later by so many seconds in each second of a record, where the drive is a place.
+    come later by so many seconds in each second of a record, where the drive is a position.
     """
 
     purpose = "how late the measured columns are stamped"
@@ -73,14 +73,14 @@ class ClockTable(Table):
     )
     drift: Annotated[float, Field(ge=-MOST_DRIFT, le=MOST_DRIFT)] = key(
         "by how many seconds more in each second of a record, s/s; taken out before any fit, where the drive is a"
-        " place (pull, magnetic)",
+        " position (pull, magnetic)",
         0.0,
     )
 
 
 class ColumnTable(Table):
-    """One key of `[columns]`: which column of a file is this column of ours, `sign * scale * (column - offset)` in
-    `unit`, its numbers beginning again after `wrap`.
+    """One key of `[columns]`: the column of a file that is ours, `sign * scale * (column - offset)` in `unit`; its
+    numbers begin again after `wrap`.
     """
 
     column: Annotated[str, Field(min_length=1)] = key(
@@ -91,9 +91,9 @@ class ColumnTable(Table):
         " name ends in, else that of our column",
         None,
     )
-    sign: Literal[1, -1] = key("-1 turns the column's direction round", 1)
+    sign: Literal[1, -1] = key("-1 reverses the column's direction", 1)
     offset: Annotated[float, Field(gt=-1e15, lt=1e15)] = key(
-        "what the column shows at zero, in its own unit: `sign * (column - offset)` is told in our unit", 0.0
+        "what the column shows at zero, in its own unit: `sign * (column - offset)` is converted to our unit", 0.0
     )
     scale: Positive | None = key(
         "what one of the file's numbers (a volt, a count, a pixel) is in `unit`; left out: the file's unit says it",
@@ -160,7 +160,7 @@ class SurfaceTable(Table):
 
 
 class CoilTable(Table):
-    """The coil's force `k_c i` on the capsule, falling with the distance from the coil's place where a range is
+    """The coil's force `k_c i` on the capsule, falling with the distance from the coil where a range is
     given.
     """
 
@@ -232,7 +232,7 @@ class BodyTable(CapsuleTable):
 
 
 class PaperCapsuleTable(BodyTable):
-    """`[capsule]` of paper A where nothing else is said."""
+    """`[capsule]` of paper A where nothing else is stated."""
 
     mass_kg: Mass = Capsule.mass_kg
 
@@ -268,7 +268,7 @@ class TissueTable(Table):
 
 
 class PaperTissueTable(TissueTable):
-    """`[tissue]` of paper A where nothing else is said."""
+    """`[tissue]` of paper A where nothing else is stated."""
 
     preset: Literal["jejunum"] = "jejunum"
     wall_thickness_m: Annotated[float, Field(ge=1e-5, le=0.05)] = Tissue.wall_thickness_m

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
+from models.formula import Line, called, equal, symbols
 from models.laws.geometry import GRAVITY
 from models.parameter import Parameter
 
@@ -15,8 +16,8 @@ FULL: Final[Levels] = (1.0, 1.0, 1.0)  # factors on elastic resistance, weight a
 
 
 class Surface(ABC):
-    """What the body lies on. `dragged`: a wall clings to the body, is dragged along and draws back, with the states u
-    and slip; else friction is all there is, and the methods of a wall say nothing.
+    """What the body lies on. `dragged`: a wall sticks to the body, is dragged along and draws back, with the states u
+    and slip; else there is friction alone.
     """
 
     dragged: ClassVar[bool] = False
@@ -28,18 +29,18 @@ class Surface(ABC):
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """What differs from rig to rig, for calibration to fit; the first one scales the friction."""
+        """Parameters that calibration fits; the first one scales the friction."""
 
     @abstractmethod
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
-        """Coulomb friction in N and the limit in N at which a dragged wall slips (0 without one), at `speed` >= 0 in
-        m/s and the parameters `p`. `levels` are effects' factors on the friction, on the weight's part of the limit and
-        on the rest of it; `pressing` in N is what presses the body on the surface beside the weights.
+        """Coulomb friction in N and the limit in N at which a dragged wall slips (else 0), at `speed` >= 0 in m/s and
+        the parameters `p`. `levels` are effects' factors on the friction, on the weight's part of the limit and on the
+        rest of it; `pressing` in N is the load beside the weights.
         """
 
     @abstractmethod
-    def equations(self, p: Values) -> list[str]:
-        """The body's equation of motion in words and numbers, a line each."""
+    def equations(self, p: Values) -> list[Line]:
+        """The body's equation of motion, a line each."""
 
     def tension(self, u: Any) -> Any:
         """Tension in N of a wall dragged by `u` in m."""
@@ -81,8 +82,10 @@ class Plate(Surface):
         load = carried_kg * GRAVITY + pressing
         return p["friction_coefficient"] * (self.mass_kg * GRAVITY + load) * levels[0], 0.0
 
-    def equations(self, p: Values) -> list[str]:
-        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the load on the plate"]
+    def equations(self, p: Values) -> list[Line]:
+        m, a, F_act, N, v = symbols("m a F_act N v")
+        friction = p["friction_coefficient"] * N * called("Sgn", v)
+        return [[equal(m * a, F_act - friction), ", ", N, " the load on the plate"]]
 
 
 @dataclass(frozen=True)
@@ -101,5 +104,6 @@ class Air(Surface):
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         return 0.0, 0.0
 
-    def equations(self, p: Values) -> list[str]:
-        return ["m a = F_act"]
+    def equations(self, p: Values) -> list[Line]:
+        m, a, F_act = symbols("m a F_act")
+        return [[equal(m * a, F_act)]]

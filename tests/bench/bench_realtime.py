@@ -143,7 +143,7 @@ def bare_figures(seconds: float, priority: int) -> dict[str, float]:
     better.
     """
     code = (
-        "import json, sys\nfrom hil.app.run.clock import Clock, Grid\nfrom hil.app.run.loop import prepare_process\n"
+        "import json, sys\nfrom hil.app.run.clock import Clock, Grid\nfrom hil.app.run.machine import prepare_process\n"
         "prepare_process(int(sys.argv[2]), -1)\ngrid = Grid(Clock(), 0.002)\n"
         "while grid.ticks < float(sys.argv[1]) / 0.002:\n    grid.wait()\n"
         "print(json.dumps({**grid.late.document(), 'missed': grid.missed}))"
@@ -286,7 +286,7 @@ def _frames_of(log: Path) -> tuple[NDArray[np.int64], int, int, NDArray[np.float
     asked, answered, sent = list[int](), list[int](), list[int]()
     leads, heard, ended = False, 0, 0
     for frame in read_frames(log):
-        if frame.way == NOTED:
+        if frame.direction == NOTED:
             if frame.id == STOP and leads:
                 ended = frame.time_ns
             leads = frame.id == START or (leads and frame.id != STOP)

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from models.effects.equation import equations_of
+from models.effects.friction import FoldPeriodic
+from models.formula import Formula, called, equal
 from models.identification.finding import (
     CandidateRow,
     Check,
@@ -39,7 +42,7 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         {
             "depth": Fitted(0.201, (0.18, 0.22)),
             "wavelength_m": Fitted(0.0073, (0.0072, 0.0074), "m"),
-            "phase_rad": Fitted(0.1, (float("nan"), float("nan")), "rad", told=False),
+            "phase_rad": Fitted(0.1, (float("nan"), float("nan")), "rad", identifiable=False),
         },
         41.2,
         0.993,
@@ -78,7 +81,7 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         calibration={
             "hoop_factor": Fitted(0.93, (0.91, 0.95)),
             "friction_coefficient": Fitted(0.0764, (0.0741, 0.079)),
-            "recovery_time_s": Fitted(0.05, (0.01, 0.2), "s", told=False),
+            "recovery_time_s": Fitted(0.05, (0.01, 0.2), "s", identifiable=False),
         },
         nominal={"hoop_factor": 1.0, "friction_coefficient": 0.082, "recovery_time_s": 0.05},
         error={
@@ -94,17 +97,14 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         ),
         candidates=tuple(candidates),
         smallest_detectable={"stribeck": 0.08, "viscous_drag": 0.004, "stenosis": float("nan")},
-        next_experiment="reverse over the same place: folds stay where they are, a wave travels on",
+        next_experiment="reverse over the same positions: folds stay where they are, a wave travels on",
         statements=(
             "In 200 imitated records without an effect none reached this evidence.",
             "The recovery time cannot be told: the teeth blur.",
         ),
         equations=(
-            "m v' = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)",
-            "level = 1 + 0.201 sin(2 pi x/0.0073 + 0.1)",
-            "f_c = mu N(|v|), mu = 7.64e-2",
-            "v_i = u_c/t_r, T(u) = sgn(u) H_l(1 + |u|/L_s) s exp(-(v/0.003)^2)",
-            "  with x read 3 ms late",
+            [equal(Formula("m") * Formula("v'"), Formula("F_act") - called("F_e", np.abs(Formula("v"))))],
+            ["folds of the gut: ", *equations_of(FoldPeriodic, {"depth": 0.201, "wavelength_m": 0.0073})],
         ),
         traces=(
             *(trace(f"train_{i}", "train", i, seconds) for i in (1, 2, 3)),

@@ -10,8 +10,8 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from typing import Any, Final, Protocol
 
-from hil.app.child_process import end_with_parent
 from hil.app.write import file_trouble
+from hil.own_process import end_with_parent
 
 TRIES: Final = 3  # workers that a run may cost
 Row = dict[str, Any]

@@ -16,8 +16,8 @@ from hil.app.demo.story import BEFORE, PRINTED, End, Learned, Story
 from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
 from hil.app.shared_options import Json, Seed, option
-from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
-from hil.app.sil.story import PAGE as LEARNED
+from hil.app.sil.learning_page import NUMBERS as LEARNED_NUMBERS
+from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
 from hil.report.numbers import report_json
 from hil.report.words import headline

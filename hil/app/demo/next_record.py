@@ -15,7 +15,7 @@ from hil.app.write import write_files
 from models.files.toml import toml_text
 from models.identification.finding import NEXT_CSV, Proposal
 from models.rigs.reader import read_rig
-from plant.experiments.series import rig_text
+from plant.experiments.examples import BELIEVED
 
 POOR: Final = ("pass_1", "pass_2")
 NEXT: Final = "next"
@@ -41,7 +41,7 @@ class NextRecordStory:
         """
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         first = raw["scenario"].get("seed", 0) + SEEDS * seed
-        write_files({folder / RIG: rig_text("pull")})
+        write_files({folder / RIG: toml_text(BELIEVED["pull"].tables())})
         rig, before = read_rig(folder / RIG), folder / BEFORE
         before.mkdir()
 

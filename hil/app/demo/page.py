@@ -9,8 +9,8 @@ from plotly.subplots import make_subplots
 
 from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, StoryResult
 from hil.app.identify.close_loop import MODEL, REPORT
-from hil.app.sil.story import PAGE as LEARNED
-from hil.app.sil.story import error_figure
+from hil.app.sil.learning_page import PAGE as LEARNED
+from hil.app.sil.learning_page import error_figure
 from hil.report.builder import page
 from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import stage_bar
@@ -28,7 +28,7 @@ from hil.report.words import (
 )  # fmt: skip
 from models.effects import effect_words
 from models.identification.finding import NEXT_TOML, STAGES, Finding
-from models.words.quantities import DASH, quantity, scale, told, unit_words
+from models.words.quantities import DASH, quantity, scale, unit_words, with_interval
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
@@ -93,9 +93,13 @@ def truth_rows(one: StoryResult) -> list[list[str]]:
             row = rows.setdefault(place, [*place, DASH, DASH, DASH])
             factor, unit = scale([estimate.value, *estimate.ci95], estimate.unit)
             low, high = (factor * end for end in estimate.ci95)
-            found = told(factor * estimate.value, (low, high))
+            found = with_interval(factor * estimate.value, (low, high))
             row[3] = f"{found.value} {unit_words(unit)}".rstrip()
-            row[4] = f"{found.low} … {found.high} {unit_words(unit)}".rstrip() if estimate.told else "not told"
+            row[4] = (
+                f"{found.low} … {found.high} {unit_words(unit)}".rstrip()
+                if estimate.identifiable
+                else "not identifiable"
+            )
     return [*rows.values()]
 
 

@@ -10,7 +10,7 @@ from hil.app.papers.flat_car import measured_teeth
 from hil.app.papers.row import Row, Verdict, row, speed_key
 from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods import Cycle, PeriodsKind
-from models.rigs.periods import PERIODS
+from models.rigs.benches import PERIODS
 from models.rigs.rig import Rig
 from models.sets import load_measurement
 

@@ -215,7 +215,7 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     shares = [share for _, share in said]
     assert shares == sorted(shares)
     page = html.unescape(demo_html([(NEXT_RECORD, one)], 1.0))
-    assert "with the proposed one: named: tissue drying" in page
+    assert "with the proposed one: named: drying tissue" in page
     assert "next_record/before/report.html" in page
     nothing = replace(one, before=replace(one.before, proposal=None, verdict="unknown", effects=()))
     assert "Verdict on the first records: unknown;" in demo_html([(NEXT_RECORD, nothing)], 1.0)

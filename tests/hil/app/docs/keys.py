@@ -6,13 +6,13 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from hil.app.scenario.bus_scenario import FmuTable, JogTable, SimulatedBusTable
-from hil.app.scenario.deployment import BusTable, ControlTable, Pace, PlantTable
-from hil.app.scenario.model_offer import ModelTable, OfferTable
+from hil.app.scenario.deployment import BusTable, ControlTable, LearningTable, PlantTable
+from hil.app.scenario.model_use import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.drives.makers import ACTUATORS
-from hil.formats.table import FORMATS
-from hil.nodes.controller.operator import OperatorLimits
+from hil.formats.reading import FORMATS
+from hil.nodes.operator import OperatorLimits
 from models.rigs.columns import RANGES, TIME, Columns
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
@@ -62,7 +62,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, type[NamedTable]]] = {
     "[offer]": OfferTable,
     "[operator]": OperatorLimits,
     "[jog] of a scenario": JogTable,
-    "[learning]": Pace,
+    "[learning]": LearningTable,
     **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
     "[plant] of a scenario": FmuTable,

@@ -7,15 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import Health
+from controller.monitor import Health
+from controller.reference import Experiment
 from controller.signals import Measurement
-from controller.supervision.history import History
-from controller.supervision.model_switch import Offer, Prepared
+from controller.supervision.model_switch import History, Offer, Prepared
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
-from hil.app.learn.learner import Learner, Pace
+from hil.app.learn.learner import Learner, LearningTable
 from models.identification import Model
 from models.identification.kinds import kind_for, ready
 from models.rigs.columns import TIME
@@ -23,7 +22,7 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 from tests.controller.loops import believed, model_of
 
-PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
+PACE = LearningTable(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
 FOUND = LearningAnswer(
     Theta.of({"magnet_stiffness_N_per_m": 24.0}), ("fold_periodic",), "named", "held-out error lower"
 )
@@ -53,7 +52,7 @@ class Story:
     """A learner, and what it asked."""
 
     found: LearningAnswer
-    pace: Pace = PACE
+    learning: LearningTable = PACE
     asked: list[LearningQuestion] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -67,7 +66,7 @@ class Story:
             Theta(),
             lambda values: model,
             self.ask,
-            self.pace,
+            self.learning,
             drive=self.driven.append,
         )
 
@@ -139,7 +138,7 @@ def test_an_experiment_is_driven_only_where_it_is_allowed() -> None:
     assert forbidden.learner.record["experiments"] == []
     first = allowed.driven[0]
     assert first.at_s == pytest.approx(38.0, abs=0.1)
-    assert 1e-3 < np.max(np.abs(first.path.places)) <= 3e-3
+    assert 1e-3 < np.max(np.abs(first.path.positions)) <= 3e-3
     assert first.path.end_s < 20.0
     assert allowed.asked[1].columns[TIME][-1] == pytest.approx(38.0 + 20.0 + first.path.end_s, abs=0.1)
     assert "experiment from 38.0 s on" in allowed.learner.lessons[0].words

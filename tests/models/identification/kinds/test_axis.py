@@ -10,8 +10,10 @@ from scipy.optimize import least_squares
 
 from models.checks.usable import used
 from models.effects.effect import Effect
+from models.formula import line_text
 from models.identification.kinds import ready
-from models.identification.kinds.axis.axis import NOISES, AxisKind
+from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.axis.moved import CARRIED
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.kinds.reports import axis as report
 from models.identification.kinds.reports.axis import find_ripple
@@ -151,7 +153,7 @@ def test_folds_leave_out_every_repeat_of_a_place_together() -> None:
         assert sum(map(len, training)) + sum(map(len, validation)) == len(record)
         phases = [np.unique((r["t_s"] * 1000).round().astype(int) % 3000 // 750) for r in validation]
         assert all(np.array_equal(p, phases[0]) for p in phases)
-        assert NOISES[-1] in validation[0].columns
+        assert CARRIED[-1] in validation[0].columns
     assert len(KIND.splits([record, record.with_column("force_N", record["force_N"])])) == 2
 
 
@@ -257,15 +259,16 @@ def test_equations_name_every_effect_present() -> None:
         ("stribeck", "excess"): 0.1,
         ("stribeck", "speed_m_s"): 0.01,
     }
-    text = " ".join(report.equations(KIND, theta))
+    text = " ".join(map(line_text, report.equations(KIND, theta)))
     for piece in (
-        "F = 95 a",
-        "sgn(v)) times all friction scales",
-        "stribeck: friction scale = 1 + 0.1*exp(-(max(abs(v), 1e-09)/0.01)^2)",
-        "lumen_taper: friction scale = max(1 + 0.1*(x/sqrt(1 + (x/0.05)^2)), 0.05)",
-        "2*pi*x/0.004",
-        "(max(abs(v), 1e-06)/0.01)^(-0.5)",
-        "sensor_delay: delay of the reading in s = 0.0003",
+        "F = 95 a + lambda (",
+        "sgn(v))",
+        " - F_extra",
+        "a Stribeck effect: friction scale = 1 + 0.1 exp(-(|v|/0.01)^2)",
+        "a taper of the lumen: friction scale = 1 + 0.1 y, r = x, y = r/sqrt(1 + (r/0.05)^2)",
+        "q = 2 pi x/0.004",
+        "sgn(v) (|v|/v_0)^0.5, v_0 = 0.01",
+        "a delayed sensor: y = y_0(t - 0.0003)",
     ):
         assert piece in text
     assert report.next_experiment(KIND, theta, []) is not None

@@ -9,13 +9,14 @@ import pytest
 from models.checks.excitation import cannot_show
 from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
+from models.formula import line_text
 from models.identification.fitting.fit import Fit
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
 from models.identification.kinds.reports import axis as report
-from models.identification.residual_tests import residual_checks
 from models.identification.search.refit import refit
+from models.identification.verdict import residual_checks
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
@@ -88,7 +89,7 @@ def test_a_torque_that_is_the_command_claims_no_floor() -> None:
     repeating = command.with_column("angle_rad", np.sin(np.pi * t)).with_column("torque_N_m", np.cos(np.pi * t))
     for record in (command, repeating):
         kind = AxisKind.from_rig(RIG, [record])
-        assert kind.noise(record).force is None
+        assert np.isnan(kind.noise(record).force)
         assert np.isnan(kind.noise_floor([record]))
         said = report.statements(kind, {"calibrated": kind.nominal()}, [record])
         assert "No floor is claimed" in said[0]
@@ -158,9 +159,9 @@ def test_effects_about_an_axis_have_its_units_and_pass_the_conformance_tests() -
     v = kind.signals(record)["v_rad_s"]
     extra = kind.predict(record, theta) - kind.predict(record, theta.without("stribeck"))
     assert extra == pytest.approx((1.2 * v + 2.0 * np.sign(v)) * 0.5 * np.exp(-((v / 0.05) ** 2)), abs=0.02)
-    text = " ".join(report.equations(kind, theta))
+    text = " ".join(map(line_text, report.equations(kind, theta)))
     assert "T = 0.4 a" in text
-    assert "added torque in N m = -8*sin(x - 0.4)" in text
+    assert "T_extra = -8 sin(x - 0.4)" in text
     assert "gravity_over_angle" not in {e.id for e in AxisKind.from_rig(RIG).effects}
 
 

@@ -1,0 +1,130 @@
+"""Positions that jump, wrap around, go in steps or stand still while the motion goes on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.checks.estimators import Array, grid_step, running_mean, runs_of, white_noise
+from models.checks.finding import Findings
+from models.checks.sensor import fresh, silent
+from models.checks.settings import SET
+from models.checks.view import View
+
+POSITIONS = ("position_m", "carriage_position_m", "angle_rad")
+"""Columns that hold a position."""
+_USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # angles and counters that begin again
+
+
+def jumps(view: View) -> NDArray[np.int64]:
+    """Rows (k,) before which the measured position jumps and stays: by more than its noise, and further than 1 N could
+    move the capsule in a sampling interval.
+    """
+    none, n, y = np.zeros(0, dtype=np.int64), SET.beside, view.y
+    if view.measured != "position_m" or len(y) < 4 * n:
+        return none
+    interval = view.dt / float(np.mean(fresh(view)))
+    least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
+    size = np.abs(np.diff(y))
+    beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
+    rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
+    rows = rows[(rows >= n) & (rows <= len(y) - n)]
+    rows = rows[~silent(view)[rows - 2]]  # where a sensor comes back, its position differs
+    left = [abs(np.median(y[k : k + n]) - np.median(y[k - n : k])) for k in rows]
+    rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
+    return rows if len(rows) <= SET.jump_most else none
+
+
+def check_jumps(view: View) -> Findings:
+    """A measured position that jumps from one sample to the next, faster than anything could move the capsule."""
+    rows = jumps(view)
+    if len(rows):
+        largest = view.length(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
+        yield view.weakens("place_jumps", rows=rows, n=len(rows), largest=largest, force=SET.jump_force_N)
+
+
+def check_wraps(view: View) -> Findings:
+    """Positions, measured or driven, that wrap around: an angle from 180 to -180 degrees, a counter that overflows."""
+    for name in POSITIONS:
+        if name not in (view.moving_column, view.driven, view.measured):
+            continue
+        values = view.record[name]
+        rows = wraps(values)
+        if len(rows):
+            jump = np.diff(values)[rows - 1]
+            per_sample = (values[rows - 1] - values[rows - SET.side]) / (SET.side - 1)
+            after = float(np.mean(np.abs(jump - per_sample))) / abs(view.rig.columns.entry(name).factor())
+            usual = min(_USUAL, key=lambda size: abs(np.log(size / after)))
+            after = usual if abs(usual / after - 1) < SET.wrap_snapped else after
+            largest, line = (
+                view.length(float(np.max(np.abs(jump)))),
+                view.columns_line(name, wrap=float(f"{after:.12g}")),
+            )
+            yield view.stops("place_wraps", name, rows, n=len(rows), largest=largest, share=SET.wrap_jump, line=line)
+
+
+def wraps(values: Array) -> NDArray[np.int64]:
+    """Rows (k,) before which `values` (n,) jump back through most of their span while they go on as before; none where
+    a jump is of another kind, like the step of a command. Flicker at one passage counts once.
+    """
+    none, side, few = np.zeros(0, dtype=np.int64), SET.side, SET.few
+    rows = np.flatnonzero(np.abs(np.diff(values)) > SET.wrap_jump * np.ptp(values)) + 1
+    if not len(rows) or len(rows) > SET.wrap_most * len(values):
+        return none
+    passages = np.split(rows, np.flatnonzero(np.diff(rows) > side) + 1)
+    sure, sudden = 3 * white_noise(values), []
+    for first, last in ((p[0], p[-1]) for p in passages if len(p) % 2 and p[0] > side and p[-1] < len(values) - side):
+        ends = ((first - side, first - few), (last, last + side - few))
+        before, after = (np.median(values[b : b + few]) - np.median(values[a : a + few]) for a, b in ends)
+        back = -np.sign(values[last] - values[first - 1])
+        if min(back * before, back * after) < -sure:
+            return none
+        sudden += [first] if min(back * before, back * after) > sure else []
+    return np.array(sudden, dtype=np.int64)
+
+
+def _half_step(view: View, x: Array) -> int:
+    """Half the samples that a step of the position `x` lasts at the usual speed; 0 where it has no such steps."""
+    step = grid_step(x)
+    speed = float(np.median(np.abs(view.speed[view.moves]))) if view.moves.any() else 0.0
+    if step == 0 or speed == 0 or step <= SET.step_wide * speed * view.dt:
+        return 0
+    return max(1, round(0.5 * min(step / speed, SET.step_longest_s) / view.dt))
+
+
+def without_steps(view: View, x: Array) -> Array:
+    """The position `x` (n,) without the steps of a coarse scale, if any: its running mean over one step."""
+    half = _half_step(view, x)
+    return running_mean(x, half) if half else x
+
+
+def check_driven_resolution(view: View) -> Findings:
+    """A driven position that goes in steps."""
+    name = view.driven
+    if name in POSITIONS and (half := _half_step(view, view.record[name])):
+        step, length = view.length(grid_step(view.record[name])), 2 * half * view.dt
+        if view.kind.drawn:
+            yield view.weakens("driven_resolution.pull", name, step=step, length=length)
+        else:
+            yield view.notes("driven_resolution", name, step=step, length=length)
+
+
+def check_stuck(view: View) -> Findings:
+    """Whether the measured column swings through zero while the driven position rests, as far as in motion: an encoder
+    that is stuck or slips. At a reversal dry friction holds an axis while its force goes once from one break-away to
+    the other; for an axis it must therefore come back, too.
+    """
+    name = view.driven
+    if name not in POSITIONS or name != view.moving_column or not view.moves.any():
+        return
+    y, least_swings = view.averaged(view.y, 0.5 * SET.mean_s), 2 if view.kind.stage else 1
+    whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
+    settled, least = round(SET.stuck_settled_s / view.dt), round((SET.stuck_settled_s + SET.stuck_s) / view.dt)
+    rests = [(a + settled, b) for a, b in runs_of(~view.moves, least)]
+    stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
+    if stuck and whole >= 20 * view.noise:
+        begins, longest = [a for a, _ in stuck], max(b - a for a, b in stuck) * view.dt
+        yield view.weakens("driven_stuck", name, begins, longest=longest, n=least_swings, share=SET.stuck_much)
+
+
+def _swings(y: Array, level: float) -> int:
+    """How often `y` goes from beyond `level` on one side of 0 to beyond it on the other."""
+    return int(np.count_nonzero(np.diff(np.sign(y[np.abs(y) > level]))))

@@ -1,0 +1,149 @@
+"""Motions that a rig can make: moves between positions with rests, within the range of its records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from models.identification.kind import Array
+from models.identification.settings import SET
+from models.records.record import Record
+
+
+@dataclass(frozen=True)
+class Room:
+    """The range of a motion: positions of the records, from `low` to `high` in m, beginning at `start`; up to `speed`
+    in m/s (up to four times theirs, as long as that is at most 10 mm/s); `length` in s, sampled every `dt` s in
+    `column`.
+    """
+
+    column: str
+    low: float
+    high: float
+    start: float
+    speed: float
+    length: float
+    dt: float
+
+    @classmethod
+    def of(cls, records: Sequence[Record], column: str) -> Room:
+        """The range of `records`; a motion is half as long as they are on average."""
+        positions = np.concatenate([r[column] for r in records])
+        dt = float(np.median([(r["t_s"][-1] - r["t_s"][0]) / (len(r) - 1) for r in records]))
+        lengths = [float(r["t_s"][-1] - r["t_s"][0]) for r in records]
+        speeds = np.abs(np.concatenate([_speeds(r, column) for r in records]))
+        moving = speeds[speeds > SET.plan_moves * speeds.max(initial=0.0)]
+        fast = float(np.percentile(moving, SET.plan_fast)) if len(moving) else 0.0
+        fastest = max(fast, min(SET.plan_faster * fast, SET.plan_usual_m_s))
+        length = float(np.clip(0.5 * np.mean(lengths), SET.plan_shortest_s, SET.plan_longest_s))
+        low, high = float(positions.min()), float(positions.max())
+        return cls(column, low, high, float(records[0][column][0]), fastest, length, dt)
+
+    @property
+    def span(self) -> float:
+        """From end to end in m."""
+        return self.high - self.low
+
+
+def _speeds(record: Record, column: str) -> Array:
+    """Mean speeds in m/s over windows of `SET.ramp_s`."""
+    dt = float(record["t_s"][-1] - record["t_s"][0]) / (len(record) - 1)
+    n = max(1, min(round(SET.ramp_s / dt), len(record) - 1))
+    x = record[column]
+    return np.asarray((x[n:] - x[:-n]) / (n * dt))
+
+
+@dataclass(frozen=True)
+class Move:
+    """To `position` in m at `speed` in m/s, then a rest of `rest` s."""
+
+    position: float
+    speed: float
+    rest: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Moves one after the other, cut off where the room's time is over."""
+
+    room: Room
+    moves: tuple[Move, ...]
+
+    def waypoints(self) -> tuple[Array, Array]:
+        """Times in s (n,) from 0 to the length, and the positions in m (n,)."""
+        times, positions = [0.0, 0.3], [self.room.start, self.room.start]
+        for move in self.moves:
+            if move.position != positions[-1]:
+                times.append(times[-1] + abs(move.position - positions[-1]) / move.speed)
+                positions.append(move.position)
+            if move.rest > 0:
+                times.append(times[-1] + move.rest)
+                positions.append(positions[-1])
+        end = float(np.interp(self.room.length, times, positions))
+        kept = [(t, x) for t, x in zip(times, positions, strict=True) if t < self.room.length - SET.ramp_s]
+        t, x = zip(*kept, (self.room.length, end), strict=True)
+        return np.array(t), np.array(x)
+
+    def record(self, kind: str) -> Record:
+        """The motion as the driven columns of a record, corners rounded."""
+        room = self.room
+        n = round(room.length / room.dt) + 1
+        t = room.dt * np.arange(n)
+        width = max(1, round(SET.ramp_s / room.dt))
+        before = np.interp(np.arange(-width + 1, n) * room.dt, *self.waypoints())
+        sums = np.cumsum(np.concatenate([[0.0], before]))
+        return Record(
+            "next experiment",
+            kind,
+            {"t_s": np.asarray(t), room.column: np.asarray((sums[width:] - sums[:-width]) / width)},
+        )
+
+
+def random_plan(room: Room, rng: np.random.Generator, begun: Sequence[Move] = ()) -> Plan:
+    """The moves `begun` as long as there is time, then random ones until the room's time is over."""
+    moves, here, left = [], room.start, room.length
+    waiting = list(begun)
+    while left > 0:
+        move = waiting.pop(0) if waiting else _random_move(room, here, rng)
+        left -= abs(move.position - here) / move.speed + move.rest
+        moves.append(move)
+        here = move.position
+    return Plan(room, tuple(moves))
+
+
+def varied(plan: Plan, rng: np.random.Generator) -> Plan:
+    """`plan` with one or two of its moves changed, left out or added."""
+    room, moves = plan.room, list(plan.moves)
+    for _ in range(int(rng.integers(1, 3))):
+        k = int(rng.integers(len(moves)))
+        here = moves[k - 1].position if k else room.start
+        match int(rng.integers(5)):
+            case 0:
+                moves[k] = _random_move(room, here, rng)
+            case 1:
+                moves.insert(k, _random_move(room, here, rng))
+            case 2 if len(moves) > 1:
+                del moves[k]
+            case 3:
+                speed = float(np.clip(moves[k].speed * np.exp(rng.normal(0, 0.5)), SET.slow * room.speed, room.speed))
+                moves[k] = replace(moves[k], speed=speed)
+            case _:
+                moves[k] = replace(moves[k], rest=_random_rest(room, rng))
+    return random_plan(room, rng, moves)
+
+
+def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
+    speed = room.speed * float(np.exp(rng.uniform(np.log(SET.slow), 0.0)))
+    farthest = min(room.span, SET.plan_long_move * room.length * speed)
+    if rng.random() < SET.plan_turns:
+        farthest = min(farthest, SET.plan_small * room.span)
+    distance = float(rng.uniform(0.3, 1.0)) * farthest
+    up, down = here + distance <= room.high, here - distance >= room.low
+    sign = 1.0 if up and not down else -1.0 if down and not up else float(rng.choice((-1.0, 1.0)))
+    return Move(float(np.clip(here + sign * distance, room.low, room.high)), speed, _random_rest(room, rng))
+
+
+def _random_rest(room: Room, rng: np.random.Generator) -> float:
+    return min(float(rng.choice(SET.plan_rests_s)), SET.plan_long_move * room.length)

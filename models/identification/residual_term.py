@@ -1,0 +1,220 @@
+"""The term that is proposed for a curve: the shortest form of a small library, else straight lines between knots."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import scipy
+
+from models.effects import shapes
+from models.formula import Formula, equal, written
+from models.identification.finding import Fitted, ResidualCurve, Term
+from models.identification.kind import Array
+from models.identification.settings import SET
+
+SYMBOLS: Final[Mapping[str, tuple[str, str]]] = {
+    "t_s": ("t", "s.t"),
+    "x_m": ("x", "s.x"),
+    "x_rad": ("x", "s.x"),
+    "v_m_s": ("v", "s.v"),
+    "v_rad_s": ("v", "s.v"),
+    "gap_m": ("gap", "s.command - s.x"),
+    "travelled_m": ("travelled", "s.travelled"),
+    "load_N": ("load", "s.load"),
+    "load_N_m": ("load", "s.load"),
+}
+"""What an effect can depend on: a signal's symbol in formulas, and its name in a hook."""
+UNITS: Final[Mapping[str, str]] = {"t": "s", "x": "m", "v": "m/s", "gap": "m", "travelled": "m", "load": "N"}
+
+
+@dataclass(frozen=True)
+class Form:
+    """A shape of `models.effects.shapes`: for each fitted number its starts and bounds, relative to the curve's span (a
+    `middle` is counted from where the curve begins; `PURE` numbers have no unit). `fixed` numbers, the beginning or
+    size of the span, are not fitted.
+    """
+
+    name: str
+    numbers: Mapping[str, tuple[tuple[float, ...], float, float]]
+    fixed: tuple[str, ...] = ()
+
+    def at(self, z: Any, numbers: Mapping[str, Any], given: Mapping[str, Any]) -> Any:
+        """The shape over `z`."""
+        return getattr(shapes, self.name)(z, **numbers, **given)
+
+
+PURE: Final = ("slope", "phase")
+"""Numbers without the variable's unit."""
+# starts, least and most of a form's middle over the signal's span
+_MIDDLE: Final = ((0.15, 0.35, 0.5, 0.65, 0.85), -0.5, 1.5)
+_WIDTH: Final = ((0.05, 0.2, 0.5), 0.01, 3.0)  # the same of its width
+_CYCLES: Final = tuple(1 / k for k in (0.7, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
+FORMS: Final = (
+    Form("line", {}, ("scale",)),
+    Form("parabola", {"middle": _MIDDLE}, ("scale",)),
+    Form("decay", {"length": _WIDTH}, ("begin",)),
+    Form("step", {"middle": _MIDDLE, "width": _WIDTH}),
+    Form("bump", {"middle": _MIDDLE, "width": _WIDTH}),
+    Form("wave", {"length": (_CYCLES, 0.08, 2.0), "phase": ((0.0, 2.0, 4.0), -7.0, 7.0)}),
+    Form("line_and_decay", {"slope": ((0.02, 0.1, 0.4), -5.0, 5.0), "length": _WIDTH}, ("begin",)),
+)
+"""The library of short forms, from the fewest numbers to the most."""
+
+
+def term_of(curve: ResidualCurve, unit: str, level: float) -> Term | None:
+    """The term that follows `curve` in `unit`, `level` the mean resistance; None where no effect has its signal."""
+    if curve.variable not in SYMBOLS:
+        return None
+    fits = [_Fitted.best(form, curve) for form in FORMS]
+    short = [fit for fit in fits if fit.left <= SET.followed]
+    chosen = min(short, key=lambda fit: fit.criterion) if short else _knotted(curve)
+    return chosen.term(unit, level)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """A form fitted to a curve: `values` are amplitude, constant and the form's numbers; `deviations` theirs."""
+
+    form: Form
+    curve: ResidualCurve
+    given: Mapping[str, Any]
+    values: Array
+    deviations: Array
+
+    @classmethod
+    def best(cls, form: Form, curve: ResidualCurve) -> _Fitted:
+        """The best fit from the form's starts; amplitude and constant follow from the other numbers."""
+        z, begin, span = curve.centres, float(curve.centres.min()), float(np.ptp(curve.centres))
+        given = {name: {"scale": span, "begin": begin}[name] for name in form.fixed}
+        weight = 1 / _errors(curve)
+
+        def scaled(q: Array) -> dict[str, float]:
+            return {
+                name: value if name in PURE else value * span + (begin if name == "middle" else 0.0)
+                for name, value in zip(form.numbers, q, strict=True)
+            }
+
+        def linear(q: Array) -> tuple[Array, Array]:
+            columns = np.stack([form.at(z, scaled(q), given), np.ones_like(z)], axis=1) * weight[:, None]
+            found = np.linalg.lstsq(columns, curve.values * weight, rcond=None)[0]
+            return np.asarray(found), np.asarray(columns @ found - curve.values * weight)
+
+        rows = list(form.numbers.values())
+        starts = [np.array(start) for start in itertools.product(*(row[0] for row in rows))]
+        starts.sort(key=lambda q: _square(linear(q)))
+        ends = starts[:1]
+        if rows:
+            bounds = ([row[1] for row in rows], [row[2] for row in rows])
+            ends = [
+                scipy.optimize.least_squares(lambda q: linear(q)[1], q, bounds=bounds).x
+                for q in starts[: SET.term_starts]
+            ]
+        q = min(ends, key=lambda end: _square(linear(end)))
+        values = np.concatenate([linear(q)[0], list(scaled(q).values())])
+        made = cls(form, curve, given, values, np.zeros(len(values)))
+        return cls(form, curve, given, values, made._spread())
+
+    def at(self, z: Any, values: Array | None = None) -> Any:
+        """The term over `z`."""
+        amplitude, constant, *numbers = self.values if values is None else values
+        return constant + amplitude * self.form.at(z, dict(zip(self.form.numbers, numbers, strict=True)), self.given)
+
+    def _spread(self) -> Array:
+        """Standard deviations of the values by least squares, widened for the misfit of the form."""
+        step = 1e-4 * np.maximum(np.abs(self.values), 1e-9)
+        weight = 1 / _errors(self.curve)
+        z = self.curve.centres
+        jacobian = np.stack(
+            [
+                weight * (self.at(z, self.values + d) - self.at(z, self.values - d)) / (2 * h)
+                for d, h in zip(np.diag(step), step, strict=True)
+            ],
+            axis=1,
+        )
+        scale = np.linalg.norm(jacobian, axis=0)
+        scale[scale == 0] = 1.0
+        inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), rcond=1e-10)
+        wide = max(self._cost() / max(len(z) - len(step), 1), 1.0)
+        return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0) * wide) / scale)
+
+    def _cost(self) -> float:
+        return float(np.sum(((self.at(self.curve.centres) - self.curve.values) / _errors(self.curve)) ** 2))
+
+    @property
+    def criterion(self) -> float:
+        """Bayes' information criterion."""
+        return self._cost() + len(self.values) * float(np.log(len(self.curve.values)))
+
+    @property
+    def left(self) -> float:
+        """Share of the curve's variance, beyond its own uncertainty, that the form does not follow."""
+        chance = float(np.sum(_errors(self.curve) ** 2))
+        wrong = float(np.sum((self.at(self.curve.centres) - self.curve.values) ** 2)) - chance
+        whole = float(np.sum((self.curve.values - self.curve.values.mean()) ** 2)) - chance
+        return max(wrong, 0.0) / max(whole, 1e-300)
+
+    def term(self, unit: str, level: float) -> Term:
+        """The term as it is reported."""
+        amplitude, constant, *_ = self.values
+        estimates = [
+            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
+            for v, d, u in zip(self.values, self.deviations, self._units(unit), strict=True)
+        ]
+        term = Term(
+            self.curve.variable,
+            self.curve.along,
+            self.curve.sized,
+            self.form.name,
+            "",
+            estimates[0],
+            float(constant / amplitude),
+            dict(zip(self.form.numbers, estimates[2:], strict=True)),
+            dict(self.given),
+            level,
+            self.left,
+        )
+        return replace(term, text=written(law_of(term)))
+
+    def _units(self, unit: str) -> list[str]:
+        own = UNITS[SYMBOLS[self.curve.variable][0]]
+        return [unit, unit, *("1" if name in PURE else own for name in self.form.numbers)]
+
+
+def law_of(term: Term) -> Formula:
+    """The force of a term as an equation."""
+    symbol: Any = Formula(SYMBOLS[term.variable][0])
+    numbers = {name: estimate.value for name, estimate in term.numbers.items()}
+    shape = getattr(shapes, term.form)(np.abs(symbol) if term.sized else symbol, **numbers, **term.given)
+    force = term.offset * term.amplitude.value + term.amplitude.value * shape
+    return equal(Formula("F_extra"), -np.sign(Formula("v")) * force if term.along == "-v" else force)
+
+
+def _errors(curve: ResidualCurve) -> Array:
+    """Standard deviations of a curve's values, none much smaller than the median's."""
+    error = (curve.high - curve.low) / (2 * SET.z95)
+    return np.maximum(error, max(0.3 * float(np.median(error)), 1e-12 * float(np.ptp(curve.values)) + 1e-300))
+
+
+def _square(fit: tuple[Array, Array]) -> float:
+    return float(fit[1] @ fit[1])
+
+
+def _knotted(curve: ResidualCurve) -> _Fitted:
+    """Straight lines between knots at equally many of the curve's points, with one amplitude for all."""
+    z = curve.centres
+    knots = np.quantile(z, np.linspace(0, 1, min(SET.term_knots, len(z))))
+    hats = np.stack([np.interp(z, knots, row) for row in np.eye(len(knots))], axis=1)
+    weight = 1 / _errors(curve)
+    heights = np.linalg.lstsq(hats * weight[:, None], curve.values * weight, rcond=None)[0]
+    constant = float(heights.mean())
+    size = float(np.max(np.abs(heights - constant))) or 1.0
+    given = {
+        "places": tuple(float(p) for p in knots),
+        "values": tuple(float(h) for h in (heights - constant) / size),
+    }
+    made = _Fitted(Form("knots", {}), curve, given, np.array([size, constant]), np.zeros(2))
+    return _Fitted(made.form, curve, given, made.values, made._spread())

@@ -20,7 +20,7 @@ def test_the_reference_waits_for_it(place: float, turn_s: float) -> None:
     during = (t >= BEGIN_S) & (t < BEGIN_S + path.end_s)
     assert np.array_equal(both.position(t[t < BEGIN_S]), BEFORE.position(t[t < BEGIN_S]))
     later = t[t >= BEGIN_S + path.end_s]
-    assert both.position(later) == pytest.approx(BEFORE.position(later - path.end_s), abs=1e-12)
+    np.testing.assert_allclose(both.position(later), BEFORE.position(later - path.end_s), rtol=0, atol=1e-12)
     assert np.max(np.abs(both.position(t[during]) - 5e-3)) <= abs(place) + 1e-12
     assert np.max(np.abs(np.diff(both.position(t)) / 1e-3 - both.speed(t[:-1] + 1e-6))) < 2e-2 * abs(place) + 2e-4
 

@@ -326,7 +326,6 @@ def test_a_table_is_written_and_packed(tmp_path: Path) -> None:
     assert (tmp_path / "a.csv").read_text().splitlines()[3] == "2,0.3333333333"
 
 
-@pytest.mark.slow
 def test_the_example_scenario_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     example = SCENARIOS / "pull_over_folds.toml"
     assert run(["simulate", str(example), "--out", str(tmp_path / "r.csv"), "--json"]) == 0

@@ -54,7 +54,6 @@ def own(text: str, commands: np.ndarray, step_s: float) -> np.ndarray:
     return np.array(rows).T
 
 
-@pytest.mark.slow
 def test_plant_in_fmu_sticks_and_slips_as_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from fmpy.validation import validate_fmu
 
@@ -74,7 +73,6 @@ def test_plant_in_fmu_sticks_and_slips_as_here(tmp_path: Path, capsys: pytest.Ca
         np.testing.assert_allclose(there[name][1:], values, rtol=0, atol=1e-9, err_msg=name)
 
 
-@pytest.mark.slow
 def test_shaken_plant_in_fmu_moves_as_here(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(SHAKEN)
     assert run(["export", "fmu", str(tmp_path / "s.toml"), "--out", str(tmp_path / "p.fmu")]) == 0
@@ -84,7 +82,6 @@ def test_shaken_plant_in_fmu_moves_as_here(tmp_path: Path) -> None:
     np.testing.assert_allclose(there["position_m"][1:], here[0], rtol=0, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_same_numbers_at_any_communication_step(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(SCENARIO)
     assert run(["export", "fmu", str(tmp_path / "s.toml"), "--out", str(tmp_path / "p.fmu")]) == 0

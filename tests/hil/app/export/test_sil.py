@@ -20,7 +20,6 @@ def tracked(path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, float]:
     return found
 
 
-@pytest.mark.slow
 def test_sil_tracks_the_same_with_its_plant_in_an_fmu(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "own.toml").write_text(SCENARIO)
     (tmp_path / "other.toml").write_text(SCENARIO + '[plant]\nfmu = "p.fmu"\n')
@@ -33,7 +32,6 @@ def test_sil_tracks_the_same_with_its_plant_in_an_fmu(tmp_path: Path, capsys: py
     assert other["bus"] == own["bus"]
 
 
-@pytest.mark.slow
 def test_fmu_with_other_variables_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "own.toml").write_text(SCENARIO)
     assert run(["export", "fmu", str(tmp_path / "own.toml"), "--out", str(tmp_path / "p.fmu")]) == 0

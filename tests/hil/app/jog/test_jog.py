@@ -147,7 +147,6 @@ def test_a_key_moves_while_it_is_held(tmp_path: Path, channel: str) -> None:
     assert not found[-1]["DeadMan"]
 
 
-@pytest.mark.slow
 def test_a_run_that_is_steered(tmp_path: Path, channel: str) -> None:
     """Plant, controller and a sender: 2 mm on, held, stopped; the log replays bit by bit."""
     text = deployment(channel, control="duration_s = 4.5\npriority = 20", more=OPERATOR)

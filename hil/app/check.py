@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
+from hil.app.close_loop import read_series
 from hil.app.console import print_json, say, summary
-from hil.app.identify.close_loop import read_series
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
 from hil.report.words import grouped, tidy

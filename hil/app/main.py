@@ -34,7 +34,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str, str]]] = {
         "capsule init magnetic my_rig",
     ),
     "close-loop": (
-        "hil.app.identify.close_loop:close_loop",
+        "hil.app.close_loop:close_loop",
         "Measured data -> residual -> missing effect -> better model.",
         "capsule close-loop run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
     ),
@@ -45,7 +45,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str, str]]] = {
         "capsule check run_1.csv run_2.csv --rig rig.toml",
     ),
     "effects": (
-        "hil.app.effects.effects:effects",
+        "hil.app.effects:effects",
         "The catalogue: what a search can find; whether effects of your own keep to the rules; an effect that a report"
         " proposes.",
         "capsule effects check my_effect.py",
@@ -61,7 +61,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str, str]]] = {
         "capsule convert run_1.mf4 run_2.tdms converted/ --rig rig.toml",
     ),
     "predict": (
-        "hil.app.identify.predict:predict",
+        "hil.app.predict:predict",
         "Free-running prediction of the measured column from the driven column alone.",
         "capsule predict run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv",
     ),

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
+from hil.app.close_loop import read_series
 from hil.app.console import answer
-from hil.app.identify.close_loop import read_series
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, Records, option
 from hil.app.write import check_file, check_targets, write_files

@@ -11,12 +11,12 @@ import typer
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
-from hil.app.campaign.folders.answers import SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
-from hil.app.campaign.folders.answers import document as answers_document
-from hil.app.campaign.folders.page import page_html as answers_html
-from hil.app.campaign.folders.series import find_series
 from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
 from hil.app.campaign.running import Results, Workers, run_missing
+from hil.app.campaign.series import find_series
+from hil.app.campaign.series_answers import SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
+from hil.app.campaign.series_answers import document as answers_document
+from hil.app.campaign.series_page import page_html as answers_html
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option

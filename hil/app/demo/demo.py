@@ -8,13 +8,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
 
+from hil.app.close_loop import NUMBERS, REPORT
 from hil.app.console import json_text, print_json, say, summary, text_table
 from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
 from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import BEFORE, PRINTED, End, Learned, Story
 from hil.app.demo.worker import story_bars, told
-from hil.app.identify.close_loop import NUMBERS, REPORT
 from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED

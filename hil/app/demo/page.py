@@ -7,8 +7,8 @@ from typing import Any, Final
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from hil.app.close_loop import MODEL, REPORT
 from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, StoryResult
-from hil.app.identify.close_loop import MODEL, REPORT
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.sil.story import error_figure
 from hil.report.builder import page

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.supervision.acceptance import Acceptance
-from hil.app.identify.close_loop import read_series, result_files
+from hil.app.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.write import write_files
 from hil.report.words import error_cells, tested_part

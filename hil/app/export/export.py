@@ -66,8 +66,8 @@ def _targets(form: str, out: Path) -> list[Path]:
 
 
 def _plant(scenario: Path, out: Path) -> Made:
-    from hil.app.export.fmu.package import fmu
-    from hil.app.export.fmu.plant_unit import plant_unit, read_truth
+    from hil.app.export.fmu_archive import fmu
+    from hil.app.export.fmu_plant import plant_unit, read_truth
 
     run, rig = read_truth(scenario)
     unit = plant_unit(run.name or scenario.stem, rig, run.duration_s)
@@ -76,8 +76,8 @@ def _plant(scenario: Path, out: Path) -> Made:
 
 
 def _model(found: Found, out: Path) -> Made:
-    from hil.app.export.fmu.model_unit import model_unit
-    from hil.app.export.fmu.package import fmu
+    from hil.app.export.fmu_archive import fmu
+    from hil.app.export.fmu_model import model_unit
 
     unit = model_unit(out.stem, found)
     return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": found.late()}

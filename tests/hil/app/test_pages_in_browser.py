@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from controller.supervision.acceptance import Acceptance
-from hil.app.campaign.folders.answers import answer_of
-from hil.app.campaign.folders.page import page_html as folders_html
 from hil.app.campaign.page import page_html as campaign_html
+from hil.app.campaign.series_answers import answer_of
+from hil.app.campaign.series_page import page_html as folders_html
 from hil.app.demo.loop import LOOPS
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import Mission, StoryResult

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.campaign.folders.answers import SeriesAnswer, answer_of, document, lacking, with_disagreements
-from hil.app.campaign.folders.page import headline, page_html
-from hil.app.campaign.folders.series import find_series
+from hil.app.campaign.series import find_series
+from hil.app.campaign.series_answers import SeriesAnswer, answer_of, document, lacking, with_disagreements
+from hil.app.campaign.series_page import headline, page_html
 from hil.app.main import run
 
 pytestmark = pytest.mark.usefixtures("loaded_once")

@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 
-from hil.app.identify.close_loop import next_toml
+from hil.app.close_loop import next_toml
 from models.checks.excitation import cannot_show, shown_with
 from models.effects import CATALOGUE
 from models.identification.experiment.propose import propose, words_of

@@ -8,7 +8,7 @@ from typing import Any, Final
 import llvmlite.binding as llvm
 from numba import njit, types
 
-from hil.app.export.fmu.package import FmuUnit, Variable, c_array, reference, start_values
+from hil.app.export.fmu_archive import FmuUnit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.drives.makers import ACTUATORS
 from hil.simulated.fmu_plant import FORCE, input_of, outputs_of

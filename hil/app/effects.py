@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from rich.table import Table
 
 from hil.app.console import answer, text_table
-from hil.app.effects.propose import propose
+from hil.app.propose import propose
 from hil.app.shared_options import Json, OwnEffects, argument, option
 from models.effects import CATALOGUE, Catalogue, effect_words
 from models.effects.conformance import CHECKS

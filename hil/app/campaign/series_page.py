@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any, Final
 
-from hil.app.campaign.folders.answers import ORDER, SeriesAnswer, lacking, verdicts
+from hil.app.campaign.series_answers import ORDER, SeriesAnswer, lacking, verdicts
 from hil.report.builder import page
 from hil.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
 from models.words.quantities import number

@@ -5,7 +5,7 @@ from typing import Final
 
 import casadi as ca
 
-from hil.app.export.fmu.package import FmuUnit, Variable, c_array, reference, start_values
+from hil.app.export.fmu_archive import FmuUnit, Variable, c_array, reference, start_values
 from hil.app.export.found import Found
 from models.assembly.model import Assembly, followed_by
 from models.files.units import unit_at_end

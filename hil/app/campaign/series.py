@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from hil.app.identify.close_loop import read_series, result_files
+from hil.app.close_loop import read_series, result_files
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
 from hil.formats.table import format_of

@@ -8,15 +8,12 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.app.console import print_json
-from hil.app.papers.analytical import analytical_rows
-from hil.app.papers.dma import dma_rows
-from hil.app.papers.draw_analytical import analytical_drawings
-from hil.app.papers.draw_viscoelastic import viscoelastic_drawings
-from hil.app.papers.drawing import Drawing
+from hil.app.papers.analytical import analytical_drawings, analytical_rows
+from hil.app.papers.comparison import Drawing, Row
+from hil.app.papers.dma import dma_rows, moduli_drawing
 from hil.app.papers.flat_car import flat_car_drawing, flat_car_rows
-from hil.app.papers.row import Row
 from hil.app.papers.two_speeds import two_speeds_drawing, two_speeds_rows
-from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
+from hil.app.papers.viscoelastic import base_rows, viscoelastic_drawings, viscoelastic_rows
 from hil.app.shared_options import Json, option
 from hil.app.write import write_files
 from hil.report.builder import page
@@ -88,7 +85,13 @@ def print_rows(rows: list[Row], console: Console) -> None:
 
 def drawings() -> list[Drawing]:
     """All figures: A Fig. 5-7, V Fig. 5, 7, 9 and Table 2, C Fig. 8, and the base model at two speeds."""
-    return [*analytical_drawings(), *viscoelastic_drawings(), flat_car_drawing(), two_speeds_drawing()]
+    return [
+        *analytical_drawings(),
+        *viscoelastic_drawings(),
+        moduli_drawing(),
+        flat_car_drawing(),
+        two_speeds_drawing(),
+    ]
 
 
 def write_page(folder: Path) -> Path:

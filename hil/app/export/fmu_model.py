@@ -5,40 +5,35 @@ from typing import Final
 
 import casadi as ca
 
-from hil.app.export.fmu_archive import FmuUnit, Variable, c_array, reference, start_values
-from hil.app.export.found import Found
+from hil.app.export.fmu_archive import FmuUnit, Variable, c_array, c_header
+from hil.app.export.found import TEXT, Found
 from models.assembly.model import Assembly, followed_by
 from models.files.units import unit_at_end
 from models.identification.kinds.series.drive_input import internal_step
 from models.theta import spelled
 
 _CORE: Final = Path(__file__).with_name("model_core.c")
-_STATES: Final = {
-    "x": ("capsule_position_m", "m", "capsule along the lumen"),
-    "v": ("velocity_m_s", "m/s", "capsule's speed"),
-    "u": ("wall_displacement_m", "m", "by which the wall is dragged"),
-}
+_STATES: Final = {"x": "capsule_position_m", "v": "velocity_m_s", "u": "wall_displacement_m"}
 
 
 def model_unit(name: str, found: Found) -> FmuUnit:
     """The FMU of a found model, at rest; a magnet's capsule below its magnet, a pull's where the pull begins."""
     assembly, drive = found.assembled(), found.drive
     values = found.numbers
-    shown = {state: told for state, told in _STATES.items() if state != "u" or found.surface.dragged}
-    way = "held over" if drive.held else "reached at the end of"
+    shown = {name: state for state, name in _STATES.items() if state != "u" or found.surface.dragged}
+    command = TEXT("command", held=TEXT("held" if drive.held else "reached"))
     variables = [
-        Variable(drive.commanded, "input", _unit(drive.commanded), f"command, {way} a communication step"),
-        Variable(drive.measured, "output", _unit(drive.measured), "what the rig measures, as predicted"),
-        *(Variable(n, "output", unit, why) for n, unit, why in shown.values()),
+        Variable(drive.commanded, "input", _unit(drive.commanded), command),
+        Variable(drive.measured, "output", _unit(drive.measured), TEXT("measured")),
+        *(Variable(name, "output", _unit(name), TEXT(f"state.{name}")) for name in shown),
         *(
             Variable(spelled(p.key), "parameter", p.unit or "1", p.source or spelled(p.key), values[p.key])
             for p in assembly.parameters
         ),
     ]
     step = internal_step(drive, drive.imposed and "string_compliance" not in {e.id for e in found.effects})
-    header = _header(found, assembly, variables, {s: told[0] for s, told in shown.items()}, step)
-    about = f"{found.stage} model of a {found.rig.kind} rig, found by capsule close-loop"
-    return FmuUnit(name, about, variables, header, _CORE, step, 20.0, 2e-3)
+    about = TEXT("model", stage=found.stage, kind=found.rig.kind)
+    return FmuUnit(name, about, variables, _header(found, assembly, variables, shown, step), _CORE, step, 20.0, 2e-3)
 
 
 def _unit(column: str) -> str:
@@ -49,17 +44,15 @@ def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: 
     function, drive = assembly.step, found.drive
     generator = ca.CodeGenerator("step.c")
     generator.add(function)
-    parameters = [spelled(p.key) for p in assembly.parameters]
     follows = [
         followed_by(assembly.effects, name) == "command" or (k == 0 and drive.anchored)
         for k, name in enumerate(assembly.states)
     ]
-    pairs = ", ".join(f"{{{reference(variables, n)}, {assembly.states.index(s)}}}" for s, n in shown.items())
-    defines = {
-        "VARIABLES": 1 + len(variables),
+    defines: dict[str, int | str] = {
+        "CASADI_SYMBOL_EXPORT": "static",
         "INPUT": 1,
         "OUTPUT": 2,
-        "PARAMETERS_FROM": 1 + len(variables) - len(parameters),
+        "PARAMETERS_FROM": 1 + len(variables) - len(assembly.parameters),
         "STATES": len(assembly.states),
         "STEP_S": step.hex(),
         "HELD": int(drive.held),
@@ -68,14 +61,11 @@ def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: 
         "WORK": max(int(function.sz_w()), 1),
         "IWORK": max(int(function.sz_iw()), 1),
     }
-    return "\n".join(
-        [
-            "#define CASADI_SYMBOL_EXPORT static",
-            *(f"#define {name} {value}" for name, value in defines.items()),
-            f"static const int OUTPUTS[][2] = {{{pairs}}};",
-            c_array("double", "START", start_values(variables)),
-            c_array("double", "INITIAL", [assembly.initial[name] for name in assembly.states]),
-            c_array("int", "FOLLOWS", [float(f) for f in follows]),
-            str(generator.dump()),
-        ]
+    return c_header(
+        variables,
+        defines,
+        {name: assembly.states.index(state) for name, state in shown.items()},
+        c_array("double", "INITIAL", [assembly.initial[name] for name in assembly.states]),
+        c_array("int", "FOLLOWS", [float(f) for f in follows]),
+        str(generator.dump()),
     )

@@ -1,5 +1,5 @@
-"""What each series of a campaign answered, in the few numbers that a page of all of them needs, and which disagree with
-the others of their kind or with their own held-out records.
+"""What each series of a campaign answered, and which series disagree with others of their kind or with their own
+held-out records.
 """
 
 import math
@@ -13,105 +13,79 @@ from scipy.stats import t as student
 
 from models.effects import effect_words
 from models.identification.finding import STAGES
-from models.words.quantities import number
-from models.words.sentences import listed
+from models.words.sentences import Sentences, listed
 
-Row = Mapping[str, Any]
+TEXT: Final = Sentences(__file__)
 ORDER: Final = ("refused", "unknown", "named", "none")
-"""What becomes of a series, what needs a look first."""
-
-
-LEAST_OTHERS: Final = 4  # series beside one that tell whether it is unlike them
+"""The verdicts, those that need a look first."""
+LEAST_OTHERS: Final = 4  # series beside one that show whether it is unlike them
 FALSE_ALARMS: Final = 0.01
-"""Chance that any number of a kind of rig is called out where all rigs are alike."""
+"""Probability that any number of a kind of rig is called out where all rigs are alike."""
 
 
 @dataclass(frozen=True)
 class SeriesAnswer:
-    """One series: `report` is the folder of its report, seen from the page, `error` why it could not be used."""
+    """One series. `report` is the folder of its report, seen from the page; `error` says why it could not be used, then
+    its verdict is "refused". `effects` are those of `report.json`; `lacks` has them in words, each with its equivalent
+    effects. `errors` by stage are in the report's unit, on `part` of the data: held out where there is any, else
+    training. `better` says how many times smaller the last one is than the nominal one. `confidence` is that of the
+    least sure effect, `calibrated` where it is a probability. `weak` are ids of findings that weaken the verdict.
+    """
 
     name: str
-    result: Row
-    report: str = ""
-    error: str = ""
+    result: Mapping[str, Any]
+    report: str
+    error: str
+    verdict: str
+    kind: str
+    effects: Sequence[Mapping[str, Any]]
+    lacks: str
+    confidence: float
+    calibrated: bool
+    part: str
+    errors: Mapping[str, float]
+    floor: float
+    better: float
+    weak: frozenset[str]
     disagrees: tuple[str, ...] = ()
 
-    @property
-    def verdict(self) -> str:
-        """The report's verdict, or "refused"."""
-        return str(self.result.get("verdict", "refused"))
 
-    @property
-    def kind(self) -> str:
-        """Kind of rig; empty where the series could not be used."""
-        return str(self.result.get("kind", ""))
-
-    @property
-    def effects(self) -> list[dict[str, Any]]:
-        """The effects as `report.json` has them."""
-        return list(self.result.get("effects", []))
-
-    @property
-    def lacks(self) -> str:
-        """The effects in words, each with what the records cannot tell it apart from."""
-        return listed(" or ".join(map(effect_words, (e["id"], *e["equivalent"]))) for e in self.effects)
-
-    @property
-    def sure(self) -> str:
-        """How sure its effects are, where that is calibrated; empty where there are none."""
-        if not self.effects:
-            return ""
-        told = all(e.get("confidence_calibrated", False) for e in self.effects)
-        return f"{100 * self.confidence:.3g}\u00a0%" if told else "not calibrated"
-
-    @property
-    def confidence(self) -> float:
-        """Of the least sure of the effects; NaN where there are none."""
-        return min((float(e["confidence"]) for e in self.effects), default=math.nan)
-
-    @property
-    def part(self) -> str:
-        """The part of the data whose errors tell most: held out where there is any, else training."""
-        errors = self.result.get("error", {})
-        held = errors.get("holdout", {})
-        return "holdout" if any(value is not None for value in held.values()) else "train"
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """Error by stage on `part`, in the unit of the report; NaN where there is none."""
-        found = self.result.get("error", {}).get(self.part, {})
-        return {stage: _number(found.get(stage)) for stage in STAGES}
-
-    @property
-    def floor(self) -> float:
-        """The noise floor in the same unit."""
-        return _number(self.result.get("error", {}).get("noise_floor"))
-
-    @property
-    def better(self) -> float:
-        """How many times smaller than nominal the error of the last model is."""
-        last = self.errors["augmented"]
-        return self.errors["nominal"] / last if last > 0 else math.nan
-
-    @property
-    def weak(self) -> set[str]:
-        """Ids of findings on its records that weaken a verdict."""
-        return {found["id"] for found in self.result.get("findings", []) if found["severity"] == "weakens"}
-
-
-def answer_of(name: str, row: Row, report: str) -> SeriesAnswer:
+def answer_of(name: str, row: Mapping[str, Any], report: str) -> SeriesAnswer:
     """The answer in a row of the results."""
-    error = str(row.get("error", "")).removeprefix("ValueError: ")
-    return SeriesAnswer(name, row.get("result", {}), "" if error else report, error)
+    result, error = row.get("result", {}), str(row.get("error", "")).removeprefix("ValueError: ")
+    effects, found = list(result.get("effects", [])), result.get("error", {})
+    part = "holdout" if any(value is not None for value in found.get("holdout", {}).values()) else "train"
+    errors = {stage: _number(found.get(part, {}).get(stage)) for stage in STAGES}
+    return SeriesAnswer(
+        name=name,
+        result=result,
+        report="" if error else report,
+        error=error,
+        verdict=str(result.get("verdict", "refused")),
+        kind=str(result.get("kind", "")),
+        effects=effects,
+        lacks=listed(map(_class_words, effects)),
+        confidence=min((float(effect["confidence"]) for effect in effects), default=math.nan),
+        calibrated=all(effect.get("confidence_calibrated", False) for effect in effects),
+        part=part,
+        errors=errors,
+        floor=_number(found.get("noise_floor")),
+        better=errors["nominal"] / errors["augmented"] if errors["augmented"] > 0 else math.nan,
+        weak=frozenset(found["id"] for found in result.get("findings", []) if found["severity"] == "weakens"),
+    )
+
+
+def _class_words(effect: Mapping[str, Any]) -> str:
+    return listed(map(effect_words, (effect["id"], *effect["equivalent"])), "or")
 
 
 def lacking(answers: Iterable[SeriesAnswer]) -> list[tuple[str, int, int]]:
-    """Every class of effects: how many series name it, and how many in part; the most frequent first."""
+    """Each class of effects, how many series name it and how many in part; the most frequent first."""
     named: Counter[str] = Counter()
     part: Counter[str] = Counter()
     for answer in answers:
         counted = named if answer.verdict == "named" else part
-        counted.update({" or ".join(map(effect_words, (e["id"], *e["equivalent"]))) for e in answer.effects})
+        counted.update(set(map(_class_words, answer.effects)))
     return sorted(((e, named[e], part[e]) for e in {*named, *part}), key=lambda row: (-row[1], -row[2], row[0]))
 
 
@@ -141,7 +115,7 @@ def _number(value: Any) -> float:
 
 
 def with_disagreements(answers: Sequence[SeriesAnswer]) -> list[SeriesAnswer]:
-    """The answers, each with what it disagrees in, as sentences."""
+    """The answers, each with its disagreements as sentences."""
     said: dict[str, list[str]] = {answer.name: [] for answer in answers}
     for kind in {answer.kind for answer in answers if answer.kind}:
         alike = [answer for answer in answers if answer.kind == kind]
@@ -150,13 +124,13 @@ def with_disagreements(answers: Sequence[SeriesAnswer]) -> list[SeriesAnswer]:
     for answer in answers:
         errors = answer.errors
         if answer.effects and answer.part == "holdout" and errors["augmented"] >= errors["calibrated"]:
-            said[answer.name].append("its held-out records: the augmented model errs no less than the calibrated one")
+            said[answer.name].append(TEXT("disagreement.own"))
     return [replace(answer, disagrees=tuple(said[answer.name])) for answer in answers]
 
 
 def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
-    """Where more than half of the series with a verdict, and at least three, have one answer: those with another, of
-    which no class holds an effect of it.
+    """The series whose effects differ from the usual answer: that of more than half of the series with a verdict, and
+    of at least three.
     """
     decided = [answer for answer in alike if answer.verdict in ("named", "none")]
     answers = Counter(answer.lacks for answer in decided)
@@ -168,9 +142,9 @@ def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
     classes = _members(next(answer for answer in decided if answer.lacks == usual))
     for answer in decided:
         if answer.lacks != usual and not (classes & _members(answer)):
-            what = f"lacks {answer.lacks}" if answer.effects else "lacks nothing"
-            others = f"lack {usual}" if usual else "lack nothing"
-            yield answer.name, f"the others of its kind: it {what}, {count} of {len(decided)} {others}"
+            own, others = (words or TEXT("disagreement.nothing") for words in (answer.lacks, usual))
+            decisions = {"count": count, "decided": len(decided), "usual": others}
+            yield answer.name, TEXT("disagreement.effects", own=own, **decisions)
 
 
 def _members(answer: SeriesAnswer) -> set[str]:
@@ -178,8 +152,8 @@ def _members(answer: SeriesAnswer) -> set[str]:
 
 
 def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
-    """Parameters outside the prediction interval (Student's t) of the others' values, each at least as uncertain as
-    its own interval says; over all numbers of the kind `FALSE_ALARMS`.
+    """Parameters outside the prediction interval (Student's t) of the others' values; each is at least as uncertain as
+    its own interval says. `FALSE_ALARMS` holds over all numbers of the kind.
     """
     tables = {name: values for name, values in _values(alike).items() if len(values) > LEAST_OTHERS}
     tests = sum(map(len, tables.values()))
@@ -187,18 +161,16 @@ def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
         for series, (value, deviation) in values.items():
             others = np.array([v for name, (v, _) in values.items() if name != series])
             count, middle = len(others), float(others.mean())
-            spread = max(float(others.std(ddof=1)) * np.sqrt(1 + 1 / count), deviation)
+            spread = float(others.std(ddof=1))
+            uncertain = max(spread * np.sqrt(1 + 1 / count), deviation)
             limit = float(student.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
-            if abs(value - middle) > limit * spread > 0:
-                yield (
-                    series,
-                    f"the others of its kind: {parameter} is {number(value, 3)}, theirs {number(middle, 3)} with a"
-                    f" standard deviation of {number(float(others.std(ddof=1)), 2)}",
-                )
+            if abs(value - middle) > limit * uncertain > 0:
+                numbers = {"parameter": parameter, "value": value, "mean": middle, "spread": spread}
+                yield series, TEXT("disagreement.number", **numbers)
 
 
 def _values(alike: Sequence[SeriesAnswer]) -> dict[str, dict[str, tuple[float, float]]]:
-    """Value and standard deviation of every parameter that is told, by parameter and series."""
+    """Value and standard deviation of every identifiable parameter, by parameter and series."""
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for answer in alike:
         named = [(f"{e['id']} {name}", p) for e in answer.effects for name, p in e["parameters"].items()]

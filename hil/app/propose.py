@@ -15,7 +15,7 @@ from models.effects.conformance import CHECKS
 from models.effects.own import effects_in, own_failure
 from models.files.toml import is_number
 from models.identification.model import read_report
-from models.identification.residual.term import FORMS, SYMBOLS, UNITS
+from models.identification.residual_term import FORMS, SYMBOLS, UNITS
 
 REPORT: Final = "report.json"
 _RANGE = 5.0  # times a fitted size, as far as a new fit may go

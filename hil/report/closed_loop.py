@@ -66,7 +66,7 @@ def report_html(finding: Finding) -> str:
         "candidates": candidate_figure(finding),
         "equations": _model(finding),
         "calibration": parameters(finding.calibration, finding.nominal),
-        "untold": [name for name, estimate in finding.calibration.items() if not estimate.told],
+        "vague": [name for name, estimate in finding.calibration.items() if not estimate.identifiable],
     }
     return page("report.html.j2", report=report)
 

@@ -44,9 +44,9 @@ def parameters(estimates: Mapping[str, Fitted], nominal: Mapping[str, float] | N
         factor, unit = units[estimate.unit]
         low, high = (factor * end for end in estimate.ci95)
         words, before = told(factor * estimate.value, (low, high)), believed.get(name)
-        value = words.value if estimate.told else number(factor * estimate.value, 3)
+        value = words.value if estimate.identifiable else number(factor * estimate.value, 3)
         row = {"name": name, "symbol": symbol_html(name), "unit": unit, "nominal": scaled(before, factor)}
-        row |= {"value": value, "low": words.low, "high": words.high, "told": estimate.told}
+        row |= {"value": value, "low": words.low, "high": words.high, "identifiable": estimate.identifiable}
         rows.append(row | {"drawn": _change_drawn(before, estimate)})
     return {"rows": rows, "compared": nominal is not None, "lettered": any(row["symbol"] for row in rows)}
 
@@ -82,7 +82,7 @@ def _delogged(name: str, estimate: Fitted) -> Fitted:
     if not name.startswith(_LOG):
         return estimate
     low, high = (10**end for end in estimate.ci95)
-    return Fitted(10**estimate.value, (low, high), estimate.unit.removeprefix("log10 "), estimate.told)
+    return Fitted(10**estimate.value, (low, high), estimate.unit.removeprefix("log10 "), estimate.identifiable)
 
 
 def _change_drawn(nominal: float | None, estimate: Fitted) -> dict[str, Any] | None:
@@ -95,4 +95,4 @@ def _change_drawn(nominal: float | None, estimate: Fitted) -> dict[str, Any] | N
         for v in (off, min(ends), max(ends))
     )
     drawn = dict(zip(("value", "low", "high"), places, strict=True))
-    return drawn | {"change": change(estimate.value, nominal), "kind": "own" if estimate.told else "untold"}
+    return drawn | {"change": change(estimate.value, nominal), "kind": "own" if estimate.identifiable else "vague"}

@@ -169,7 +169,7 @@ def _for_a_part(finding: Finding, names: str) -> str:
 
 def interpolation(finding: Finding) -> str:
     """What to say where as many numbers were fitted as the records hold different values to fit; else empty."""
-    fitted = sum(e.told or not math.isnan(e.value) for e in finding.calibration.values())
+    fitted = sum(e.identifiable or not math.isnan(e.value) for e in finding.calibration.values())
     fitted += sum(len(effect.parameters) for effect in finding.effects)
     last = "augmented" if finding.effects else "calibrated"
     layout = KINDS[finding.kind].layout

@@ -1,4 +1,4 @@
-"""What several checks estimate of a column: its noise, its grid, its mean over time, where a condition goes on."""
+"""Estimates of a column that several checks use: noise, grid, running mean, runs of rows."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,14 @@ def running_mean(x: Array, n: int) -> Array:
 
 
 def white_noise(x: Array) -> float:
-    """Standard deviation of white noise on `x`, from the median of its second differences, which motion hardly
-    touches.
-    """
+    """Standard deviation of white noise on `x`, from the median of its second differences: motion hardly changes it."""
     return float(np.median(np.abs(np.diff(x, 2)))) / 0.6745 / np.sqrt(6) if len(x) > 2 else 0.0
 
 
 def spectral_noise(x: Array) -> tuple[float, bool]:
     """Standard deviation of white noise on `x`, from the quietest tenth of its spectrum (Welch, up to 256 samples a
-    window): motion only adds to it, also one that a few samples a swing follow no longer. And whether the spectrum is
-    flat there; where it is not, the motion is louder than the noise at every frequency and the value is a bound.
+    window), to which motion only adds; and whether the spectrum is flat there. Where it is not, the motion is louder
+    than the noise at every frequency and the value is an upper bound.
     """
     window = min(SET.spectrum_window, len(x) // 8)
     if window < 16:
@@ -62,9 +60,9 @@ def step_noise(x: Array) -> float:
 
 
 def estimated_noise(y: Array, vibrates: bool, stated: float | None) -> float:
-    """Standard deviation of the noise of a column's values `y` (n,), estimated from these: in the quieter of its
-    stretches (slip events only add), where the rig `vibrates` in the quieter part of the spectrum, or as `stated` where
-    there is none; and at least what its resolution makes.
+    """Standard deviation of the noise of a column's values `y` (n,): from its quieter stretches, because slip
+    events only add to it. Where the rig `vibrates`, from the quieter part of the spectrum, or as `stated` where no part
+    is quiet. At least what the resolution adds.
     """
     step = grid_step(y)
     if vibrates:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from models.checks import delay, excitation, inner_mass, noise, places, sensor, signs, sizes, stamps, usable
+from models.checks import clocks, excitation, inner_mass, noise, places, sensor, signs, sizes, usable
 from models.checks.finding import Findings, RecordFinding
 from models.checks.sensor import without_outliers
 from models.checks.usable import on_one_clock
@@ -15,11 +15,11 @@ from models.rigs.rig import Rig
 _ORDER: Final = ("stops", "weakens", "note")
 Checks = tuple[Callable[[View], Findings], ...]
 STAMPS: Final[Checks] = (
-    stamps.check_interval,
-    stamps.check_sparse_values,
-    stamps.check_restart,
-    stamps.check_repeats,
-    stamps.check_uneven,
+    clocks.check_interval,
+    clocks.check_sparse_values,
+    clocks.check_restart,
+    clocks.check_repeats,
+    clocks.check_uneven,
 )
 """What the clock did: of all rows of a time series."""
 MOTION: Final[Checks] = (excitation.check_information, usable.check_start)
@@ -38,8 +38,8 @@ INSTRUMENTS: Final[Checks] = (
     noise.check_tones,
 )
 """What the instruments did: of the rows that are measured."""
-WIRING: Final[Checks] = (
-    delay.check_delay,
+COLUMNS: Final[Checks] = (
+    clocks.check_delay,
     signs.check_pull_exchanged,
     signs.check_same,
     inner_mass.check_inner_mass,
@@ -70,7 +70,7 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
 
 
 def _of(whole: View, measured: View) -> Findings:
-    """The stamps first: where they stop, nothing else can be told of the rows that are measured."""
+    """The stamps first: where they stop, nothing else can be judged of the measured rows."""
     if not whole.timed:
         yield from sizes.check_table(whole)
         return
@@ -78,7 +78,7 @@ def _of(whole: View, measured: View) -> Findings:
     yield from of_the_stamps
     if stopping(of_the_stamps) is None:
         sane = View(without_outliers(measured), measured.rig)
-        for view, checks in ((sane, MOTION), (measured, INSTRUMENTS), (sane, WIRING)):
+        for view, checks in ((sane, MOTION), (measured, INSTRUMENTS), (sane, COLUMNS)):
             for check in checks:
                 yield from check(view)
 

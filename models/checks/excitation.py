@@ -28,7 +28,7 @@ class Excitation:
 
     @cached_property
     def reversals(self) -> int:
-        """How often a stroke is followed by one the other way."""
+        """How often a stroke is followed by one in the other direction."""
         return sum(a[2] != b[2] for strokes in self._strokes for a, b in pairwise(strokes))
 
     @cached_property
@@ -45,14 +45,14 @@ class Excitation:
 
     @cached_property
     def one_course(self) -> bool:
-        """Whether the place is a straight line of the time since the record's start, the same one in all records."""
+        """Whether the position is one linear function of the time since the start, the same in all records."""
         t = np.concatenate([(view.t - view.t[0])[view.moves] for view in self.views])
         x = np.concatenate([view.record[view.moving_column][view.moves] for view in self.views])
         return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > SET.straight)
 
     @cached_property
     def lacking(self) -> dict[str, str]:
-        """What effects may name in `needs` and the series does not offer, and how that is said."""
+        """What effects may name in `needs` and the series does not offer, by name, with a sentence."""
         (low, high), (view, *_) = self.speeds, self.views
         places = [view.record[view.moving_column] for view in self.views]
         travel = max(float(x.max()) for x in places) - min(float(x.min()) for x in places)
@@ -92,8 +92,8 @@ def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
 
 
 def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:
-    """By an effect's id, its declared confounders, and theirs, that no form tells from it in these records: where the
-    motion is one course at one speed, whatever goes with the place goes with time as well.
+    """By an effect's id, its declared confounders, and theirs, that these records cannot separate from it in any form:
+    in one pass at one speed, whatever depends on position depends on time as well.
     """
     views = _timed(rig, records)
     if not views or not Excitation(views).one_course:
@@ -106,7 +106,7 @@ def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
 
 
 def _reached(name: str, near: Mapping[str, Sequence[str]]) -> set[str]:
-    """All that leads to `name` over its neighbours, itself too."""
+    """`name` and all that is connected to it over neighbours."""
     reached = {name}
     while new := {other for one in reached for other in near[one]} - reached:
         reached |= new
@@ -129,8 +129,8 @@ Shown = Callable[[Record], tuple[frozenset[str], float]]
 
 
 def shown_with(rig: Rig, records: Sequence[Record], hidden: Sequence[type[Effect]]) -> Shown:
-    """Of the driven motion of one more record: which of the `hidden` effects, that `records` cannot show, they could
-    together with it, by id; and how rich it is by itself: its turns and starts, and the logarithm of its range of
+    """A function of the driven motion of one more record. It gives the ids of the `hidden` effects that `records` could
+    show together with it, and how rich the motion is: its reversals, its starts and the logarithm of its range of
     speeds.
     """
     views = _timed(rig, records)
@@ -146,14 +146,12 @@ def shown_with(rig: Rig, records: Sequence[Record], hidden: Sequence[type[Effect
 
 
 def silent_response(view: View) -> bool:
-    """Whether the measured column is a constant, or a constant and noise."""
+    """Whether `check_information` finds no response."""
     return any(True for _ in check_information(view))
 
 
 def check_information(view: View) -> Findings:
-    """A measured column, or a place that moves a capsule or an axis by itself, that holds a constant, or a measured one
-    that holds a constant and noise and nothing else.
-    """
+    """A measured column or an imposed position that is constant, or a measured one that is a constant and noise."""
     for name in ((view.moving_column,) if view.kind.imposed else ()) + (view.measured,):
         if not np.ptp(view.record[name]):
             yield view.stops("no_response.constant", name, value=float(view.record[name][0]))

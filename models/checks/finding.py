@@ -12,7 +12,7 @@ class RecordFinding:
     """One thing about one record that a reader should know before any fit.
 
     `severity`: "stops" (nothing may be fitted), "weakens" (a verdict `none` or `named` needs more than these records)
-    or "note". `where` names columns, rows or times; `how` says how it was told; `remedy` is a line for the rig file, a
+    or "note". `where` names columns, rows or times; `how` says how it was found; `remedy` is a line for the rig file, a
     command, or what to record.
     """
 

@@ -1,5 +1,5 @@
-"""Sign, size and clock of a capsule that an inner mass shakes, against what the two masses would do in the air:
-friction holds the body back and leaves the shape of its swings.
+"""Sign, size and clock of a capsule that an inner mass shakes, compared with the swings of both masses in air: friction
+reduces the swings of the body but keeps their shape.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
 
-from models.checks.delay import drift_line
+from models.checks.clocks import drift_line
 from models.checks.estimators import Array
 from models.checks.finding import Findings
 from models.checks.settings import SET
@@ -18,8 +18,8 @@ from models.rigs.tables import MOST_DRIFT
 
 @dataclass(frozen=True)
 class Answer:
-    """How the measured place goes with the body's in the air: the strongest correlation about no lag at all (`near`)
-    with its sign, the largest at any lag (`best`) and by how many s that is late, and standard deviations' ratio.
+    """Correlation of the measured position with the body's in air: the strongest one near zero lag with its sign
+    (`near`), the largest at any lag (`best`) with that lag in s, and the ratio `size` of the standard deviations.
     """
 
     near: float
@@ -29,12 +29,12 @@ class Answer:
 
     @property
     def turned(self) -> bool:
-        """Whether the place goes against the body's."""
+        """Whether the position moves against the body's."""
         return self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned
 
 
 def check_inner_mass(view: View) -> Findings:
-    """Whether a shaken capsule goes where its drive takes it, as far, and when."""
+    """Whether a shaken capsule follows its drive in direction, size and time."""
     driven, measured = view.driven, view.measured
     if not view.kind.vibrates or view.rig.drive is None or driven is None:
         return
@@ -62,8 +62,8 @@ def check_inner_mass(view: View) -> Findings:
 
 
 def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
-    """By how many s the place comes later with every second: where that lets it follow the swings in the air clearly
-    better than the `best` correlation without; else 0.
+    """By how many s the position comes later with every second, where this raises the correlation with the swings in
+    air clearly above the `best` without; else 0.
     """
     step = _grid_s(view)
     (x, y), at = both, np.arange(len(both[0])) * step
@@ -78,8 +78,8 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
     near = float(grid[np.argmin([apart(float(drifted)) for drifted in grid])])
     found = minimize_scalar(apart, bounds=(near - SET.swing_step_s, near + SET.swing_step_s), method="bounded")
     follows = 1 - float(found.fun)
-    told = follows >= SET.swing_follows and follows > best + SET.ahead and abs(found.x) > SET.swing_drifted_s
-    return float(found.x) / length if told else 0.0
+    clear = follows >= SET.swing_follows and follows > best + SET.ahead and abs(found.x) > SET.swing_drifted_s
+    return float(found.x) / length if clear else 0.0
 
 
 def _grid_s(view: View) -> float:
@@ -88,8 +88,8 @@ def _grid_s(view: View) -> float:
 
 
 def _swings(view: View) -> tuple[Array, Array] | None:
-    """The body's place under the drive in the air and the measured one, both on an even grid and in the band of the
-    vibration, shape (n,); None where the record is too short or too slow for it, or its drive cannot be told.
+    """The body's position in air under the drive and the measured one, both on an even grid and in the band of the
+    vibration, shape (n,); None where the record is too short or too slow, or the force of its drive is unknown.
     """
     force, step = _force(view), _grid_s(view)
     nyquist = 0.5 / step
@@ -118,7 +118,7 @@ def _force(view: View) -> Array | None:
 
 
 def _in_the_air(view: View, force: Array, t: Array) -> Array:
-    """The body's place in m under `force` in N on the inner mass: `m w' = F - S`, `M v' = S - a F`,
+    """The body's position in m under `force` in N on the inner mass: `m w' = F - S`, `M v' = S - a F`,
     `S = k r + c r'` (a = 1 where the coil sits on the body), from rest.
     """
     drive, body = view.rig.drive, view.rig.capsule.mass_kg
@@ -132,8 +132,8 @@ def _in_the_air(view: View, force: Array, t: Array) -> Array:
         [[0, 0, 0, 1]],
         [[0]],
     )
-    _, place, _ = lsim(system, force, t)
-    return np.asarray(place)
+    _, position, _ = lsim(system, force, t)
+    return np.asarray(position)
 
 
 def _answer(x: Array, y: Array, dt: float) -> Answer:

@@ -1,4 +1,4 @@
-"""The noise of the measured column: as it is and as stated, white or coloured, with tones, beside a coarse grid."""
+"""The noise of the measured column: estimated and stated, white or coloured, with tones, on a coarse grid."""
 
 import math
 
@@ -24,7 +24,7 @@ def _key(view: View) -> str:
 
 def noise_used(stated: float | None, estimated: float, span: float, step: float = 0.0) -> float:
     """The noise that fits use: the stated one with what a resolution `step` adds, unless the record is noisier or the
-    stated one is absurd beside the `span` of the signal.
+    stated one is too large for the `span` of the signal.
     """
     stated = stated if stated is None else math.hypot(stated, step / math.sqrt(12))
     if stated is None or estimated > SET.noise_off * stated or stated > SET.noise_absurd * span:
@@ -71,7 +71,7 @@ def check_resolution(view: View) -> Findings:
 
 
 def check_colour(view: View) -> Findings:
-    """Noise of the measured column that goes on from sample to sample: a sensor that filters."""
+    """Noise of the measured column that is correlated from sample to sample: a sensor that filters."""
     if view.noise == 0:
         return
     view = View(without_outliers(view), view.rig)
@@ -82,7 +82,7 @@ def check_colour(view: View) -> Findings:
 
 
 def _correlation(view: View, rows: Array) -> float:
-    """Correlation of neighbouring samples of `rows` (n, m) without the record's tones and what a parabola follows."""
+    """Correlation of neighbouring samples of `rows` (n, m), less the record's tones and a parabola."""
     at = np.arange(rows.shape[1])
     waves = [turned(2 * np.pi * hertz * view.dt * at) for hertz, _ in tones(view) for turned in (np.sin, np.cos)]
     basis, _ = np.linalg.qr(np.column_stack([np.vander(at, 3).astype(float), *waves]))

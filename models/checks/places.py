@@ -1,4 +1,4 @@
-"""Places that jump, begin again, go in steps or stand still while the motion goes on."""
+"""Positions that jump, wrap around, go in steps or stand still while the motion goes on."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,13 @@ from models.checks.settings import SET
 from models.checks.view import View
 
 PLACES = ("position_m", "carriage_position_m", "angle_rad")
-"""Driven columns that say where something is."""
+"""Columns that hold a position."""
 _USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # angles and counters that begin again
 
 
 def jumps(view: View) -> NDArray[np.int64]:
-    """Rows of the measured place before which it jumps and stays, (k,): by more than its noise and than 1 N could move
-    the capsule in a sampling interval.
+    """Rows (k,) before which the measured position jumps and stays: by more than its noise, and further than 1 N could
+    move the capsule in a sampling interval.
     """
     none, n, y = np.zeros(0, dtype=np.int64), SET.beside, view.y
     if view.measured != "position_m" or len(y) < 4 * n:
@@ -27,14 +27,14 @@ def jumps(view: View) -> NDArray[np.int64]:
     beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
     rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
     rows = rows[(rows >= n) & (rows <= len(y) - n)]
-    rows = rows[~silent(view)[rows - 2]]  # where a sensor comes back, its place is another
+    rows = rows[~silent(view)[rows - 2]]  # where a sensor comes back, its position differs
     left = [abs(np.median(y[k : k + n]) - np.median(y[k - n : k])) for k in rows]
     rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
     return rows if len(rows) <= SET.jump_most else none
 
 
 def check_jumps(view: View) -> Findings:
-    """A measured place that goes elsewhere from one sample to the next, faster than anything could move the capsule."""
+    """A measured position that jumps from one sample to the next, faster than anything could move the capsule."""
     rows = jumps(view)
     if len(rows):
         largest = view.length(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
@@ -42,10 +42,8 @@ def check_jumps(view: View) -> Findings:
 
 
 def check_wraps(view: View) -> Findings:
-    """Places, measured or driven, that begin again: an angle that goes on at -180 after 180 degrees, a counter that
-    overflows.
-    """
-    for name in (place for place in PLACES if place in (view.moving_column, view.driven, view.measured)):
+    """Positions, measured or driven, that wrap around: an angle from 180 to -180 degrees, a counter that overflows."""
+    for name in (name for name in PLACES if name in (view.moving_column, view.driven, view.measured)):
         values = view.record[name]
         rows = wraps(values)
         if len(rows):
@@ -62,8 +60,8 @@ def check_wraps(view: View) -> Findings:
 
 
 def wraps(values: Array) -> NDArray[np.int64]:
-    """Rows before which `values` (n,) jump back through most of their span while they go on as before, (k,); none where
-    a jump is of another kind, as that of a command that steps. What flickers to and fro at one passage counts once.
+    """Rows (k,) before which `values` (n,) jump back through most of their span while they go on as before; none where
+    a jump is of another kind, like the step of a command. Flicker at one passage counts once.
     """
     none, side, few = np.zeros(0, dtype=np.int64), SET.side, SET.few
     rows = np.flatnonzero(np.abs(np.diff(values)) > SET.wrap_jump * np.ptp(values)) + 1
@@ -82,7 +80,7 @@ def wraps(values: Array) -> NDArray[np.int64]:
 
 
 def _half_step(view: View, x: Array) -> int:
-    """Half the samples that a step of the place `x` lasts at the usual speed; 0 where it has no such steps."""
+    """Half the samples that a step of the position `x` lasts at the usual speed; 0 where it has no such steps."""
     step = grid_step(x)
     speed = float(np.median(np.abs(view.speed[view.moves]))) if view.moves.any() else 0.0
     if step == 0 or speed == 0 or step <= SET.step_wide * speed * view.dt:
@@ -91,15 +89,13 @@ def _half_step(view: View, x: Array) -> int:
 
 
 def without_steps(view: View, x: Array) -> Array:
-    """The place `x` (n,) over time without the steps of a coarse scale: a running mean as long as one lasts; `x` itself
-    where it has none.
-    """
+    """The position `x` (n,) without the steps of a coarse scale, if any: its running mean over one step."""
     half = _half_step(view, x)
     return running_mean(x, half) if half else x
 
 
 def check_driven_resolution(view: View) -> Findings:
-    """A driven place that goes in steps."""
+    """A driven position that goes in steps."""
     name = view.driven
     if name in PLACES and (half := _half_step(view, view.record[name])):
         step, length = view.length(grid_step(view.record[name])), 2 * half * view.dt
@@ -110,9 +106,9 @@ def check_driven_resolution(view: View) -> Findings:
 
 
 def check_stuck(view: View) -> Findings:
-    """Whether the measured column ranges as far at rest of a driven place as in motion, through zero: an encoder that
-    is stuck or slips. Dry friction holds an axis at rest while its force goes from one break-away to the other, once a
-    turning point: there it must come back, too.
+    """Whether the measured column swings through zero while the driven position rests, as far as in motion: an encoder
+    that is stuck or slips. At a reversal dry friction holds an axis while its force goes once from one break-away to
+    the other; for an axis it must therefore come back, too.
     """
     name = view.driven
     if name not in PLACES or name != view.moving_column or not view.moves.any():

@@ -1,6 +1,6 @@
-"""What the sensor and its amplifier did to single values: clipped, held, lost, replaced, off.
+"""Single values that a sensor or its amplifier spoiled: clipped, repeated, lost, replaced, off.
 
-Masks say which samples of the measured column a fit may not use; the checks tell of them.
+A mask says which samples of the measured column a fit may not use; a check reports them.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ def check_clipping(view: View) -> Findings:
 
 
 def fresh(view: View) -> Mask:
-    """Where a value of the measured column is a new one, shape of the column; everywhere where none are held."""
+    """Where a value of the measured column is a new one, shape of the column; everywhere where none are repeated."""
     y, mask = view.y, np.ones(len(view.y), dtype=bool)
     changes = np.flatnonzero(np.concatenate([[True], np.diff(y) != 0]))
     if len(y) < 20 or len(changes) > (1 - SET.held_share) * len(y) or len(changes) < 10:
@@ -92,7 +92,7 @@ def silent(view: View) -> Mask:
 
 
 def check_silence(view: View) -> Findings:
-    """Stretches in which a noisy sensor has no noise: it was lost, and its values are held or filled in."""
+    """Stretches in which a noisy sensor has no noise: its signal was lost and then held or filled in."""
     mask = silent(view)
     if mask.any():
         lost = runs_of(mask)
@@ -104,9 +104,8 @@ def check_silence(view: View) -> Findings:
 
 
 def spikes(view: View, name: str) -> Mask:
-    """Where one or two samples of the column `name` stand off both sides by far more than noise and motion do, and by
-    more than the two sides differ: after an outlier the signal is where it was, after a step or a pulse it is not;
-    shape (n,).
+    """Where one or two samples of the column `name` differ from both sides by far more than noise and motion do, and by
+    more than the sides differ from each other, shape (n,): an outlier, no step and no pulse.
     """
     values = view.record[name]
     mask = np.zeros(len(values), dtype=bool)

@@ -1,4 +1,4 @@
-"""Signs and zeros, and columns in each other's place: what friction shows of a force, or of a capsule that is led.
+"""Signs and zeros, and exchanged columns: what friction shows of a force, or of a capsule that is led.
 Over strokes in both directions it acts against the motion, equally far to both sides of the middle.
 """
 
@@ -18,17 +18,17 @@ _OF_MEDIAN = 1.253 / 0.6745  # standard error of a median by the median deviatio
 
 def check_force_sign(view: View) -> Findings:
     """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
-    place = view.moving_column
+    moved = view.moving_column
     if view.kind.stage:
         if _stage_reversed(view):
             line = view.turned_line(view.measured)
-            yield view.stops("force_sign.stage", beside=place, place=place, line=line)
+            yield view.stops("force_sign.stage", beside=moved, moved=moved, line=line)
     elif view.pushing is not None:
         column, force = view.pushing
         mean, n = _along(view, force)
         if mean:
             line = view.turned_line(column)
-            yield view.stops("force_sign.stroke", column, beside=place, place=place, line=line, mean=mean, n=n)
+            yield view.stops("force_sign.stroke", column, beside=moved, moved=moved, line=line, mean=mean, n=n)
         elif view.kind.drawn:
             yield from _unsigned(view, column)
 
@@ -39,10 +39,10 @@ def _along(view: View, force: Array) -> tuple[float, int]:
     """
     strokes = view.strokes()
     if len(strokes) == 1:
-        ((a, b, way),) = strokes
-        ends = np.array([way * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
+        ((a, b, sign),) = strokes
+        ends = np.array([sign * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
     else:
-        ends = np.concatenate([way * view.ends(force, way) for way in (1.0, -1.0)])
+        ends = np.concatenate([sign * view.ends(force, sign) for sign in (1.0, -1.0)])
     if not len(ends):
         return 0.0, 0
     error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * white_noise(force) / np.sqrt(len(force)), 1e-15)
@@ -52,18 +52,18 @@ def _along(view: View, force: Array) -> tuple[float, int]:
 
 
 def _unsigned(view: View, column: str) -> Findings:
-    """Whether a pull's force turns round with the motion, as friction does: what it is in one direction less what it is
-    in the other, against how much it varies.
+    """Whether a pull's force changes sign with the direction of motion, as friction does: half the difference between
+    the directions, against its size.
     """
-    forward, backward = ways = [view.ends(view.y, way) for way in (1.0, -1.0)]
-    if min(map(len, ways)) < SET.sign_strokes or silent_response(view):
+    forward, backward = both = [view.ends(view.y, sign) for sign in (1.0, -1.0)]
+    if min(map(len, both)) < SET.sign_strokes or silent_response(view):
         return
     turns = float(np.mean(forward) - np.mean(backward)) / 2
-    error = float(np.hypot(*(np.std(way) / np.sqrt(len(way)) for way in ways))) / 2
+    error = float(np.hypot(*(np.std(ends) / np.sqrt(len(ends)) for ends in both))) / 2
     size = float(np.percentile(np.abs(view.y), 90))
     if size >= 20 * view.noise and abs(turns) + SET.sure / 2 * error <= SET.sign_turns * size:
         means = {"forward": np.mean(forward), "backward": np.mean(backward), "n": len(forward), "m": len(backward)}
-        yield view.stops("force_unsigned", column, beside=view.moving_column, place=view.moving_column, **means)
+        yield view.stops("force_unsigned", column, beside=view.moving_column, moved=view.moving_column, **means)
 
 
 def _stage_reversed(view: View) -> bool:
@@ -71,8 +71,8 @@ def _stage_reversed(view: View) -> bool:
     x, force, n = view.record[view.moving_column], view.y, max(1, round(0.02 / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt
-    place = [np.sin(x), np.cos(x)] if view.turns else []
-    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x, *place])
+    weight = [np.sin(x), np.cos(x)] if view.turns else []
+    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x, *weight])
     scale = np.maximum(np.std(rows, axis=0), 1e-300)
     scale[3] = 1.0
     (mass, friction, *_), *_ = np.linalg.lstsq(rows / scale, force, rcond=None)
@@ -82,7 +82,7 @@ def _stage_reversed(view: View) -> bool:
 
 
 def check_drive_sign(view: View) -> Findings:
-    """Whether the capsule goes where a magnet takes it."""
+    """Whether the capsule moves in the direction of its magnet."""
     if not view.kind.follows or view.driven is None:
         return
     x, c = view.averaged(view.y, SET.mean_s), view.averaged(view.record[view.driven], SET.mean_s)
@@ -95,7 +95,7 @@ def check_drive_sign(view: View) -> Findings:
 
 
 def check_same(view: View) -> Findings:
-    """A measured column that is the driven one once more, in another unit at most."""
+    """A measured column that repeats the driven one, perhaps in another unit."""
     if view.driven is None:
         return
     driven, span = view.record[view.driven], float(np.ptp(view.y))
@@ -108,26 +108,26 @@ def check_same(view: View) -> Findings:
 
 
 def check_pull_exchanged(view: View) -> Findings:
-    """A stage follows its path more finely than a load cell weighs, and friction turns round with the motion: where
+    """A stage follows its path more finely than a load cell measures, and friction changes sign with the motion: where
     neither holds, the columns are exchanged.
     """
-    way = float(np.mean(np.abs(view.speed)))
-    if not view.kind.drawn or view.driven is None or not way:
+    speed = float(np.mean(np.abs(view.speed)))
+    if not view.kind.drawn or view.driven is None or not speed:
         return
-    place, noise = _coarse(view.record[view.driven]), _coarse(view.y)
-    along = abs(float(np.mean(np.sign(view.y) * view.speed))) / way
-    if place > SET.exchanged_coarser * noise and along < SET.exchanged_along:
-        yield _exchanged(view, view.driven, "columns_exchanged.pull", place=place, noise=noise, along=along)
+    position, noise = _coarse(view.record[view.driven]), _coarse(view.y)
+    along = abs(float(np.mean(np.sign(view.y) * view.speed))) / speed
+    if position > SET.exchanged_coarser * noise and along < SET.exchanged_along:
+        yield _exchanged(view, view.driven, "columns_exchanged.pull", position=position, noise=noise, along=along)
 
 
 def _coarse(x: Array) -> float:
-    """Noise or step of a column as a share of what nearly all of it spans."""
+    """Noise or resolution of a column as a share of its span."""
     span = float(np.ptp(np.percentile(x, (1, 99))))
     return max(white_noise(x), step_noise(x)) / span if span else 0.0
 
 
 def _exchanged(view: View, driven: str, case: str, **values: Any) -> RecordFinding:
-    """The finding that the measured column and the `driven` one are in each other's place."""
+    """The finding that the measured column and the `driven` one are exchanged."""
     measured, sources = view.measured, view.rig.columns
     line, other = (
         view.columns_line(one, column=sources.entry(two).column)
@@ -138,8 +138,8 @@ def _exchanged(view: View, driven: str, case: str, **values: Any) -> RecordFindi
 
 @dataclass(frozen=True)
 class _Sides:
-    """Median of a signal over the later halves of the longer strokes: half the difference between both ways
-    (`friction`), the `middle` between them, and how far these may be off by chance.
+    """Medians of a signal over the later halves of the longer strokes: half the difference between the directions
+    (`friction`), the mean of both (`middle`), and by how much these may be off by chance (`unsure`).
     """
 
     friction: float
@@ -153,22 +153,21 @@ class _Sides:
 
 
 def _sides(view: View, signal: Array, noise: float) -> _Sides | None:
-    """None where a way has fewer than two strokes."""
-    place = view.record[view.moving_column]
-    strokes = [
-        (way, np.mean(signal[(a + b) // 2 : b]), abs(float(place[b - 1] - place[a]))) for a, b, way in view.strokes()
-    ]
+    """None where a direction has fewer than two strokes."""
+    x = view.record[view.moving_column]
+    strokes = [(sign, np.mean(signal[(a + b) // 2 : b]), abs(float(x[b - 1] - x[a]))) for a, b, sign in view.strokes()]
     least = float(np.median([length for *_, length in strokes])) if strokes else 0.0
-    ways = [np.array([mean for way, mean, d in strokes if way == side and d >= least]) for side in (1.0, -1.0)]
-    if min(map(len, ways)) < 2:
+    both = [np.array([mean for sign, mean, d in strokes if sign == side and d >= least]) for side in (1.0, -1.0)]
+    if min(map(len, both)) < 2:
         return None
-    ahead, back = (float(np.median(way)) for way in ways)
-    error = _OF_MEDIAN * float(np.hypot(*(np.median(np.abs(way - np.median(way))) / np.sqrt(len(way)) for way in ways)))
+    ahead, back = (float(np.median(means)) for means in both)
+    errors = (np.median(np.abs(means - np.median(means))) / np.sqrt(len(means)) for means in both)
+    error = _OF_MEDIAN * float(np.hypot(*errors))
     return _Sides(0.5 * (ahead - back), 0.5 * (ahead + back), max(SET.sure * error, 3 * noise))
 
 
 def check_place_zero(view: View) -> Findings:
-    """Whether a magnet's capsule is behind its carriage both ways, and in the middle on average."""
+    """Whether a magnet's capsule is behind its carriage in both directions, by the same distance."""
     if not view.kind.follows or view.driven is None:
         return
     sides = _sides(view, view.record[view.driven] - view.y, view.noise)
@@ -183,7 +182,7 @@ def check_place_zero(view: View) -> Findings:
 
 
 def check_force_zero(view: View) -> Findings:
-    """Whether the force of a pull lies on both sides of zero as friction does."""
+    """Whether the force of a pull is equally far from zero in both directions, as friction is."""
     sides = _sides(view, view.y, view.noise) if view.kind.drawn else None
     if sides is not None and sides.apart:
         offset, line = view.of_measured(sides.middle), _zero_line(view, sides.middle)

@@ -17,7 +17,7 @@ from models.words.sentences import Quantity
 
 
 def check_units(view: View) -> Findings:
-    """Travel, speed and force outside what such rigs do, and a drive that is no place outside what it can be."""
+    """Travel, speed and force outside what such rigs have, and a driven column outside its range."""
     column = view.moving_column
     if column not in view.record.columns:
         return
@@ -54,8 +54,8 @@ def _beyond_its_range(view: View, column: str, case: str, line: str) -> Findings
 
 
 def _behind_the_magnet(view: View, driven: str) -> Findings:
-    """A capsule that follows its magnet goes as far as that goes: neither several times as far, nor a fraction of a
-    distance that is long against the magnet's reach.
+    """A capsule that follows its magnet travels as far: neither several times as far, nor a fraction of a distance that
+    is long compared with the magnet's range.
     """
     x, c = view.averaged(view.y, SET.mean_s), view.averaged(view.record[driven], SET.mean_s)
     if not np.std(x) or not np.std(c) or float(np.corrcoef(x, c)[0, 1]) <= SET.way_follows:
@@ -67,9 +67,8 @@ def _behind_the_magnet(view: View, driven: str) -> Findings:
 
 
 def _of_the_force(view: View, column: str, force: Array) -> Findings:
-    """A pull's `force` in N against what such rigs do, else what drives the capsule against that with which the rig
-    file's surface holds it at the same speed, as far as surfaces vary; nothing for a coil whose force falls with the
-    distance.
+    """A pull's `force` in N against what such rigs have; else the driving force against the friction of the rig file's
+    surface at the same speed, within the bounds of its parameters. Not for a coil whose force falls with distance.
     """
     size = float(np.percentile(np.abs(force), 90))
     if view.kind.drawn and (size > SET.usual_force_N[1] or 0 < size < SET.usual_force_N[0]):
@@ -99,8 +98,8 @@ def _off_its_size(
 
 
 def check_table(view: View) -> Findings:
-    """Columns of a table with a value that they cannot have, or that reach what no such rig does; a measured one that
-    is the same under every condition; and what the columns of one kind tell of each other.
+    """Columns of a table outside their range or outside what such rigs reach; a measured one that is the same under
+    every condition; and columns that contradict each other.
     """
     out = list(_out_of_range(view))
     yield from out
@@ -130,7 +129,7 @@ def _out_of_range(view: View) -> Findings:
 
 
 def _friction(view: View, speed: Array) -> Findings:
-    """Friction resists: its sign is that of the speed, wherever it is measured both ways."""
+    """Friction resists: its sign is that of the speed, where both directions are measured."""
     against = np.sign(speed) * np.sign(view.y) < 0
     if np.mean(against) > 1 - SET.conditions_against:
         n, line = int(against.sum()), view.turned_line(view.measured)

@@ -1,5 +1,5 @@
 """Which samples of a measured column a fit may use: the record on one clock, its bad samples filled in, and its start
-left out where that is in the middle of a motion or under the load of an earlier one.
+left out where it begins in motion or under the load of an earlier motion.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 
 RUN_IN = "_run_in"
-"""Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
+"""Column of a record that counts from some row on: 1 in the rows before, which are only simulated."""
 
 
 def on_one_clock(record: Record, rig: Rig) -> Record:
-    """`record` with the drift of `[clock]` taken out: measured values stay as they are and get the driven columns'
-    stamps, `t - drift (t - t_0)`, at which a driven place is read between its samples; rows after its last one are left
-    out. Unchanged where no drift is stated, and where stamps do not rise, which the checks refuse.
+    """`record` with the drift of `[clock]` taken out: measured values keep their rows and get the stamps of the driven
+    columns' clock, `t - drift (t - t_0)`, at which the driven columns are interpolated; later rows are left out.
+    Unchanged where no drift is stated, or where stamps do not rise, which the checks refuse.
     """
     if rig.clock is None or not rig.clock.drift or TIME not in record.columns or np.any(np.diff(record[TIME]) <= 0):
         return record
@@ -38,8 +38,8 @@ def usable(view: View) -> Mask:
 
 
 def cleaned(record: Record, rig: Rig) -> Record:
-    """`record` with what cannot be used of its measured and driven columns straight between neighbours, and columns
-    that say which measured values count and which are run through only; itself where all can be used.
+    """`record` with unusable samples of its measured and driven columns interpolated, and columns that say which
+    measured values count and which rows are only simulated; itself where all samples are usable.
     """
     view = View(record, rig)
     if not view.timed or view.measured not in record.columns:
@@ -64,9 +64,7 @@ def used(record: Record) -> Mask:
 
 
 def gone(record: Record) -> Mask:
-    """The rows of a record over which the sensor says nothing for longer than it usually takes to say something: where
-    an observer has to run free.
-    """
+    """The rows in which the sensor gives no value for longer than usual: an observer has to run free there."""
     good = used(record)
     if good.all() or not good.any():
         return ~good
@@ -84,13 +82,13 @@ def counted(record: Record) -> Mask:
 
 
 def lead_in_s(record: Record) -> float:
-    """How long in s a record is run through before its residuals count."""
+    """How long in s a record is simulated before its residuals count."""
     rows = counted(record)
     return float(record[TIME][np.argmax(rows)] - record[TIME][0]) if rows.any() and not rows[0] else 0.0
 
 
 def from_row(record: Record, row: int) -> Record:
-    """`record`, of which only the rows from `row` on count: what a model needs in order to know its state there."""
+    """`record` with only the rows from `row` on counted: the rows before let a model settle."""
     before = record.columns.get(RUN_IN, np.zeros(len(record)))
     return record.with_column(RUN_IN, np.maximum(before, np.arange(len(record)) < row))
 
@@ -101,16 +99,14 @@ def filled(record: Record, column: str) -> Record:
 
 
 def run_in(view: View) -> int:
-    """How many rows of a record do not count that starts in motion, or under the load of an earlier one; 0 for one that
-    starts at rest and free.
-    """
+    """How many rows at the start of a record do not count, because it starts in motion or under load; else 0."""
     if view.kind.stage or view.kind.vibrates or not view.moves.any():
         return 0
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    way = SET.wall_settled_m if view.kind.drawn else SET.settled_m
-    return min(int(np.searchsorted(travelled, way)), round(SET.start_share * len(travelled)))
+    distance = SET.wall_settled_m if view.kind.drawn else SET.settled_m
+    return min(int(np.searchsorted(travelled, distance)), round(SET.start_share * len(travelled)))
 
 
 def _first(view: View, seconds: float = SET.start_s) -> slice:
@@ -118,8 +114,8 @@ def _first(view: View, seconds: float = SET.start_s) -> slice:
 
 
 def _starts_in_motion(view: View) -> bool:
-    """Whether the motion is on at once: at half the usual speed and more, or, of a pull, whose driven place has no
-    noise and no way to gain speed, at any.
+    """Whether the record starts at half the usual speed or more; for a pull, whose driven position has no noise and
+    cannot accelerate, at any speed.
     """
     first, usual = _first(view), float(np.median(np.abs(view.speed[view.moves])))
     least = 0.0 if view.kind.drawn else 0.5 * usual
@@ -127,9 +123,9 @@ def _starts_in_motion(view: View) -> bool:
 
 
 def _starts_loaded(view: View) -> bool:
-    """Whether the magnet's gap is at the start much of what it is in motion; seen from the middle between both ways,
-    where there are two, so that a zero that is elsewhere is no load. The force of a pull tells none: the resistance
-    that it has in motion holds at rest, too.
+    """Whether the magnet's gap at the start is a large share of that in motion, measured from the mean of both
+    directions where there are two, so that an offset is no load. The force of a pull shows no load: it keeps at rest
+    the resistance that it had in motion.
     """
     if not view.kind.follows or not {"carriage_position_m", "position_m"} <= set(view.record.columns):
         return False

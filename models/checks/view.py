@@ -1,4 +1,4 @@
-"""One record as the checks look at it: its columns, its clock, its motion, its noise."""
+"""One record as the checks see it: columns, clock, motion and noise."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -77,8 +77,8 @@ class View:
 
     @cached_property
     def pushing(self) -> tuple[str, Array] | None:
-        """What drives the capsule of a pull or a coil (of a logged current, or of a voltage over a known resistance):
-        the column and the force in N that it stands for; None where no column tells it.
+        """The column that drives the capsule of a pull or a coil, and its force in N (a logged current, or a voltage
+        over a known resistance); None where there is no such column.
         """
         if self.kind.drawn and "force_N" in self.record.columns:
             return "force_N", self.record["force_N"]
@@ -90,7 +90,7 @@ class View:
 
     @cached_property
     def moving_column(self) -> str:
-        """The column that tells the motion: where the capsule or stage is, else the driven place."""
+        """The column of the motion: the position of the capsule or stage, else the driven position."""
         return "position_m" if "position_m" in self.record.columns else str(self.driven)
 
     @property
@@ -155,14 +155,14 @@ class View:
         return np.array(rows).reshape(-1, samples)
 
     def strokes(self, least_s: float = SET.rest_stretch_s, rows: int = 3) -> list[tuple[int, int, float]]:
-        """Stretches of motion one way (first row, row after the last, direction) that last so many s and `rows`."""
+        """Stretches of motion in one direction (first row, row after the last, sign), at least so long."""
         least = max(rows, round(least_s / self.dt))
-        ways = ((way, self.moves & (np.sign(self.speed) == way)) for way in (1.0, -1.0))
-        return sorted((a, b, way) for way, there in ways for a, b in runs_of(there, least))
+        both = ((sign, self.moves & (np.sign(self.speed) == sign)) for sign in (1.0, -1.0))
+        return sorted((a, b, sign) for sign, there in both for a, b in runs_of(there, least))
 
-    def ends(self, signal: Array, way: float) -> Array:
-        """Means of `signal` over the later halves of the strokes one `way`, where friction has built up."""
-        return np.array([np.mean(signal[(a + b) // 2 : b]) for a, b, direction in self.strokes() if direction == way])
+    def ends(self, signal: Array, sign: float) -> Array:
+        """Means of `signal` over the later halves of the strokes in one direction, where friction has built up."""
+        return np.array([np.mean(signal[(a + b) // 2 : b]) for a, b, own in self.strokes() if own == sign])
 
     def averaged(self, x: Array, seconds: float) -> Array:
         """The running mean of `x` over so many s on either side."""

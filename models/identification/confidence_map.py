@@ -9,7 +9,9 @@ import numpy as np
 
 from models.files.toml import parse_toml
 from models.identification.settings import SET
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 MAP: Final = Path(__file__).with_name("confidence.toml")
 
 
@@ -40,16 +42,15 @@ class ConfidenceMap:
     def words(self, probability: float) -> str:
         """What `probability` means, in a sentence."""
         if not self.calibrated:
-            return "How often such a finding is right is not calibrated."
-        percent = f"{100 * probability:.0f}"
-        return f"Confidence {percent} %: of simulated series with this score, {percent} in 100 were named correctly."
+            return TEXT("confidence.unknown")
+        return TEXT("confidence.meaning", percent=f"{100 * probability:.0f}")
 
     @property
     def origin(self) -> str:
         """What it rests on."""
         if not self.calibrated:
-            return f"No map on {SET.calibrated_on} series or more is at hand."
-        return f"Isotonic map on {self.statements} such findings in {self.series} simulated series, {self.date}."
+            return TEXT("confidence.no_origin", series=SET.calibrated_on)
+        return TEXT("confidence.origin", **vars(self))
 
 
 def read_map(path: Path) -> ConfidenceMap:

@@ -14,12 +14,12 @@ NEXT_TOML, NEXT_CSV = "next_experiment.toml", "next_experiment.csv"
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted number with its 95 % interval; `told` is False where the data cannot tell it."""
+    """A fitted number with its 95 % interval; `identifiable` is False where the data do not determine it."""
 
     value: float
     ci95: tuple[float, float]
     unit: str = "1"
-    told: bool = True
+    identifiable: bool = True
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,9 +11,10 @@ from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show, inseparable, shown_with
 from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
+from models.effects import effect_words
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
-from models.identification.experiment.propose import propose, words_of
+from models.identification.experiment import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
@@ -20,16 +22,26 @@ from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
-from models.identification.residual.dependence import dependence_of
-from models.identification.residual_tests import chance_error, residual_checks
+from models.identification.residual_dependence import dependence_of
 from models.identification.search.forward_selection import Search, search
 from models.identification.settings import SET
-from models.identification.verdict import at_bounds, by_chance, model_checks, setback_findings, setbacks, verdict_of
+from models.identification.verdict import (
+    TEXT,
+    at_bounds,
+    by_chance,
+    chance_error,
+    model_checks,
+    residual_checks,
+    setback_findings,
+    setbacks,
+    verdict_of,
+)
 from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.theta import Theta
+from models.words.sentences import sentence
 
 
 def close(
@@ -42,23 +54,23 @@ def close(
     most: int = SET.most_effects,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
-    looked through for what makes it unusable, then not opened until the end.
+    only checked for what makes it unusable until the end.
 
-    Base parameters that are `known` from elsewhere take the place of the rig file's and hold the calibration as its
-    `[prior]` does; effects that are known belong to the base. At `most` so many effects are looked for. The same
-    records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
+    Base parameters that are `known` from elsewhere replace the rig file's and constrain the calibration as its
+    `[prior]` does; known effects belong to the base. At `most` so many effects are searched for. The same records and
+    `seed` give the same numbers. Raises ValueError for records from which nothing is identifiable.
     """
     began = time.monotonic()
     findings = examine(rig, [*train, *holdout])
     stop = stopping(findings)
     if stop is not None:
-        raise ValueError(f"{stop.file}, {stop.where}: {stop.sentence} Remedy: {stop.remedy}")
+        raise ValueError(TEXT("stopped", **stop.to_dict()))
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train, known)
     declared = {**kind.catalogue, **{effect.id: effect for effect in kind.effects}}
     kind, hidden = narrowed(kind, rig, train)
-    words = report_of(kind)
+    report, words = report_of(kind), partial(effect_words, catalogue=declared)
     check_parts(kind, train, holdout)
     found = search(kind, train, progress, np.random.default_rng(seed), most)
     nominal, fit = kind.nominal(), found.augmented
@@ -70,15 +82,15 @@ def close(
     spread = intervals(kind, fit, found.model, found.parts)
     rng = np.random.default_rng(seed)
     likely = [drawn(kind, fit, found.model, rng) for _ in range(SET.draws)]
-    sure = [name for name, estimate in spread.items() if estimate.told]
+    sure = [name for name, estimate in spread.items() if estimate.identifiable]
     near = [drawn(kind, fit, found.model, rng, sure) for _ in range(SET.draws)]
     residuals = residual_checks(kind, train, fit, near, effects=found.effects)
     chance, floor = chance_error(kind, holdout, fit, likely), kind.noise_floor(holdout or train)
-    worse = setbacks(held, floor)
+    worse = setbacks(held, floor, "%" if "%" in kind.measure else kind.unit)
     last = "augmented" if found.effects else "calibrated"
-    said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
+    of_stages = {stage: said for stage, said in worse.items() if found.effects or stage != "augmented"}
     weakened = None if by_chance(held.get(last, np.nan), chance) else last
-    findings = (*setback_findings(said, holdout, at_bounds(kind, fit, found.model), weakened), *findings)
+    findings = (*setback_findings(of_stages, holdout, at_bounds(kind, fit, found.model), weakened), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
     longest_s = max(_seconds(record) for record in train)
     checks = (*residuals, *model_checks(kind, found, spread, held, findings, allowed, chance, longest_s))
@@ -95,8 +107,8 @@ def close(
         own_effects_of(thetas, kind.catalogue),
         worse,
     )
-    wanted = words.next_experiment(kind, thetas["augmented"], train)
-    own = words.statements(kind, thetas, train)
+    wanted = report.next_experiment(kind, thetas["augmented"], train)
+    own = report.statements(kind, thetas, train)
     finding = Finding(
         kind=kind.name,
         quantity=kind.quantity,
@@ -109,12 +121,12 @@ def close(
         error=errors,
         noise_floor=floor,
         checks=checks,
-        candidates=tuple(_rows(found)),
+        candidates=tuple(_rows(found, words)),
         smallest_detectable=found.detectable,
         next_experiment=_next(findings, verdict, (words_of(proposal), wanted)),
-        statements=(*_statements(kind, found, verdict), *_proposed(kind, found, train, holdout), *own),
-        equations=tuple(words.equations(kind, thetas["augmented"])),
-        symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
+        statements=(*_statements(kind, found, verdict, words), *_proposed(kind, found, train, holdout), *own),
+        equations=tuple(report.equations(kind, thetas["augmented"])),
+        symbolic=tuple(report.equations(kind, symbols_of(thetas["augmented"], spread))),
         traces=(
             *(_trace(kind, r, "train", thetas) for r in train),
             *(_trace(kind, r, "holdout", thetas) for r in holdout),
@@ -158,76 +170,67 @@ def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFin
     """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
     if verdict != "unknown":
         return ()
-    failed = [f"{c.name}: {c.value:.3g}, at most {c.limit:.3g} allowed ({c.meaning})" for c in checks if not c.ok]
-    weak = dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens")
-    return (*weak, *failed)
+    failed = [TEXT("failed", **vars(check)) for check in checks if not check.ok]
+    return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
 
 
-def _next(findings: Sequence[RecordFinding], verdict: str, told: Sequence[str | None]) -> str | None:
-    """What to record next: for `unknown`, what mends the records where they weaken it; then what else is `told`."""
+def _next(findings: Sequence[RecordFinding], verdict: str, wanted: Sequence[str | None]) -> str | None:
+    """What to record next: for `unknown`, what mends the records where they weaken it; then what else is `wanted`."""
     weak = [finding.remedy for finding in findings if finding.severity == "weakens" and verdict == "unknown"]
-    return "; ".join(dict.fromkeys(words for words in (*weak, *told) if words)) or None
+    return " ".join(dict.fromkeys(sentence(words) for words in (*weak, *wanted) if words)) or None
 
 
 def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Fitted], verdict: str) -> FoundEffect:
-    curves = {curve: _own(curve, spread) for curve in found.refinements if curve in kind.catalogue[name].refined_by}
     score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
-    known, own = confidence_map(), _own(name, spread)
+    known = confidence_map()
     sure = known.probability(score)
-    told = (found.gains[name], sure, curves, score, known.calibrated, known.words(sure))
-    return FoundEffect(name, found.equivalent[name], own, *told)
+    return FoundEffect(
+        name,
+        found.equivalent[name],
+        _own(name, spread),
+        found.gains[name],
+        sure,
+        {curve: _own(curve, spread) for curve in found.refinements if curve in kind.catalogue[name].refined_by},
+        score,
+        known.calibrated,
+        known.words(sure),
+    )
 
 
 def _own(name: str, spread: Mapping[Name, Fitted]) -> dict[str, Fitted]:
     return {key[1]: value for key, value in spread.items() if not isinstance(key, str) and key[0] == name}
 
 
-def _rows(found: Search) -> list[CandidateRow]:
+def _rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
     rows = []
     for number, screened, trials in found.rounds:
         gains = {trial.effect: trial.gain for trial in trials}
         added = found.effects[number - 1] if len(found.effects) >= number else ""
         for row in screened:
-            note = "added" if row.effect == added else "fitted" if row.effect in gains else "screened only"
             if added and row.effect in found.equivalent[added]:
-                note = f"not distinguishable from {added}"
+                note = TEXT("candidate.equivalent", added=words(added))
+            else:
+                became = "added" if row.effect == added else "fitted" if row.effect in gains else "screened"
+                note = TEXT(f"candidate.{became}")
             rows.append(CandidateRow(row.effect, number, row.share, gains.get(row.effect), note))
     return rows
 
 
-def _statements(kind: AnyKind, found: Search, verdict: str) -> list[str]:
-    said = [
-        f"Validation cost for each residual: {found.before:.3g} calibrated, {found.after:.3g} with what was added; "
-        f"the null distribution (parametric bootstrap) leaves {found.null_cost:.3g}."
-    ]
+def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str], str]) -> list[str]:
+    costs = {"before": found.before, "after": found.after, "chance": found.null_cost}
+    said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
     if found.effects:
-        said.append(
-            f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not"
-            " used to fit them."
-        )
+        said.append(TEXT("statement.explained", share=min(found.explained, 1.0)))
     if found.horizon_s < np.inf:
-        said.append(
-            f"Predictability horizon: a 0.1 % change of the base parameters adds or removes slip events after"
-            f" {found.horizon_s:g} s; effects are judged on the records up to there."
-        )
+        said.append(TEXT("statement.horizon", horizon=found.horizon_s))
     elif found.sensitivity > SET.clean * found.null_cost:
-        said.append(
-            "The motion is sensitive to parameters: a 0.1 % change of the base parameters adds or removes slip events"
-            f" and alone leaves a validation cost of {found.sensitivity:.3g}; errors far below that are coincidence."
-        )
-    said += [
-        f"{kind.catalogue[name].summary.capitalize()} ({name}) refines the shape of"
-        f" {', '.join(e for e in found.effects if name in kind.catalogue[e].refined_by)}."
-        for name in found.refinements
-    ]
+        said.append(TEXT("statement.sensitive", cost=found.sensitivity))
+    for name in found.refinements:
+        shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
+        said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
     if verdict == "unknown":
-        said.append(
-            "The residual is structured and no candidate explains it."
-            if found.after >= SET.clean * found.null_cost
-            else (
-                "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
-            )
-        )
+        structured = found.after >= SET.clean * found.null_cost
+        said.append(TEXT("statement.structured" if structured else "statement.too_small"))
     return said
 
 
@@ -237,18 +240,13 @@ def _proposed(kind: AnyKind, found: Search, train: Sequence[Record], holdout: Se
     for name in found.effects:
         on = kind.catalogue[name].proposed_on
         again = [r.name for r in train if r.name in on]
-        if not on:
-            continue
         tested = [r.name for r in holdout if r.name not in on]
-        said.append(
-            f"The effect {name} was proposed on the residual of {', '.join(on)}; it was selected here on "
-            + (f"the same ({', '.join(again)}), which favours it" if again else "other records")
-            + (
-                f"; {', '.join(tested)} had no part in the proposal and test it."
-                if tested
-                else "; nothing else tests it."
-            )
-        )
+        if on:
+            said += [
+                TEXT("statement.proposed", effect=name, records=on),
+                TEXT("statement.favoured" if again else "statement.unfavoured", records=again),
+                TEXT("statement.tested" if tested else "statement.untested", records=tested, n=len(tested)),
+            ]
     return said
 
 

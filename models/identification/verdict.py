@@ -1,6 +1,8 @@
 """One rule for every verdict: `named` and `none` only where every check of the report passes; else `unknown`."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -9,14 +11,14 @@ from scipy.stats import chi2
 from models.checks.finding import RecordFinding
 from models.identification.finding import STAGES, Check, Fitted
 from models.identification.fitting.confidence import near
-from models.identification.fitting.fit import Fit, axes
+from models.identification.fitting.fit import Fit, axes, evaluate
 from models.identification.kind import Kind
 from models.identification.search.forward_selection import Search
 from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record
-from models.theta import spelled
-from models.words.sentences import Sentences
+from models.theta import Theta, spelled
+from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 
@@ -26,6 +28,61 @@ def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
     if not all(check.ok for check in checks):
         return "unknown"
     return "named" if effects else "none"
+
+
+def _check(name: str, value: float, limit: float, title: str = "name", meaning: str = "meaning") -> Check:
+    """The check `name` with two of its texts."""
+    words = (TEXT(f"check.{name}.{key}", lags=SET.lags) for key in (title, meaning))
+    return Check(name, next(words), float(value), float(limit), bool(value <= limit), next(words))
+
+
+def residual_checks(
+    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0, effects: Sequence[str] = ()
+) -> tuple[Check, ...]:
+    """Size and whiteness of the residual, with limits from records imitated on models `likely` (values that the fit's
+    own uncertainty allows) and compared with the fit: the largest of one from each. Tables of few numbers scatter
+    widely and are quick to imitate: there it is the mean of as many such maxima as make `SET.imitated_numbers` numbers.
+
+    The form of an effect that was found need not be exact: autocorrelation up to `SET.unseen` passes. Among many
+    numbers that is beyond chance, but at most a tenth of the noise's power.
+    """
+    criterion = kind.free_run
+    rng = np.random.default_rng(seed)
+    residual = evaluate(kind, records, fit.theta, criterion)
+    actual, rounds = _numbers(residual), max(1, SET.imitated_numbers // (len(residual) * len(likely)))
+    largest = []
+    for _ in range(rounds):
+        imitated = []
+        for theta in likely:
+            with suppress(ValueError):  # outside what the kind accepts, by chance: such a record would be refused
+                made = [kind.imitate(record, theta, rng) for record in records]
+                imitated.append(_numbers(evaluate(kind, made, fit.theta, criterion)))
+        if imitated:
+            largest.append(np.max(imitated, axis=0))
+    if not largest:
+        raise ValueError("records must be such that the fitted model can imitate them; it gives none that can be read")
+    limits = SET.limit_wider * np.mean(largest, axis=0)
+    if effects:
+        limits[1] = max(limits[1], len(residual) * SET.unseen**2)
+    checks = map(_check, ("residual_size", "whiteness"), actual, limits)
+    return tuple(replace(check, ok=check.ok or bool(actual[0] < SET.unseen)) for check in checks)
+
+
+def chance_error(kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0) -> float:
+    """The largest reported error of `fit` on imitations of `records` on models `likely`; NaN without records."""
+    if not records:
+        return float("nan")
+    rng = np.random.default_rng(seed)
+    foreseen = [kind.predict(record, fit.theta) for record in records]
+    return max(kind.error([kind.imitate(r, theta, rng) for r in records], foreseen) for theta in likely)
+
+
+def _numbers(residual: np.ndarray) -> np.ndarray:
+    r = residual - residual.mean()
+    power = max(float(r @ r), 1e-300)
+    lags = range(1, min(SET.lags, len(r) // 2) + 1)
+    rho = np.array([float(r[:-lag] @ r[lag:]) / power for lag in lags])
+    return np.array([float(residual @ residual) / len(residual), len(r) * float(np.mean(rho**2)) if len(rho) else 0.0])
 
 
 def model_checks(
@@ -38,104 +95,84 @@ def model_checks(
     chance: float = np.nan,
     longest_s: float = np.inf,
 ) -> tuple[Check, ...]:
-    """What beside the residual's size and whiteness a verdict rests on: validation, parameters, held-out records, the
-    records themselves.
+    """What a verdict rests on beside the residual's size and whiteness: validation, parameters, held-out records and
+    the findings on the records.
 
-    `chance` is the held-out error that imitated records give (not a number: none held out); within it, the fit to
-    all records is validated by those held out. `allowed` is the mean square that the told uncertainty of the
-    parameters allows of a fit's own residuals. Fitted to a share q of the records, parameters are uncertain by
-    1/sqrt(q) as much, so records left out may exceed 1 by 1/q times as much. The mean square of few residuals
-    scatters as chi-square has it, which is allowed, too. `longest_s` is how long the longest record lasts.
+    `chance` is the held-out error that imitated records give (not a number: none held out). A fit to all records whose
+    held-out error is within it counts as validated. `allowed` is the mean square of the residuals that noise in the
+    parameters allows. A fit to a share q of the records has parameters 1/sqrt(q) times as uncertain, so the records
+    left out may exceed 1 by 1/q times as much. Few residuals scatter as chi-square does, which is allowed, too.
+    `longest_s` is the length of the longest record.
     """
-    return tuple(
-        Check(name, title, float(value), float(limit), bool(value <= limit), meaning)
-        for name, title, value, limit, meaning in (
-            _validation(found, held_out, allowed, chance),
-            _within_bounds(kind, found),
-            *(
-                _of_effects(kind, found, spread, held_out, longest_s)
-                if found.effects
-                else _of_none(findings, held_out, chance)
-            ),
-            *_information(spread),
-        )
-    )
+    at_bound = _check("bounds", len(at_bounds(kind, found.augmented, found.effects)), 0)
+    if found.effects:
+        own = _of_effects(kind, found, spread, held_out, longest_s)
+    else:
+        own = _of_none(findings, held_out, chance)
+    return (_validation(found, held_out, allowed, chance), at_bound, *own, *_information(spread))
 
 
-_Row = tuple[str, str, float, float, str]
-"""A check's id, its name for people, value, limit and meaning."""
-
-
-def _validation(found: Search, held_out: Mapping[str, float], allowed: float, chance: float) -> _Row:
+def _validation(found: Search, held_out: Mapping[str, float], allowed: float, chance: float) -> Check:
     limit = SET.clean * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, SET.near))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
     limit = max(limit, float(chi2.ppf(SET.chance_level, found.augmented.count)) / found.augmented.count)
-    left, of = found.after, "mean square on records left out of the fits"
-    if found.augmented.chi2 < left and not found.effects:
-        left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"
-    elif found.augmented.chi2 < left and by_chance(held_out.get("augmented", np.nan), chance):
-        left, of = found.augmented.chi2, f"{of}, or of the fit to all, which errs on records never used as chance does"
-    return "validation", "validation cost", left, limit, of
-
-
-def _within_bounds(kind: Kind, found: Search) -> _Row:
-    count = len(at_bounds(kind, found.augmented, found.effects))
-    meaning = "a parameter of the base or of an effect that is at its bound would have gone further"
-    return "bounds", "parameters at their bounds", count, 0, meaning
+    whole = found.augmented.chi2
+    if whole < found.after and not found.effects:
+        return _check("validation", whole, limit, meaning="whole")
+    if whole < found.after and by_chance(held_out.get("augmented", np.nan), chance):
+        return _check("validation", whole, limit, meaning="chance")
+    return _check("validation", found.after, limit)
 
 
 def _of_effects(
     kind: Kind, found: Search, spread: Mapping[Name, Fitted], held_out: Mapping[str, float], longest_s: float
-) -> Iterator[_Row]:
-    amplitudes = [(name, kind.declared(name).amplitude().name) for name in found.effects]
-    untold = sum(name not in spread or not spread[name].told for name in amplitudes)
-    yield "effects_told", "effects whose size is not identifiable", untold, 0, "its 95 % interval is as wide as itself"
+) -> Iterator[Check]:
+    sizes = [spread.get((name, kind.declared(name).amplitude().name)) for name in found.effects]
+    yield _check("effects_told", sum(size is None or not size.identifiable for size in sizes), 0)
     waves = [(name, p.name) for name in found.effects for p in kind.declared(name).parameters() if p.unit == "Hz"]
     if waves:
         longest = max(1 / found.augmented.theta[name] for name in waves) / longest_s
-        meaning = "what does not come back within a record may be any slow change"
-        yield "periods", "period of an effect over the longest record", longest, 1 / SET.seen_again, meaning
+        yield _check("periods", longest, 1 / SET.seen_again)
     if held_out:
         share = held_out["augmented"] / max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
-        yield "held_out", "held-out error, augmented over the better without", share, 1, "of records never used before"
+        yield _check("held_out", share, 1)
 
 
-def _of_none(findings: Sequence[RecordFinding], held_out: Mapping[str, float], chance: float) -> Iterator[_Row]:
-    weak = sum(finding.severity == "weakens" for finding in findings)
-    yield "records", "findings that weaken a verdict", weak, 0, "see the findings on the records"
+def _of_none(findings: Sequence[RecordFinding], held_out: Mapping[str, float], chance: float) -> Iterator[Check]:
+    yield _check("records", sum(finding.severity == "weakens" for finding in findings), 0)
     if np.isfinite(chance):
         over = held_out["calibrated"] / max(chance, 1e-300)
-        meaning = "of the free run, by the most that noise and uncertain parameters make of it"
-        yield "held_out", "held-out error over chance", over, SET.beyond_chance, meaning
+        yield _check("held_out", over, SET.beyond_chance, "name_of_none", "meaning_of_none")
 
 
-def _information(spread: Mapping[Name, Fitted]) -> Iterator[_Row]:
-    base = [estimate.told for name, estimate in spread.items() if isinstance(name, str)]
-    if base:
-        share = float(np.mean([not told for told in base]))
-        title = "share of calibrated parameters that are not identifiable"
-        yield "information", title, share, 0.99, "1: these records cannot tell"
+def _information(spread: Mapping[Name, Fitted]) -> Iterator[Check]:
+    vague = [not estimate.identifiable for name, estimate in spread.items() if isinstance(name, str)]
+    if vague:
+        yield _check("information", float(np.mean(vague)), 0.99)
 
 
 WORSE: Final = "worse_on_held_out_records"
 """Id of the finding on a stage of the model that errs more on held-out records than one before it."""
 
 
-def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
-    """A sentence for each stage whose held-out `error` is clearly above an earlier one's and the noise `floor`."""
+def setbacks(error: Mapping[str, float], floor: float, unit: str = "1") -> dict[str, str]:
+    """A sentence for each stage whose held-out `error` in `unit` is clearly above an earlier one's and the noise
+    `floor`.
+    """
     said: dict[str, str] = {}
     known = [stage for stage in STAGES if np.isfinite(error.get(stage, np.nan))]
-    for place, stage in enumerate(known):
-        better = min(known[:place], key=lambda name: error[name], default=stage)
-        least = SET.near_floor * floor if np.isfinite(floor) else 0.0
-        if error[stage] > max(SET.clearly_worse * error[better], least):
-            said[stage] = TEXT("worse", stage=stage, better=better, error=error[stage], least=error[better])
+    for number, stage in enumerate(known):
+        better = min(known[:number], key=lambda name: error[name], default=stage)
+        floors = SET.near_floor * floor if np.isfinite(floor) else 0.0
+        if error[stage] > max(SET.clearly_worse * error[better], floors):
+            own, least = Quantity(error[stage], unit), Quantity(error[better], unit)
+            said[stage] = TEXT("worse.sentence", stage=stage, better=better, error=own, least=least)
     return said
 
 
 def by_chance(error: float, chance: float) -> bool:
-    """Whether noise and uncertain parameters alone give such a held-out `error`, by a slip missed, say."""
+    """Whether noise and uncertain parameters alone give such a held-out `error`, for instance by a missed slip."""
     return bool(error <= SET.beyond_chance * chance)
 
 
@@ -145,25 +182,26 @@ def setback_findings(
     """`setbacks` as findings that head a report; `bounds` are the parameters that ran to theirs. Only that of the stage
     `weakened` weakens the verdict: the last one's, where it errs beyond chance.
     """
-    at = TEXT("at_bounds", parameters=bounds) if bounds else ""
+    at = f" {TEXT('worse.bounds', parameters=bounds, n=len(bounds))}" if bounds else ""
+    files, how, remedy = ", ".join(record.name for record in holdout), TEXT("worse.how"), TEXT("worse.remedy")
     return tuple(
         RecordFinding(
             WORSE,
             "weakens" if stage == weakened else "note",
-            ", ".join(record.name for record in holdout),
-            f"stage [{stage}] of model.toml",
+            files,
+            TEXT("worse.where", stage=stage),
             f"{sentence}{at}",
-            "error of the free-running prediction of records that no fit has seen",
-            "state how well the nominal values are known as [prior] NAME_std = ... in the rig file, record more, or use"
-            " the better stage (--stage)",
+            how,
+            remedy,
         )
         for stage, sentence in said.items()
     )
 
 
 def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
-    """Names of the fitted parameters at a bound. A bound of 0, where the law itself ends or becomes a simpler one, is
-    none, but for the size of an effect, which is not there then; nor is one where a form is as it is declared.
+    """Names of the fitted parameters at a bound. A bound of 0, where a law ends or becomes a simpler one, does not
+    count, except for the size of an effect, which is then absent; nor does a bound that is the declared value of a
+    form.
     """
     sizes = {(name, kind.declared(name).amplitude().name) for name in effects}
     found = []

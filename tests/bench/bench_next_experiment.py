@@ -18,7 +18,7 @@ import numpy as np
 
 from models.effects import CATALOGUE
 from models.files.toml import parse_toml
-from models.identification.experiment.propose import propose
+from models.identification.experiment import propose
 from models.identification.finding import Proposal
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready

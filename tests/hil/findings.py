@@ -39,7 +39,7 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         {
             "depth": Fitted(0.201, (0.18, 0.22)),
             "wavelength_m": Fitted(0.0073, (0.0072, 0.0074), "m"),
-            "phase_rad": Fitted(0.1, (float("nan"), float("nan")), "rad", told=False),
+            "phase_rad": Fitted(0.1, (float("nan"), float("nan")), "rad", identifiable=False),
         },
         41.2,
         0.993,
@@ -78,7 +78,7 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         calibration={
             "hoop_factor": Fitted(0.93, (0.91, 0.95)),
             "friction_coefficient": Fitted(0.0764, (0.0741, 0.079)),
-            "recovery_time_s": Fitted(0.05, (0.01, 0.2), "s", told=False),
+            "recovery_time_s": Fitted(0.05, (0.01, 0.2), "s", identifiable=False),
         },
         nominal={"hoop_factor": 1.0, "friction_coefficient": 0.082, "recovery_time_s": 0.05},
         error={

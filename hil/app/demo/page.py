@@ -95,7 +95,11 @@ def truth_rows(one: StoryResult) -> list[list[str]]:
             low, high = (factor * end for end in estimate.ci95)
             found = told(factor * estimate.value, (low, high))
             row[3] = f"{found.value} {unit_words(unit)}".rstrip()
-            row[4] = f"{found.low} … {found.high} {unit_words(unit)}".rstrip() if estimate.told else "not told"
+            row[4] = (
+                f"{found.low} … {found.high} {unit_words(unit)}".rstrip()
+                if estimate.identifiable
+                else "not identifiable"
+            )
     return [*rows.values()]
 
 

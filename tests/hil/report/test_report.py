@@ -57,7 +57,7 @@ def test_page_tells_the_whole_story(page: str) -> None:
         "noise floor is 0.75 mN",
         "Resistance varies periodically along the lumen",
         "peristaltic wave",
-        "the data cannot tell",
+        "not identifiable",
         "Next experiment",
         "reverse over the same place",
         "<msub><mi>F</mi><mtext>act</mtext></msub>",
@@ -255,7 +255,7 @@ def test_headlines() -> None:
     assert headline(partly).endswith(
         "A part looks like folds of the gut or a peristaltic wave: 89 % of the error goes with it."
     )
-    assert not Fitted(1.0, (0.0, 2.0), told=False).told
+    assert not Fitted(1.0, (0.0, 2.0), identifiable=False).identifiable
 
 
 @pytest.mark.parametrize(

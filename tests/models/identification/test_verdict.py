@@ -77,7 +77,7 @@ def test_motion_that_is_sensitive_to_the_told_parameters_excuses_what_is_left() 
 
 
 def test_an_effect_whose_size_is_not_told_or_that_helps_no_held_out_record_is_not_named() -> None:
-    vague = Theta.of({**TOLD, ("stribeck", "excess"): Fitted(0.5, (0.0, 3.0), told=False)})
+    vague = Theta.of({**TOLD, ("stribeck", "excess"): Fitted(0.5, (0.0, 3.0), identifiable=False)})
     assert said(1.0, effect=Stribeck, spread=vague) == ("unknown", {"effects_told"})
     worse = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.67}
     assert said(1.0, effect=Stribeck, held_out=worse) == ("unknown", {"held_out"})
@@ -94,7 +94,7 @@ def test_the_size_of_an_effect_about_an_axis_must_be_told_too() -> None:
     whole = fit(theta)
     for told in (True, False):
         spread = {name: Fitted(value, (0.0, 1.0)) for name, value in theta.items()} | {
-            size: Fitted(0.3, (-3.0, 3.0), told=told)
+            size: Fitted(0.3, (-3.0, 3.0), identifiable=told)
         }
         found = Search(whole, whole, effects=["viscous_drag"], after=1.0, null_cost=1.0)
         assert failed(*model_checks(kind, found, spread, {}, ())) == (set() if told else {"effects_told"})
@@ -103,7 +103,7 @@ def test_the_size_of_an_effect_about_an_axis_must_be_told_too() -> None:
 def test_records_that_weaken_a_verdict_or_tell_no_parameter_never_end_in_none() -> None:
     finding = RecordFinding("clipping", "weakens", "a.csv", "force_N", "clips", "equal values", "a smaller gain")
     assert said(1.0, findings=(finding,)) == ("unknown", {"records"})
-    vague = {name: Fitted(value, (0.0, 1e3), told=False) for name, value in THETA.items()}
+    vague = {name: Fitted(value, (0.0, 1e3), identifiable=False) for name, value in THETA.items()}
     assert said(1.0, spread=vague) == ("unknown", {"information"})
 
 

@@ -14,8 +14,8 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
 from models.identification.kinds.reports import axis as report
-from models.identification.residual_tests import residual_checks
 from models.identification.search.refit import refit
+from models.identification.verdict import residual_checks
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from models.effects import shapes
 from models.identification.finding import ResidualCurve
-from models.identification.residual.curve import foretold
-from models.identification.residual.term import term_of
+from models.identification.residual_dependence import foretold
+from models.identification.residual_term import term_of
 
 Z = np.linspace(0.0, 0.02, 32)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.identification.experiment.plan import Move, Plan, Room, random_plan, varied
+from models.identification.motion_plan import Move, Plan, Room, random_plan, varied
 from models.identification.settings import SET
 from models.records.record import Record
 

@@ -1,4 +1,4 @@
-"""Two clocks: a measured column that comes later or earlier than the motion, and one that comes later and later."""
+"""Time: stamps in another unit, repeated, uneven, missing or restarted; and two columns with different clocks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,16 +11,72 @@ from models.checks.finding import Findings
 from models.checks.places import jumps, without_steps
 from models.checks.settings import SET
 from models.checks.view import View
+from models.records.record import USED
+from models.rigs.columns import TIME
 from models.rigs.tables import MOST_DRIFT
 
 _GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit that a drift takes away, over a constant shift
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 
 
+def check_interval(view: View) -> Findings:
+    """The usual interval between stamps, and what they span, against what a record may have."""
+    usual, span, (low, high) = float(np.median(np.abs(np.diff(view.t)))), float(np.ptp(view.t)), SET.step_s
+    line = view.unit_line(TIME)
+    if usual and not low <= usual <= high:
+        yield view.stops("time_units.interval", TIME, step=usual, low=low, high=high, line=line)
+    elif span < SET.record_s:
+        yield view.weakens("time_units.short", TIME, span=span, n=len(view.t), step=view.dt, line=line)
+
+
+def check_sparse_values(view: View) -> Findings:
+    """Cells of the measured column that the file leaves empty."""
+    if USED in view.record.columns:
+        there = view.record[USED] > 0
+        rate = float(there.mean()) / view.dt
+        yield view.notes("sparse_values", n=int(there.sum()), total=len(there), rate=rate)
+
+
+def check_restart(view: View) -> Findings:
+    """Stamps that go back."""
+    back = np.flatnonzero(np.diff(view.t) < 0) + 1
+    if len(back) > SET.stamps_back * len(view.t):
+        yield view.stops("stamps_reversed", TIME, first=view.t[0], last=view.t[-1])
+    elif len(back):
+        first = int(back[0])
+        before, after, line = view.t[first - 1], view.t[first], view.record.line(first)
+        yield view.stops("stamps_restart", TIME, back, n=len(back), before=before, after=after, line=line)
+
+
+def check_repeats(view: View) -> Findings:
+    """Stamps that stand twice."""
+    same = np.flatnonzero(np.diff(view.t) == 0) + 1
+    if len(same):
+        yield view.stops("stamps_repeated", TIME, same, n=len(same))
+
+
+def check_uneven(view: View) -> Findings:
+    """Stamps that jitter, samples that are missing, and long gaps."""
+    steps = np.diff(view.t) / view.dt
+    usual = steps[(steps > SET.stamps_short) & (steps < 1.5)]
+    jitter = float(np.std(usual)) if np.any(usual) else 0.0
+    if jitter > SET.stamps_uneven:
+        yield view.notes("stamps_uneven", TIME, jitter=jitter, step=view.dt)
+    lost = np.flatnonzero((steps > 1.5) & (steps <= SET.stamps_pause)) + 1
+    if len(lost):
+        count = int(np.sum(np.round(steps[lost - 1]) - 1))
+        share = count / (count + len(view.t))
+        yield view.finding("note" if share < 0.1 else "weakens", "stamps_missing", TIME, lost, n=count, share=share)
+    gaps = np.flatnonzero(steps > SET.stamps_pause) + 1
+    if len(gaps):
+        longest, line = float(np.max(np.diff(view.t)[gaps - 1])), view.record.line(int(gaps[0]))
+        yield view.weakens("pause", TIME, gaps, n=len(gaps), longest=longest, limit=SET.stamps_pause, line=line)
+
+
 @dataclass(frozen=True)
 class Lag:
     """By how many s a column is late (negative: early) at the record's first stamp, by how much more with every
-    second, and the share of a friction loop's misfit that this takes away.
+    second, and the share of a friction loop's misfit that shifting it removes.
     """
 
     first_s: float
@@ -29,24 +85,24 @@ class Lag:
 
 
 def check_delay(view: View) -> Findings:
-    """Whether the force of a pull or a stage answers the motion late or early, or ever later; and whether the place of
-    a capsule comes ever later than its magnet's (behind which it comes late anyway).
+    """Whether the force of a pull or a stage is late or early against the motion, or drifts; and whether the position
+    of a capsule drifts against its magnet's, behind which it lags anyway.
     """
-    place, measured = view.kind.layout.own() if view.kind.led else ("", "")
-    lag = _lag_of(view, place, measured) if {place, measured} <= set(view.record.columns) else None
+    moved, measured = view.kind.layout.own() if view.kind.led else ("", "")
+    lag = _lag_of(view, moved, measured) if {moved, measured} <= set(view.record.columns) else None
     if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
         return
     known = f"[clock] offset_s = {lag.first_s:.3g}"
     late = {"lag": abs(lag.first_s), "late": lag.first_s > 0, "gain": lag.gain}
     if not lag.drift:
         line = f"{known}, offset_std_s = {SET.lag_std_s:g}"
-        yield view.notes("clock_offset", measured, beside=place, line=line, **late)
+        yield view.notes("clock_offset", measured, beside=moved, line=line, **late)
         return
     case, line = "clock_drift", drift_line(view, lag.drift)
     if view.kind.drawn:
         case = "clock_drift.pull"
         line = f"{known}, offset_std_s = {SET.lag_drift_std_s:g}, {line.removeprefix('[clock] ')}"
-    yield view.weakens(case, measured, beside=place, drift=abs(lag.drift), later=lag.drift > 0, line=line, **late)
+    yield view.weakens(case, measured, beside=moved, drift=abs(lag.drift), later=lag.drift > 0, line=line, **late)
 
 
 def drift_line(view: View, drift: float) -> str:
@@ -54,19 +110,19 @@ def drift_line(view: View, drift: float) -> str:
     return f"[clock] drift = {drift + (view.rig.clock.drift if view.rig.clock else 0.0):.3g}"
 
 
-def _lag_of(view: View, place: str, measured: str) -> Lag | None:
-    """How late `measured` is behind the motion of `place`; None where the record does not show it. The residual of a
-    friction loop is the smallest with `measured` moved by this: the loop is a sum of plays of several widths, friction
-    that follows the sign of the speed more or less gradually, speed and slope; behind a magnet all but the speed may
-    grow over the record.
+def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
+    """How late `measured` is behind the motion of the column `moved`; None where the record does not show it: the shift
+    at which a friction loop leaves the smallest residual. The loop is a sum of plays of several widths, of friction
+    that follows the sign of the speed more or less gradually, of speed and of slope; behind a magnet all but the speed
+    may grow over the record.
     """
     strokes = np.sign(view.speed[view.moves])
     length = float(view.t[-1] - view.t[0])
     if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * SET.lag_longest_s:
         return None
-    x, moving = without_steps(view, view.record[place]), view
-    if place != view.moving_column:
-        moving = View(view.record.with_column(view.moving_column, view.record[place]), view.rig)
+    x, moving = without_steps(view, view.record[moved]), view
+    if moved != view.moving_column:
+        moving = View(view.record.with_column(view.moving_column, view.record[moved]), view.rig)
     y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # impacts would weigh most
     left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (SET.lag_rows, SET.lag_rows_rough))
     least = SET.lag_samples * view.dt
@@ -89,8 +145,8 @@ def _lag_of(view: View, place: str, measured: str) -> Lag | None:
 
 
 def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float], float]:
-    """What the loop over the place `x` and its `speed` leaves of `y` that comes late by the first number in the middle
-    of the record and from its begin to its end by as much more as the second; over about so many rows.
+    """The sum of squares that the loop over the position `x` and its `speed` leaves of `y`, by how late `y` is in the
+    middle of the record and how far it drifts from beginning to end; on about so many `rows`.
     """
     begin, end = float(view.t[0]), float(view.t[-1])
     even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
@@ -120,8 +176,8 @@ def _loop(x: Array, speed: Array) -> Array:
 
 def _play(x: Array, width: float) -> Array:
     out = np.empty_like(x)
-    place = float(x[0])
+    position = float(x[0])
     for i, value in enumerate(x.tolist()):
-        place = min(max(place, value - width), value + width)
-        out[i] = place
+        position = min(max(position, value - width), value + width)
+        out[i] = position
     return out

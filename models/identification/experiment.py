@@ -1,0 +1,216 @@
+"""The next experiment: the motion that best separates what the records leave confounded, and by how much it would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from models.checks.excitation import Shown
+from models.effects import effect_words
+from models.identification.finding import NEXT_CSV, Proposal, Separation
+from models.identification.fitting.confidence import memory
+from models.identification.fitting.fit import Fit, Problem, axes, evaluate, parallel
+from models.identification.kind import Array, Kind
+from models.identification.motion_plan import Plan, Room, random_plan, varied
+from models.identification.search.fitted_model import FittedModel
+from models.identification.search.forward_selection import Search
+from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.kinds import KINDS
+from models.theta import Theta
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model in question: the effect that it is about, all its effects, its values."""
+
+    effect: str
+    effects: tuple[str, ...]
+    theta: Theta
+
+    def fitted(self, kind: Kind, records: Sequence[Record]) -> Fit:
+        """Stepped on to the best fit of `records`."""
+        return Problem.of(kind, records, self.effects).descend(self.theta, SET.fine[0], SET.its_rounds)
+
+    def moved(self, kind: Kind, step: Array) -> Theta:
+        """Its values moved by `step` (p,) in the order of the model's axes, within the bounds."""
+        pairs = zip(axes(kind, self.effects), step, strict=True)
+        ends = [(axis.name, axis.parameter, self.theta[axis.name] + s) for axis, s in pairs]
+        return self.theta | {name: float(np.clip(x, p.lower, p.upper)) for name, p, x in ends}
+
+
+@dataclass(frozen=True)
+class Question:
+    """Whether `truth` or its `rival` holds, both fitted to the same records as a search compares them.
+
+    `root` (p, p): by each of its columns the rival's fitted values may move, a standard deviation. `likely` are draws
+    of the truth's own values. `variance`, in units of the noise's, is that of a difference on a record: what the truth
+    leaves of its own records, times that residual's memory. `apart` says by how many standard deviations each of those
+    records separates the two.
+    """
+
+    kind: Kind
+    truth: Candidate
+    rival: Candidate
+    root: Array
+    likely: tuple[Theta, ...]
+    variance: float
+    apart: Mapping[str, float]
+
+    def separation(self, motion: Record) -> float:
+        """How many standard deviations a record of `motion` would put the rival off, fitted to it as well as it can be
+        without giving up the records there are; to first order in the rival's values.
+
+        The square is twice the expected logarithm of the likelihood ratio. What the truth's own values leave open
+        counts as noise.
+        """
+        seen, variance = self._expected(motion)
+        thetas = [self.rival.moved(self.kind, step) for step in self.root.T]
+        wrong, *moved = self.kind.residuals(seen, [self.rival.theta, *thetas], self.kind.free_run)
+        slopes = np.array([row - wrong for row in moved]).reshape(len(moved), len(wrong)).T
+        step = np.linalg.solve(slopes.T @ slopes / variance + np.eye(len(moved)), -slopes.T @ wrong / variance)
+        left = wrong + slopes @ step
+        return float(np.sqrt(left @ left / variance + step @ step))
+
+    def refitted(self, records: Sequence[Record], motion: Record) -> float:
+        """`separation`, or less where the rival truly fitted to `records` and to the truth on `motion` gives it."""
+        kind, (seen, variance) = self.kind, self._expected(motion)
+        theta = self.rival.fitted(kind, [*records, seen]).theta
+        before, after = (evaluate(kind, records, values, kind.free_run) for values in (self.rival.theta, theta))
+        left = evaluate(kind, [seen], theta, kind.free_run)
+        given_up = max(float(after @ after - before @ before), 0.0) / self.variance
+        return min(float(np.sqrt(left @ left / variance + given_up)), self.separation(motion))
+
+    def _expected(self, motion: Record) -> tuple[Record, float]:
+        """`motion` with what the truth would show on it, and the variance in which a difference from that counts."""
+        seen = motion.with_column(self.kind.quantity, self.kind.predict(motion, self.truth.theta))
+        unsure = self.kind.residuals(seen, self.likely, self.kind.free_run)
+        return seen, self.variance + float(np.mean(np.square(unsure)))
+
+
+def question(
+    kind: Kind, records: Sequence[Record], truth: Candidate, rival: Candidate, rng: np.random.Generator
+) -> Question:
+    """The question between two models, both stepped on to the best fit of `records`."""
+    own, other = (model.fitted(kind, records) for model in (truth, rival))
+    variance = max(own.chi2 * memory(own.residual), 1.0)
+    truth = replace(truth, theta=truth.theta | own.theta)
+    moves = _root(kind, own, truth.effects, variance)
+    likely = tuple(truth.moved(kind, moves @ rng.standard_normal(len(moves))) for _ in range(SET.truths))
+    apart = {}
+    for record in records:
+        left = [evaluate(kind, [record], fit.theta, kind.free_run) for fit in (own, other)]
+        more = float(left[1] @ left[1]) - float(left[0] @ left[0])
+        apart[record.name] = float(np.sqrt(max(more, 0.0) / variance))
+    rival = replace(rival, theta=rival.theta | other.theta)
+    return Question(kind, truth, rival, _root(kind, other, rival.effects, variance), likely, variance, apart)
+
+
+def _root(kind: Kind, fit: Fit, effects: Sequence[str], variance: float) -> Array:
+    """A square root (p, p) of the covariance of the fitted values, in the order of the axes."""
+    scale = np.array([axis.scale for axis in axes(kind, effects)])
+    rows = fit.jacobian * scale / np.sqrt(variance)
+    values, vectors = np.linalg.eigh(rows.T @ rows + np.eye(len(scale)) / SET.question_widest**2)
+    return np.asarray(scale[:, None] * vectors / np.sqrt(values))
+
+
+def propose(
+    kind: Kind, records: Sequence[Record], found: Search, shown: Shown | None, rng: np.random.Generator
+) -> Proposal | None:
+    """A motion for the next record of a rig that is led along a path; None where nothing is confounded or out of sight,
+    and for other kinds of rig.
+
+    It is as long as half a record is, and stays within the places and speeds that the `records` hold. It puts the
+    rivals of the effects that are `found` as many standard deviations off as can be found in a bounded search; where
+    there are none, it makes `shown` (of a motion, the effects that it could show and the records cannot, and how rich
+    it is) as large; None for `shown` says that nothing is out of sight.
+    """
+    rig = KINDS[kind.name]
+    if not rig.led:
+        return None
+    room = Room.of(records, rig.layout.driven[0][0])
+    if not room.speed > 0 or not room.span > 0:
+        return None
+
+    def candidate(effect: str, model: FittedModel) -> Candidate:
+        return Candidate(effect, model.effects, kind.nominal() | model.thetas[0])
+
+    pairs = [(candidate(effect, m), candidate(rival.effect, rival.fitted)) for effect, m, rival in found.doubts]
+    if pairs:
+        seconds = (SET.plan_read_s if rig.drawn else SET.slow_plan_read_s) / len(records)
+        read = [record.beginning(seconds) for record in records]
+        asked = [question(kind, read, *pair, rng) for pair in pairs[: SET.questions]]
+        plan, apart = _best(kind, room, asked, read, rng)
+    elif shown is None:
+        return None
+    else:
+        asked, apart = [], []
+        plan = _richest(kind, replace(room, length=max(room.length, SET.plan_shows_s)), shown, rng)
+    motion = plan.record(kind.name)
+    shows = () if shown is None else tuple(sorted(shown(motion)[0]))
+    if not pairs and not shows:
+        return None
+    times, places = plan.waypoints()
+    return Proposal(
+        column=room.column,
+        times_s=times,
+        places_m=places,
+        motion={name: motion[name] for name in ("t_s", room.column)},
+        separations=tuple(
+            Separation(q.truth.effect, q.rival.effect, sure, *max(q.apart.items(), key=lambda row: row[1]))
+            for q, sure in zip(asked, apart, strict=True)
+        ),
+        shows=shows,
+    )
+
+
+def _richest(kind: Kind, room: Room, shown: Shown, rng: np.random.Generator) -> Plan:
+    """The random plan that shows most effects; of those the richest."""
+
+    def worth(plan: Plan) -> tuple[int, float]:
+        effects, rich = shown(plan.record(kind.name))
+        return len(effects), rich
+
+    return max((random_plan(room, rng) for _ in range(SET.plan_effort[0])), key=worth)
+
+
+def words_of(proposal: Proposal | None) -> str | None:
+    """What is proposed and what it would separate or show; None where nothing is proposed."""
+    if proposal is None:
+        return None
+    said = [TEXT(f"next.{proposal.column}", file=NEXT_CSV, length=proposal.times_s[-1])]
+    for one in proposal.separations:
+        case = "next.separates" if one.so_far < SET.apart else "next.separates_better"
+        said += [TEXT(case, **vars(one) | {"effect": effect_words(one.effect), "rival": effect_words(one.rival)})]
+    if proposal.shows:
+        said.append(TEXT("next.shows", names=map(effect_words, proposal.shows)))
+    return " ".join(said)
+
+
+def _best(
+    kind: Kind, room: Room, asked: Sequence[Question], read: Sequence[Record], rng: np.random.Generator
+) -> tuple[Plan, list[float]]:
+    """The plan whose least separation is largest, and its separations; the last few with the rivals truly fitted."""
+
+    def worth(plan: Plan) -> float:
+        motion = plan.record(kind.name)
+        return min(q.separation(motion) for q in asked)
+
+    def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
+        return list(zip(parallel(worth, plans), plans, strict=True))
+
+    first, again, best, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
+    rows = judged([random_plan(room, rng) for _ in range(first)])
+    for _ in range(rounds):
+        rows = sorted(rows, key=lambda row: -row[0])[:best]
+        rows += judged([varied(rows[k % best][1], rng) for k in range(again)])
+    finals = [plan for _, plan in sorted(rows, key=lambda row: -row[0])[:best]]
+    apart = [[q.refitted(read, plan.record(kind.name)) for q in asked] for plan in finals]
+    farthest = max(range(len(finals)), key=lambda k: min(apart[k]))
+    return finals[farthest], apart[farthest]

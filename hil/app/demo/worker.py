@@ -14,15 +14,14 @@ from typing import Final
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from hil.app.console import notes, output_to_notes, stage_lines
-from hil.app.demo.story import End, Story
+from hil.app.demo.story import TEXT, End, Story
 
 WORKERS: Final = 2  # stories at a time
 Reporter = Callable[[str, str, float], None]
 
 
-def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, End]:
-    """What came of each story by name, told in processes of their own; the first ones begin first. Each has
-    `folder`/name to itself.
+def results_of(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, End]:
+    """What came of each story by name. Each has a process and `folder`/name to itself; the first ones begin first.
 
     Raises a story's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an
     interruption.
@@ -37,7 +36,13 @@ def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) ->
             ready = wait(list(working))
             for words in [words for words in working if words in ready]:
                 name, process = working[words]
-                word = _heard(words, name, process)
+                try:
+                    word = words.recv()
+                except EOFError:
+                    process.join()
+                    raise RuntimeError(TEXT("dead", story=name, status=process.exitcode)) from None
+                if isinstance(word, Exception):
+                    raise word
                 if isinstance(word, tuple):
                     report(name, *word)
                 else:
@@ -52,32 +57,21 @@ def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) ->
 
 
 def _begin(story: Story, folder: Path, seed: int) -> tuple[BaseProcess, Connection]:
-    """A process that leaves Ctrl-C to this one, which ends it, and what it says."""
+    """A process that leaves Ctrl-C to this one, which ends it, and the end of its pipe."""
     context = get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_tell, args=(story, folder, seed, theirs), daemon=True)
-    listening = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         process.start()
     finally:
-        signal.signal(signal.SIGINT, listening)
+        signal.signal(signal.SIGINT, handler)
     theirs.close()
     return process, ours
 
 
-def _heard(words: Connection, name: str, process: BaseProcess) -> End | tuple[str, float]:
-    try:
-        word: End | tuple[str, float] | Exception = words.recv()
-    except EOFError:
-        process.join()
-        raise RuntimeError(f"process of the story {name} ended with status {process.exitcode}") from None
-    if isinstance(word, Exception):
-        raise word
-    return word
-
-
 def _tell(story: Story, folder: Path, seed: int, words: Connection) -> None:
-    """What a process does: progress, then what came of it or the sentence that says why nothing did."""
+    """In the story's process: send progress, then the result or the error."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with output_to_notes():

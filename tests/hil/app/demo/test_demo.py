@@ -20,15 +20,15 @@ import hil.app.demo.demo as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Acceptance
 from hil.app.demo.demo import demo
-from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, LearningStory, LoopStory, TrainingRun, admitted
-from hil.app.demo.next_record import NEXT_RECORD
+from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory, TrainingRun, admitted
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import PRINTED, Mission, Progress, StoryResult
-from hil.app.demo.worker import told
+from hil.app.demo.story import NEXT_RECORD, PRINTED, SCENARIOS, Mission, Progress, StoryResult
+from hil.app.demo.worker import results_of
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
+from models.effects import effect_words
 from models.files.toml import read_toml, toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
@@ -56,9 +56,7 @@ def short_story(folder: Path) -> LoopStory:
     raw["reference"]["speed_mm_s"] = 4.0
     (folder / "scenario.toml").write_text(toml_text(raw))
     ramp = {"kind": "ramp", "speed_mm_s": 3.0}
-    return LoopStory(
-        "magnetic", "a short loop", folder / "scenario.toml", (TrainingRun(ramp, 1.2),), TrainingRun(ramp, 1.2)
-    )
+    return LoopStory("magnetic", folder / "scenario.toml", (TrainingRun(ramp, 1.2),), TrainingRun(ramp, 1.2))
 
 
 def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:
@@ -146,7 +144,7 @@ def test_a_model_that_was_refused_is_said_to_be(driven: Driven) -> None:
 
 
 @pytest.mark.parametrize("story", LOOPS, ids=[story.name for story in LOOPS])
-def test_a_loop_hides_its_effect_and_tells_all_that_is_believed(story: LoopStory) -> None:
+def test_a_loop_hides_its_effect_and_states_all_that_is_believed(story: LoopStory) -> None:
     runs = story.runs(0)
     scenarios = {name: parse_sil_scenario(tables) for name, tables in runs.items()}
     assert load_sil_scenario(story.scenario)[0].loop.belief == scenarios["mission"].loop.belief
@@ -174,15 +172,14 @@ def test_tables_read_back_as_they_were(tables: dict[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class Quick:
-    """A story that is told at once, fails, or never ends."""
+    """A story that ends at once, fails, or never ends."""
 
     name: str
-    title: str = "a quick story"
     fault: str = ""
 
     def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
         report("begun", 0.1)
-        (folder / "report.html").write_text(self.title)
+        (folder / "report.html").write_text("a quick story")
         if self.fault == "refused":
             raise ValueError("records must be there; got none")
         if self.fault == "died":
@@ -193,7 +190,8 @@ class Quick:
         numbers = {"tracking_rmse_m": 1e-3, "tracking_max_m": 2e-3, "stopped_because": "", "log": "mission.blf"}
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
-        return StoryResult(finding, {stage: Acceptance() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+        gate = {stage: Acceptance() for stage in STAGES[1:]}
+        return StoryResult(finding, gate, missions, truth={"fold_periodic": {"excess": 0.3}})
 
 
 def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> None:
@@ -215,7 +213,7 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     shares = [share for _, share in said]
     assert shares == sorted(shares)
     page = html.unescape(demo_html([(NEXT_RECORD, one)], 1.0))
-    assert "with the proposed one: named: tissue drying" in page
+    assert f"with the proposed one: named: {effect_words('tissue_drying')}" in page
     assert "next_record/before/report.html" in page
     nothing = replace(one, before=replace(one.before, proposal=None, verdict="unknown", effects=()))
     assert "Verdict on the first records: unknown;" in demo_html([(NEXT_RECORD, nothing)], 1.0)
@@ -231,9 +229,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     found = LearningAnswer(Theta.of(TRUTH | FOLDS), ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
     monkeypatch.setattr(identify, "answer", lambda question: found)
     (tmp_path / "out").mkdir()
-    one = LearningStory("learning", "a run that learns", tmp_path / "scenario.toml").tell(
-        tmp_path / "out", 2, lambda stage, share: None
-    )
+    one = LearningStory("learning", tmp_path / "scenario.toml").tell(tmp_path / "out", 2, lambda stage, share: None)
     assert one.found["seed"] == 2001
     assert one.hidden == ("fold_periodic",)
     assert "folds of the gut learned and taken at" in one.sentence
@@ -291,7 +287,7 @@ def test_an_interruption_ends_every_process_at_once(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        told([Quick("endless", fault="endless")], tmp_path, 0, report)
+        results_of([Quick("endless", fault="endless")], tmp_path, 0, report)
     assert time.monotonic() - began[0] < 20
 
 
@@ -301,16 +297,16 @@ def test_an_interruption_leaves_nothing_behind(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(demo_module, "told", interrupted)
+    monkeypatch.setattr(demo_module, "results_of", interrupted)
     assert run(["demo", "--out", str(tmp_path / "o")]) == 130
     assert not (tmp_path / "o").exists()
     assert "interrupted" in capsys.readouterr().err
 
 
-def test_printed_measurements_are_told_without_a_drive(tmp_path: Path) -> None:
+def test_printed_measurements_need_no_drive(tmp_path: Path) -> None:
     one = PRINTED[0].tell(tmp_path, 0, lambda stage, share: None)
-    assert "that is an interpolation" in one.caution
-    assert "period −0.6 %, valley +7.7 %, peak −7.4 %" in one.caution
+    assert "this is an interpolation" in one.caution
+    assert "period −0.6 %, valley +7.7 % and peak −7.4 %" in one.caution
     assert one.caution in html.unescape(demo_html([(PRINTED[0], one)], 1.0))
     assert one.finding.kind == "periods" == read_rig(tmp_path / "rig.toml").kind
     assert (one.gate, one.missions, one.hidden) == ({}, {}, ())

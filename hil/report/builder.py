@@ -15,7 +15,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from hil.report import words
-from hil.report.mathml import equations_html, symbol_html
+from hil.report.mathml import equations_html
 from models import effects
 from models.words import quantities, sentences
 
@@ -43,7 +43,7 @@ def environment(folder: Path = TEMPLATES) -> Environment:
         (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}
-    made.filters |= {"indexed": _indexed, "equations": equations_html, "symbol": symbol_html}
+    made.filters |= {"indexed": _indexed, "equations": equations_html}
     made.globals |= {"DASH": quantities.DASH, "library": cache(lambda: base64.b64encode(PLOTLY.read_bytes()).decode())}
     return made
 

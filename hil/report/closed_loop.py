@@ -1,8 +1,7 @@
 """The report of a closed loop as one self-contained page: what its template needs."""
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import fields
+from collections.abc import Collection
 from typing import Any, Final
 
 import numpy as np
@@ -18,11 +17,11 @@ from hil.report.mathml import equations_html
 from hil.report.panels import Panel, closer, panels
 from hil.report.tables import error_rows, limit_share, parameters, record_rows, smallest_rows
 from hil.report.words import PARTS, effect_summary, error_story, grouped, headline, interpolation, quantities_words
-from models.effects.conformance import SIGNALS
-from models.effects.effect import Effect, Signals
-from models.effects.equation import ARGUMENTS, about_axis, equations_of
+from models.effects.effect import Effect
+from models.effects.equation import equations_of
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
+from models.identification.residual_term import law_of
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
 from models.words.quantities import number
@@ -33,7 +32,6 @@ SEVERITIES: Final = {"stops": "stops a fit", "weakens": "weakens the verdict", "
 _MOST: Final = math.log(1000)
 _MARKS: Final = ((0.0, "1"), (math.log(2), "1/2"), (math.log(10), "1/10"), (math.log(100), "1/100"), (_MOST, "1/1000"))
 """Places on a logarithmic axis, and what stands there."""
-_SIGNALS: Final = frozenset({*(f.name for f in fields(Signals)), *ARGUMENTS})
 
 
 def report_html(finding: Finding) -> str:
@@ -64,7 +62,7 @@ def report_html(finding: Finding) -> str:
         "residual": residual_figure([p for p in drawn if {before, after} <= set(p.predicted)], before, after),
         "checks": [{"check": check, "share": limit_share(check)} for check in finding.checks],
         "candidates": candidate_figure(finding),
-        "equations": _model(finding),
+        "equations": equations_html(finding.symbolic or finding.equations) if finding.equations else "",
         "calibration": parameters(finding.calibration, finding.nominal),
         "vague": [name for name, estimate in finding.calibration.items() if not estimate.identifiable],
     }
@@ -112,33 +110,21 @@ def _card(effect: FoundEffect, finding: Finding) -> dict[str, Any]:
 
 def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str, Any]:
     """What an effect or an added curve of it is: its equations, and its numbers."""
-    equations, summary = _equations(name, estimates, finding), effect_summary(name)[0]
-    return {"name": name, "summary": summary, "equations": equations, "parameters": parameters(estimates)}
-
-
-def _equations(name: str, fitted: Collection[str], finding: Finding) -> Markup:
-    """The equations of an effect with the symbols of what was fitted; what stayed at its default is a number."""
     effect = finding.effect(name)
+    return {
+        "name": name,
+        "summary": effect_summary(name)[0],
+        "equations": _equations(effect, estimates, finding),
+        "parameters": parameters(estimates, symbols=effect.symbols if effect else {}),
+    }
+
+
+def _equations(effect: type[Effect] | None, fitted: Collection[str], finding: Finding) -> Markup:
+    """The equations of an effect with the symbols of what was fitted; what stayed at its default is a number."""
     if effect is None:
         return Markup("")
     fixed = {p.name: p.value for p in effect.parameters() if p.name not in fitted}
-    lines = [str(equation) for equation in equations_of(effect, fixed, 4)]
-    return equations_html([about_axis(line) for line in lines] if finding.unit == "N m" else lines, _symbols([effect]))
-
-
-def _symbols(effects: Sequence[type[Effect]]) -> set[str]:
-    """Names in the equations of `effects` that are symbols and no words."""
-    states = {state for effect in effects for state in effect.states}
-    own = {p.name for effect in effects for p in effect.parameters()}
-    return {*own, *_SIGNALS, *states, *(f"{state}_state" for state in states)}
-
-
-def _model(finding: Finding) -> Markup:
-    lines = finding.symbolic or finding.equations
-    names = [name for effect in finding.effects for name in (effect.id, *effect.curves)]
-    effects = [effect for effect in map(finding.effect, names) if effect is not None]
-    known = {*finding.calibration, *finding.nominal, *_symbols(effects)}
-    return equations_html(lines, known) if lines else Markup("")
+    return equations_html([[formula] for formula in equations_of(effect, fixed, turns=finding.unit == "N m")])
 
 
 def _by_reason(cannot_show: dict[str, str]) -> dict[str, list[str]]:
@@ -176,7 +162,7 @@ def _depends(found: Dependence | None) -> dict[str, Any]:
     if term is None:
         return shown
     return shown | {
-        "term": equations_html([term.text], {*SIGNALS, "gap", "f_extra", "q1"}),
+        "term": equations_html([[law_of(term)]]),
         "term_numbers": {"amplitude": term.amplitude, **term.numbers},
         "term_given": {name: np.atleast_1d(value).tolist() for name, value in term.given.items()},
     }

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any, Final
 
 from hil.report.words import error_unit
+from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, FoundEffect
 from models.words.quantities import plain
 
@@ -51,7 +52,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "reasons": list(finding.reasons),
         "candidates": [_as_json(candidate) for candidate in finding.candidates],
         "statements": list(finding.statements),
-        "equations": list(finding.equations),
+        "equations": [line_text(line) for line in finding.equations],
         "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
         "residual": None if finding.dependence is None else _as_json(finding.dependence),
         "timings": finding.timings,

@@ -10,6 +10,7 @@ from hil.report.mathml import symbol_html
 from hil.report.words import PARTS, error_cells, interpolation, parameter_words, scaled
 from models.effects import effect_words
 from models.identification.finding import Check, Finding, Fitted
+from models.parameter import LETTERS
 from models.words.quantities import DASH, change, number, percent, quantity, scale, told
 
 _LOG = "log10_"
@@ -28,7 +29,11 @@ def error_rows(finding: Finding) -> list[list[str]]:
     return rows
 
 
-def parameters(estimates: Mapping[str, Fitted], nominal: Mapping[str, float] | None = None) -> dict[str, Any]:
+def parameters(
+    estimates: Mapping[str, Fitted],
+    nominal: Mapping[str, float] | None = None,
+    symbols: Mapping[str, str] = LETTERS,
+) -> dict[str, Any]:
     """Parameters with their 95 % intervals; against the nominal values where there are any. A logarithm is shown as
     what it is the logarithm of, one unit has one prefix in all rows.
     """
@@ -45,7 +50,12 @@ def parameters(estimates: Mapping[str, Fitted], nominal: Mapping[str, float] | N
         low, high = (factor * end for end in estimate.ci95)
         words, before = told(factor * estimate.value, (low, high)), believed.get(name)
         value = words.value if estimate.identifiable else number(factor * estimate.value, 3)
-        row = {"name": name, "symbol": symbol_html(name), "unit": unit, "nominal": scaled(before, factor)}
+        row = {
+            "name": name,
+            "symbol": symbol_html(symbols.get(name, "")),
+            "unit": unit,
+            "nominal": scaled(before, factor),
+        }
         row |= {"value": value, "low": words.low, "high": words.high, "identifiable": estimate.identifiable}
         rows.append(row | {"drawn": _change_drawn(before, estimate)})
     return {"rows": rows, "compared": nominal is not None, "lettered": any(row["symbol"] for row in rows)}

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
+from models.formula import Line, equal, named, symbols
 from models.parameter import Parameter
 
 
@@ -28,9 +29,12 @@ class Coil(Drive):
         k, source = self.force_constant_N_per_A, "rig file; several percent off"
         return (Parameter.near("coil_force_N_per_A", k, "N/A", 0.7, 1.3, source),)
 
-    def equations(self, p: Values) -> list[str]:
-        field = "" if self.range_m is None else "/(1 + ((x - x_c)/r)^2)^2"
-        return [f"F_act = {p['coil_force_N_per_A']:.4g} i{field}"]
+    def equations(self, p: Values) -> list[Line]:
+        F_act, i, x = symbols("F_act i x")
+        force = p["coil_force_N_per_A"] * i
+        if self.range_m is not None:
+            force = force / (1 + ((x - named("x_c", self.position_m, x)) / named("r", self.range_m, x)) ** 2) ** 2
+        return [[equal(F_act, force)]]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return force / self.force(x, v, 1.0, p)
@@ -65,9 +69,10 @@ class Winding:
             Parameter("back_emf_V_s_per_m", e, "V s/m", e - spread, e + spread, "rig file; N/A in SI"),
         )
 
-    def equation(self, p: Values, speed: str) -> str:
+    def equation(self, p: Values, speed: str) -> Line:
         """The current's law; `speed` is the symbol of the speed behind the back-EMF."""
-        return f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} {speed}"
+        L, rate, U, i, v = symbols(f"L i' U i {speed}")
+        return [equal(L * rate, U - p["coil_resistance_ohm"] * i - p["back_emf_V_s_per_m"] * v)]
 
     def current(self, start: Any, voltage: Any, speed: Any, h: Any, p: Values) -> tuple[Any, Any]:
         """Mean current over a step `h` in s and current at its end, in A; exact at a constant `voltage` in V and
@@ -95,7 +100,7 @@ class VoltageCoil(Coil):
     states: ClassVar[tuple[str, ...]] = ("current_A",)
     winding: Winding = Winding()
 
-    def equations(self, p: Values) -> list[str]:
+    def equations(self, p: Values) -> list[Line]:
         return [*super().equations(p), self.winding.equation(p, "v")]
 
     def untold(self) -> list[str]:

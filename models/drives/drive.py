@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from models.formula import Line
 from models.parameter import Parameter
 
 Values = Mapping[str, Any]
@@ -87,8 +88,8 @@ class Drive:
         """What calibration may fit of the drive."""
         return ()
 
-    def equations(self, p: Values) -> list[str]:
-        """How the command becomes a force, in words and numbers, a line each."""
+    def equations(self, p: Values) -> list[Line]:
+        """How the command becomes a force, a line each."""
         return []
 
     def untold(self) -> list[str]:

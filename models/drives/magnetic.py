@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.drives.drive import Drive, Values
+from models.formula import Formula, Line, equal, named, symbols
 from models.laws.dipole import PAIRINGS, Orientation, attraction, pull
 from models.parameter import Parameter
 
@@ -36,8 +37,10 @@ class Magnetic(Drive):
         source = "rig file; several percent off"
         return (Parameter.near("magnet_stiffness_N_per_m", self.stiffness_N_per_m, "N/m", 0.85, 1.15, source),)
 
-    def equations(self, p: Values) -> list[str]:
-        return [f"F_act = {p['magnet_stiffness_N_per_m']:.4g} g/(1 + (g/r)^2)^2, g = carriage - capsule"]
+    def equations(self, p: Values) -> list[Line]:
+        F_act, d, carriage, x = symbols("F_act d u_cmd x")
+        pull = Formula.of(p["magnet_stiffness_N_per_m"]) * d / (1 + (d / named("r", self.range_m, d)) ** 2) ** 2
+        return [[equal(F_act, pull), ", ", equal(d, carriage - x)]]
 
     def untold(self) -> list[str]:
         return [
@@ -83,12 +86,15 @@ class MagnetPair(Magnetic):
         source = "rig file: both moments and the height; its fifth power counts"
         return (Parameter.near("magnet_stiffness_N_per_m", self.stiffness_N_per_m, "N/m", 0.7, 1.4, source),)
 
-    def equations(self, p: Values) -> list[str]:
-        pairing = PAIRINGS[self.orientation]
-        k, h = f"{p['magnet_stiffness_N_per_m']:.4g}", f"{self.height_m:.4g}"
+    def equations(self, p: Values) -> list[Line]:
+        pairing, k = PAIRINGS[self.orientation], Formula.of(p["magnet_stiffness_N_per_m"])
+        F_act, d, q, carriage, x, N, m, g = symbols("F_act d q u_cmd x N m g")
+        h = named("h", self.height_m, d)
+        falling = (1 + q) ** 3.5
         return [
-            f"F_act = {k} g (1 - {pairing.a:.4g} q)/(1 + q)^(7/2), g = carriage - capsule, q = (g/{h})^2",
-            f"N = m g + {k} {h}/{pairing.b:.4g} (1 - {pairing.c:.4g} q)/(1 + q)^(7/2), the magnet's attraction",
+            [equal(F_act, k * d * (1 - pairing.a * q) / falling)],
+            [equal(d, carriage - x), ", ", equal(q, (d / h) ** 2)],
+            [equal(N, m * g + k * h * (1 - pairing.c * q) / (pairing.b * falling)), ", with the magnet's attraction"],
         ]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 
 from models.drives.coil import Winding
 from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
+from models.formula import Formula, Line, called, equal, symbols
 from models.parameter import Parameter
 
 
@@ -61,16 +62,18 @@ class Vibro(Drive):
             Parameter("spring_damping_N_s_per_m", c, "N s/m", 0.0, max(2 * c, 1.0), "rig file"),
         )
 
-    def equations(self, p: Values) -> list[str]:
-        reaction = " - F" if self.reaction_on_body else ""
-        stiffness, damping = (f"{p[name]:.4g}" for name in ("spring_stiffness_N_per_m", "spring_damping_N_s_per_m"))
+    def equations(self, p: Values) -> list[Line]:
+        F_act, S, F, r, rate, w = symbols("F_act S F r r' w'")
+        spring = p["spring_stiffness_N_per_m"] * r + p["spring_damping_N_s_per_m"] * rate
+        if self.front is not None or self.rear is not None:
+            spring = spring + Formula("stops")
         return [
-            f"F_act = S{reaction}, S = {stiffness} r + {damping} r' + stops",
-            f"{self.inner_mass_kg:.4g} w' = F - S, F = {self._drawn(p)}",
+            [equal(F_act, S - F if self.reaction_on_body else S), ", ", equal(S, spring)],
+            [equal(self.inner_mass_kg * w, F - S), ", ", equal(F, self._pushing(p))],
         ]
 
-    def _drawn(self, p: Values) -> str:
-        return f"{p['force_N']:.4g} on"
+    def _pushing(self, p: Values) -> Any:
+        return p["force_N"] * called("on", Formula("t"))
 
     def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
         """`S` in N: how the inner mass is drawn back at `stretch` in m and `rate` in m/s."""
@@ -130,11 +133,11 @@ class VoltageVibro(Vibro):
     coil_force_N_per_A: float = 0.5
     winding: Winding = Winding()
 
-    def equations(self, p: Values) -> list[str]:
+    def equations(self, p: Values) -> list[Line]:
         return [*super().equations(p), self.winding.equation(p, "r'")]
 
-    def _drawn(self, p: Values) -> str:
-        return f"{p['coil_force_N_per_A']:.4g} i"
+    def _pushing(self, p: Values) -> Any:
+        return p["coil_force_N_per_A"] * Formula("i")
 
     def untold(self) -> list[str]:
         return [ANYWHERE, BELIEVED]

@@ -14,7 +14,8 @@ import numpy as np
 
 from models.effects.declarations import declared, hooked, of_parameters
 from models.effects.effect import HOOKS, Effect, Signals
-from models.effects.equation import ARGUMENTS, answered, disagreement
+from models.effects.equation import LEFT, SIDES, SIGNALS, Symbols, answered, names_in, own_forms, traced
+from models.formula import value_of
 from models.parameter import nearest
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
@@ -34,7 +35,7 @@ def signals_of(kind: str) -> frozenset[str]:
     return _MOVING if signals is None else signals
 
 
-SIGNALS: Final[Mapping[str, float]] = {
+TRIED: Final[Mapping[str, float]] = {
     "t": 0.7,
     "x": 4e-3,
     "v": 6e-3,
@@ -50,11 +51,23 @@ SIGNALS: Final[Mapping[str, float]] = {
 }
 """Values of the signals, SI, at which the hooks are tried."""
 _ONE_WAY: Final = ("t", "travelled", "dwell", "command")
-_BACK: Final = {name: value if name in _ONE_WAY else -value for name, value in SIGNALS.items()}
-_REST: Final = dict.fromkeys(SIGNALS, 0.0) | {"direction": 1.0}  # signals of a capsule at rest
-# arguments other than 1, of usual size
-_OTHER: Final = {"y": 0.03, "h": 1e-3, "v_i": 5e-3, "u_c": 3e-4, "xi": 0.012, "xi_rate": 0.1, "f": 3.0}
-_ARGUMENTS: Final = dict.fromkeys(ARGUMENTS, 1.0) | _OTHER | {"e": 1e-3, "e_rate": 0.02}  # of every hook
+_BACK: Final = {name: value if name in _ONE_WAY else -value for name, value in TRIED.items()}
+_REST: Final = dict.fromkeys(TRIED, 0.0) | {"direction": 1.0}  # signals of a capsule at rest
+_ARGUMENTS: Final[Mapping[str, float]] = {
+    "y": 0.03,
+    "h": 1e-3,
+    "speed": 5e-3,
+    "onset": 3e-4,
+    "stretch": 0.012,
+    "rate": 0.1,
+    "frequency_Hz": 3.0,
+    "factors": 1.0,
+    "e": 1e-3,
+    "e_rate": 0.02,
+}
+"""Arguments of hooks, of usual size."""
+_SHORT_S: Final = 1e-7  # step from which the rate of a hidden state is taken
+_BEHIND: Final = 2e-4  # share by which a hidden state is off what it follows
 _FACTORS: Final = ("level", "stiffening", "gain", "reach")
 _STATE: Final = 0.2  # value of every hidden state
 _UNSEEN: Final = ("advance", "follow", "response")
@@ -94,14 +107,15 @@ def _words(error: BaseException) -> str:
 
 def _points(effect: type[Effect]) -> Iterator[tuple[str, dict[str, float]]]:
     """Signals to try the hooks at, as each of the effect's kinds of rig has them."""
-    for kind, point in product(sorted(effect.kinds), (SIGNALS, _BACK, _REST)):
+    for kind, point in product(sorted(effect.kinds), (TRIED, _BACK, _REST)):
         yield kind, {name: value if name in signals_of(kind) else 0.0 for name, value in point.items()}
 
 
 def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _ARGUMENTS) -> float:
     """What `hook` says where there is no effect."""
-    unchanged = {"command": s["command"], "measured": given["y"], "recovery": given["v_i"]}
-    return unchanged.get(hook, given.get(hook, 1.0 if hook in _FACTORS else 0.0))
+    unchanged = {"command": s["command"], "measured": given["y"], "recovery": given["speed"]}
+    unchanged |= dict.fromkeys(SIDES, given["factors"])
+    return unchanged.get(hook, 1.0 if hook in _FACTORS else 0.0)
 
 
 def _of_kinds(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
@@ -123,13 +137,13 @@ def _numbers(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     p, z = values_of(effect), dict.fromkeys(effect.states, _STATE)
     for hook in ("advance", "follow"):
         call: Any = getattr(effect(), hook)
-        got = call(Signals(**SIGNALS), p, z, *((1e-3,) if hook == "advance" else (0.03, 1e-3)))
+        got = call(Signals(**TRIED), p, z, *((1e-3,) if hook == "advance" else (0.03, 1e-3)))
         if not isinstance(got, Mapping) or not set(got) <= set(effect.states):
             yield f".{hook} must return a dict of the states {effect.states}; got {got!r}"
     sides = len(effect().shared(p, (1.0, 1.0, 1.0)))
     if sides != 3:
         yield f".shared must return three factors; got {sides}"
-    for state in sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, SIGNALS)}):
+    for state in sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, TRIED)}):
         yield f".states must each be given by advance or follow; got {state!r}, which is not"
     rng = np.random.default_rng(3)
     drawn = [{q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()} for _ in range(3)]
@@ -145,15 +159,15 @@ def _numbers(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
 def _symbols(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """arrays and CasADi symbols"""
     p, z = values_of(effect), dict.fromkeys(effect.states, _STATE)
-    plain = answers(effect, p, z, SIGNALS)
-    symbols = [{name: ca.SX.sym(name) for name in table} for table in (p, z, SIGNALS)]
+    plain = answers(effect, p, z, TRIED)
+    symbols = [{name: ca.SX.sym(name) for name in table} for table in (p, z, TRIED)]
     try:
         symbolic = {hook: ca.SX(value) for hook, value in answers(effect, *symbols).items()}
-        arrays = answers(effect, p, z, {k: np.full(3, v) for k, v in SIGNALS.items()})
+        arrays = answers(effect, p, z, {k: np.full(3, v) for k, v in TRIED.items()})
     except Exception as error:  # noqa: BLE001 - whatever a branch on a symbol raises
         yield f" must trace to CasADi symbols (np.where, np.tanh, ... instead of if, math); got: {_words(error)}"
     evaluate = ca.Function("f", [s for table in symbols for s in table.values()], list(symbolic.values()))
-    got = evaluate.call([value for table in (p, z, SIGNALS) for value in table.values()])
+    got = evaluate.call([value for table in (p, z, TRIED) for value in table.values()])
     for hook, value in zip(symbolic, got, strict=True):
         if value.shape != (1, 1) or not np.isclose(float(value), float(plain[hook]), rtol=1e-10, atol=1e-15):
             yield f".{hook} must say the same to symbols as to numbers; got {value} and {float(plain[hook]):g}"
@@ -185,7 +199,7 @@ def _shown(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     rng, p = np.random.default_rng(5), values_of(effect)
     hidden = set(effect.kinds)
     for kind, k in product(sorted(effect.kinds), range(12)):
-        s = {n: v * rng.uniform(-3, 3) if n in signals_of(kind) else 0.0 for n, v in SIGNALS.items()}
+        s = {n: v * rng.uniform(-3, 3) if n in signals_of(kind) else 0.0 for n, v in TRIED.items()}
         s |= {name: abs(s[name]) for name in _ONE_WAY} | {"direction": float(k % 2 * 2 - 1)}
         z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
         given = {name: value * rng.uniform(0.1, 3) for name, value in _ARGUMENTS.items()}
@@ -193,7 +207,7 @@ def _shown(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         if any(v != _nothing(hook, s, given) for hook, v in said.items() if hook.partition(".")[0] not in _UNSEEN):
             hidden.discard(kind)
     for kind in sorted(hidden):
-        lacking = ", ".join(name for name in SIGNALS if name not in signals_of(kind))
+        lacking = ", ".join(name for name in TRIED if name not in signals_of(kind))
         got = f"nothing at its probe on {kind!r}" + f", which has no {lacking}" * bool(lacking)
         yield f" must show on each of its kinds of rig; got {got}"
 
@@ -216,10 +230,68 @@ def _finite(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
 
 def _printed(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """printed equations"""
-    for seed in range(4):
-        failure = disagreement(effect, np.random.default_rng(seed))
-        if failure is not None:
-            yield f" must compute what its equations say; got {failure}"
+    letters = [effect.symbols.get(name, name) for name in (*values_of(effect), *effect.states)]
+    taken = [*letters, *(symbol for symbol, _ in SIGNALS.values())]
+    for letter in sorted({letter for letter in letters if taken.count(letter) > 1}):
+        yield f".symbols must differ from each other and from those of signals; got {letter!r} twice"
+    p = Symbols(effect, {})
+    trees = dict(traced(effect, p))
+    for seed in range(8):
+        drawn = _drawn(effect, p, np.random.default_rng(seed), usual=seed >= 4)
+        names = names_in(effect, *drawn)
+        for hook, right in answered(effect, *drawn):
+            for as_written in (False, seed >= 4):
+                value = value_of(trees[hook], names, as_written=as_written)
+                if not np.isclose(float(value), float(right), rtol=1e-9, atol=1e-12):
+                    got = f"{hook}: the printed equation gives {float(value):.6g}, the hook {float(right):.6g}"
+                    yield f" must compute what its equations say; got {got}"
+        if seed >= 4:
+            yield from _stated(effect, *drawn)
+
+
+Drawn = tuple[dict[str, float], dict[str, float], dict[str, float], dict[str, float]]
+
+
+def _drawn(effect: type[Effect], asked: Collection[str], rng: np.random.Generator, *, usual: bool) -> Drawn:
+    """Parameters, states, signals and arguments: anywhere within their bounds, or of `usual` size, at which no bound
+    that is left out of an equation acts.
+    """
+    own = values_of(effect)
+    given = {name: value * rng.uniform(0.5, 2) for name, value in _ARGUMENTS.items()}
+    s = {name: value * rng.uniform(0.5, 1.5) for name, value in TRIED.items()}
+    z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
+    p = {q.name: min(max(own[q.name] * rng.uniform(0.9, 1.1), q.lower), q.upper) for q in effect.parameters()}
+    if usual:
+        followed = {"command": s["command"], "position": given["y"]}
+        z |= {state: followed[effect.follows[state]] * (1 + _BEHIND) for state in effect.follows}
+    else:
+        p = {q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()}
+        s = {name: float(rng.normal(0, 0.3)) for name in TRIED}
+        s |= {name: abs(s[name]) for name in ("t", "travelled", "dwell")} | {"v": 0.05 * s["v"]}
+    p |= {name: float(rng.uniform(0.1, 1.0)) for name in sorted(asked) if name not in p}  # of the effect it refines
+    return p, z, s | {"direction": float(np.sign(s["v"]))}, given
+
+
+def _stated(
+    effect: type[Effect], p: dict[str, float], z: dict[str, float], s: dict[str, float], given: dict[str, float]
+) -> Iterator[str]:
+    """Where equations that it states are not those of its hooks: of a hidden state by its rate over a short step."""
+    said, names = dict(answered(effect, p, z, s, given | {"h": _SHORT_S})), names_in(effect, p, z, s, given)
+    for state in effect.states:
+        end = said.get(f"advance.{state}", said.get(f"follow.{state}", z[state]))
+        names[f"{effect.symbols.get(state, state)}'"] = (end - z[state]) / _SHORT_S
+    for key, formulas in own_forms(effect).items():
+        if key in effect.states:
+            values = {}
+        elif key == "modulus":
+            values = {LEFT[key][0]: said["modulus.storage"] + 1j * said["modulus.loss"], "i": 1j}
+        else:
+            values = {LEFT[key][0]: said[key]}
+        known = names | values
+        if formulas and all(value_of(condition, known) for condition in formulas[1:]):
+            left, right = (value_of(side, known, as_written=True) for side in formulas[0].inputs)
+            if not abs(left - right) <= 0.01 * abs(right) + 1e-9:
+                yield f".forms must be what its hooks compute; got {left:.6g} = {right:.6g} for {key}"
 
 
 CHECKS: Final[Mapping[str, Callable[[type[Effect], Collection[str]], Iterator[str]]]] = {

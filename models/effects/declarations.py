@@ -12,7 +12,7 @@ from models.parameter import Parameter, nearest
 
 _TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
 _WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of")
-DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "follows", "grid", "probe", "by_speed", "further")
+DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "symbols", "follows", "grid", "probe", "by_speed", "forms")
 """What an effect may declare beside its parameters and hooks."""
 _OURS: Final = (*DECLARATIONS, "parameters")
 _OWN_HOOKS: Final = ("suspension", "reach")
@@ -41,6 +41,8 @@ def declared(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         for strange in sorted(set(values[key]) - set(choices)):
             what = "among its choices" if key == "needs" else "ids of known effects"
             yield f".{key} must be {what}; got {strange!r}; {nearest(strange, list(choices))}"
+    if not isinstance(effect.symbols, Mapping) or not all(isinstance(one, str) for one in effect.symbols.values()):
+        yield f".symbols must map parameters and states to letters; got {effect.symbols!r}"
     if not isinstance(effect.follows, Mapping) or not set(effect.follows) <= set(effect.states):
         yield f".follows must map states to 'command' or 'position'; got {effect.follows!r}"
     for wrong in sorted(str(value) for value in effect.follows.values() if value not in ("command", "position")):

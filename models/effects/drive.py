@@ -5,9 +5,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.drives.elastic_link import Link
-from models.effects.effect import Effect, InnerMassEffect, Signals, Value, Values, by_name, number
+from models.effects.effect import Effect, Forms, InnerMassEffect, Signals, Value, Values, by_name, number
 from models.effects.friction import DriftInTime, drift
 from models.effects.inner_mass import TRAVEL_M
+from models.formula import Formula, at_least, equal, named, polynomial, shown_as, symbols
 
 
 class ActuatorLag(Effect):
@@ -17,6 +18,7 @@ class ActuatorLag(Effect):
     words = "a lagging drive"
     summary = "first-order lag of the drive"
     source = "first-order drive"
+    symbols = by_name(time_s="tau", command="u")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("command",)
     follows = by_name(command="command")
@@ -39,6 +41,10 @@ class ActuatorLag(Effect):
         start = s.command - s.rate * h
         return {"command": s.command - s.rate * rise + (z["command"] - start) * np.exp(-h / tau)}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"command": [equal(p["time_s"] * Formula("u'"), s.command - z["command"])]}
+
 
 _SMALLEST = 1e-4  # sharpness, below which the share differs from its limit by less than that
 
@@ -54,6 +60,7 @@ class CarriageBacklash(Effect):
     words = "a drive with backlash"
     summary = "play in the drive"
     source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
+    symbols = by_name(play_m="b", sharpness="k", order="n", position_m="u")
     kinds = frozenset({"pull", "magnetic"})
     needs = ("reversals",)
     states = ("position_m",)
@@ -77,6 +84,13 @@ class CarriageBacklash(Effect):
         share = (np.exp(k * through ** p["order"]) - 1) / (np.exp(k) - 1)
         return {"position_m": np.clip(z["position_m"] + change * share, s.command - half, s.command + half)}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        k, behind = p["sharpness"], s.command - z["position_m"]
+        q = named("q", 1 / Formula.of(2) + behind * np.sign(s.rate) / p["play_m"])
+        law = equal(Formula("u'"), s.rate * (np.exp(k * q ** p["order"]) - 1) / (np.exp(k) - 1))
+        return {"position_m": [law, np.abs(behind) <= p["play_m"] / 2]}
+
 
 class StringCompliance(Effect):
     """The rig pulls through `models.drives.elastic_link.Link`; the model makes the capsule a free mass behind it."""
@@ -85,6 +99,7 @@ class StringCompliance(Effect):
     words = "an elastic string"
     summary = "an elastic link between rig and capsule"
     source = "tracing catalogue 29"
+    symbols = by_name(compliance_m_per_N="c", hardening_per_m="b", damping_N_s_per_m="d")
     kinds = frozenset({"pull"})
     probe = 0.001
     confounders = ("carriage_backlash", "small_strain_stiffening")
@@ -97,6 +112,12 @@ class StringCompliance(Effect):
     def link(self, p: Values) -> Link:
         return Link(*(p[name.name] for name in self.parameters()))
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        e, rate, F = symbols("e e' F_link")
+        c, b, d = (p[parameter.name] for parameter in cls.parameters())
+        return {"link": [equal(F, np.sinh(b * e) / (b * c) + d * rate)]}
+
 
 class CouplingDecay(Effect):
     """Drive gain `1 + g x + b x^2`."""
@@ -105,6 +126,7 @@ class CouplingDecay(Effect):
     words = "a coupling that changes along the track"
     summary = "the magnet's grip changes along the track"
     source = "tracing catalogue 23"
+    symbols = by_name(slope_per_m="g", bend_per_m2="b")
     kinds = frozenset({"magnetic", "coil"})
     needs = ("places",)
     probe = 1.0
@@ -115,7 +137,7 @@ class CouplingDecay(Effect):
     bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0)
 
     def gain(self, s: Signals, p: Values, z: Values) -> Value:
-        return np.maximum(1 + (p["slope_per_m"] + p["bend_per_m2"] * s.x) * s.x, 0.05)
+        return at_least(polynomial(s.x, 1, p["slope_per_m"], p["bend_per_m2"]), 0.05)
 
 
 class CouplingFade(DriftInTime):
@@ -141,6 +163,7 @@ class ActuatorDeadZone(Effect):
     words = "a dead zone of the drive"
     summary = "a dead zone of the drive"
     source = "tracing catalogue 17"
+    symbols = by_name(zone="d")
     kinds = frozenset({"coil"})
     probe = 0.01
     confounders = ("stribeck", "dwell_adhesion")
@@ -159,6 +182,7 @@ class ActuatorSaturation(Effect):
     words = "a saturating drive"
     summary = "saturation of the drive"
     source = "tracing catalogue 19"
+    symbols = by_name(inverse_square="a")
     kinds = frozenset({"coil"})
     probe = 0.5
     confounders = ("actuator_dead_zone",)
@@ -181,6 +205,7 @@ class MagneticHysteresis(Effect):
     words = "a magnetic hysteresis"
     summary = "the drive's force depends on whether its current rose or fell"
     source = "tracing catalogue 22: play in the current (Prandtl's stop, one element of Preisach's model)"
+    symbols = by_name(remanence="r", width="w", memory="z")
     kinds = frozenset({"coil"})
     needs = ("reversals",)
     states = ("memory",)
@@ -198,6 +223,10 @@ class MagneticHysteresis(Effect):
     def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         return {"memory": np.clip(z["memory"] + s.rate * h / p["width"], -1.0, 1.0)}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"memory": [equal(Formula("z'"), s.rate / p["width"]), np.abs(z["memory"]) <= 1]}
+
 
 class BackEmf(Effect):
     """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (K/R ampere of an asked-for current)."""
@@ -206,6 +235,7 @@ class BackEmf(Effect):
     words = "a back-EMF of the coil"
     summary = "the moving magnet takes voltage from the coil that drives it"
     source = "tracing catalogue 21: i = (u - K v)/R"
+    symbols = by_name(loss_s_per_m="K")
     kinds = frozenset({"coil"})
     probe = 0.5
     confounders = ("viscous_drag", "actuator_lag")
@@ -230,6 +260,7 @@ class CoilLag(InnerMassEffect):
     words = "a lagging coil current"
     summary = "the coil's current lags the switch; the force goes with its square"
     source = "reluctance coil F = i^2/2 dL/dx, literature 2.1"
+    symbols = by_name(time_s="tau", current="i")
     kinds = frozenset({"vibro", "vibro_table"})
     states = ("current",)
     probe = 0.002
@@ -246,6 +277,10 @@ class CoilLag(InnerMassEffect):
         final = np.sqrt(np.maximum(s.command, _OFF))
         return {"current": final + (z["current"] - final) * kept}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"current": [equal(p["time_s"] * Formula("i'"), np.sqrt(s.command) - z["current"])]}
+
 
 class CoilReach(InnerMassEffect):
     """Force `F exp(g xi)`, as of a coil whose inductance falls exponentially along it, `F = i^2/2 |dL/dxi|`, within 30
@@ -259,6 +294,7 @@ class CoilReach(InnerMassEffect):
     words = "a coil force that depends on displacement"
     summary = "the coil's force changes with the inner mass's displacement"
     source = "reluctance coil, literature 1.2"
+    symbols = by_name(gain_per_m="g")
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 10.0
     confounders = ("coil_lag", "directional_asymmetry")
@@ -267,4 +303,4 @@ class CoilReach(InnerMassEffect):
     gain_per_m = number(0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm")
 
     def reach(self, stretch: Value, p: Values) -> Value:
-        return np.exp(p["gain_per_m"] * np.clip(stretch, -TRAVEL_M, TRAVEL_M))
+        return np.exp(p["gain_per_m"] * shown_as(np.clip(stretch, -TRAVEL_M, TRAVEL_M), lambda: stretch))

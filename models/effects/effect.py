@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
+from models.formula import Formula
 from models.laws.five_elements import DynamicModulus
 from models.parameter import Parameter, Role
 
@@ -16,6 +17,7 @@ Value = Any
 """A number, an array or a CasADi symbol: a hook serves all of them."""
 Values = Mapping[str, Value]
 Shares = tuple[Value, Value, Value]
+Forms = Mapping[str, Sequence[Formula]]
 NEEDS: Final = ("both_ways", "reversals", "speeds", "places", "rests", "time", "load", "samples", "wall", "turning")
 """What a motion may offer for an effect to show."""
 
@@ -71,6 +73,7 @@ class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
     `words` is its name with an article ("a lagging drive"), `summary` says what it does.
+    `symbols` are the letters of parameters and states in equations.
     Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
@@ -87,6 +90,7 @@ class Effect:
     source: ClassVar[str] = ""
     kinds: ClassVar[frozenset[str]] = frozenset()
     states: ClassVar[tuple[str, ...]] = ()
+    symbols: ClassVar[Mapping[str, str]] = MappingProxyType({})
     follows: ClassVar[Mapping[str, str]] = MappingProxyType({})
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
     probe: ClassVar[float] = 0.1
@@ -125,9 +129,11 @@ class Effect:
         return {p.name: p.value for p in cls.parameters()}
 
     @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, Any]]:
-        """Equations (hook, left, right) of what one kind of rig alone asks; others are written from the hooks."""
-        return []
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        """Equations as a textbook has them, and conditions on them, in place of those traced from the hook of that name
+        or from the step of a hidden state of that name; `STATE'` is the symbol of its rate.
+        """
+        return {}
 
     @classmethod
     def answers(cls, hook: str) -> bool:

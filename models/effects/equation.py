@@ -1,101 +1,109 @@
-"""An effect's equations as text, written down from its hooks: what is printed is what is computed."""
+"""An effect's equations, traced from its hooks: what is written is what is computed."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from inspect import signature
 from typing import Any, Final
 
-import numpy as np
-
 from models.effects.effect import HOOKS, Effect, Signals
-from models.effects.formula import Formula, called, value_of, written
-from models.parameter import Name
+from models.formula import Formula, Line, called, equal, written
+from models.parameter import LETTERS, Name
 from models.theta import Theta, bare
 
-LEFT: Final[Mapping[str, str]] = {
-    "level": "friction scale",
-    "nose": "factor on F_e",
-    "weight": "factor on mu m g",
-    "pressed": "factor on mu N_p",
-    "force": "added force in N",
-    "normal_load": "added normal load in N",
-    "stiffening": "factor on T(u)",
-    "wall_force": "added wall force in N",
-    "recovery": "v_i",
-    "command": "command that arrives",
-    "response": "time constant of the command in s",
-    "gain": "factor on the drive's force",
-    "measured": "reading",
-    "delay": "delay of the reading in s",
-    "suspension": "added force of the spring in N",
-    "reach": "factor on the coil's force",
-    "link": "force in N of the link at the stretch e",
-    "modulus.storage": "added storage modulus in Pa",
-    "modulus.loss": "added loss modulus in Pa",
+LEFT: Final[Mapping[str, tuple[str, str]]] = {
+    "level": ("friction scale", "factor on F_e and f_c, or on the Coulomb friction of a plate or an axis"),
+    "nose": ("scale at the nose", "factor on F_e"),
+    "weight": ("scale of the weight", "factor on the weight's part of f_c, mu m g"),
+    "pressed": ("scale of the pressure", "factor on the part of f_c that the wall presses, mu N_p"),
+    "force": ("F_extra", "added force on the capsule along +x, N"),
+    "normal_load": ("N_extra", "added force that presses the capsule on its surface, N"),
+    "stiffening": ("tension scale", "factor on the wall's tension T(u_w)"),
+    "wall_force": ("F_wall", "added force with which the wall resists being dragged, N"),
+    "recovery": ("v_i", "speed at which a slipping wall draws back, m/s"),
+    "command": ("u", "command that arrives at the capsule"),
+    "gain": ("drive scale", "factor on the drive's force"),
+    "measured": ("y", "reading of the sensor"),
+    "delay": ("y", "reading of the sensor"),
+    "suspension": ("F_spring", "added force that pulls the inner mass back to the body, N"),
+    "reach": ("coil scale", "factor on the coil's force"),
+    "link": ("F_link", "force of the link, N"),
+    "modulus": ("G_extra", "added complex modulus, Pa"),
 }
-"""What each hook gives, by the hook's name; states are called by their own."""
+"""The left side of the equation of each hook, and what it is."""
 SIDES: Final = ("nose", "weight", "pressed")
-_SYMBOLS: Final = {
-    "y": "y", "h": "h", "speed": "v_i", "onset": "u_c", "stretch": "xi", "rate": "xi_rate", "frequency_Hz": "f",
-}  # fmt: skip
-ARGUMENTS: Final = (*_SYMBOLS.values(), *SIDES, "e", "e_rate")
-"""Names in formulas beside signals, parameters and states: the true output, a step in s, the base model's speed of
-drawing back and the drag at which it slips, the inner mass's displacement and speed, a frequency in Hz, factors as
-`level` has them, a link's stretch and its rate.
-"""
-
-
-@dataclass(frozen=True)
-class Equation:
-    """`left = right` of one `hook` (of a state, by its name, for `advance` and `follow`); written with so many
-    `digits`.
-    """
-
-    hook: str
-    left: str
-    right: Formula
-    digits: int | None = None
-
-    def __str__(self) -> str:
-        return f"{self.left} = {written(self.right, self.digits)}"
+SIGNALS: Final[Mapping[str, tuple[str, str]]] = {
+    "t": ("t", "time, s"),
+    "x": ("x", "position, m"),
+    "v": ("v", "speed, m/s"),
+    "command": ("u_cmd", "command that was sent: carriage position, coil current or voltage, drive on"),
+    "rate": ("u_cmd'", "rate of the command"),
+    "travelled": ("s", "distance travelled, m"),
+    "tension": ("T", "quasi-static tension of the wall, N"),
+    "drag": ("u_w", "displacement of the wall, m"),
+    "drag_rate": ("u_w'", "rate of the wall's displacement, m/s"),
+    "dwell": ("t_rest", "time at rest, s"),
+    "load": ("N", "load, N or N m"),
+}
+"""The symbol of each signal in equations, and what it is; the direction of motion is written as `sgn(v)`."""
+ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = {
+    "y": ("y_0", "true value that the sensor reads"),
+    "h": ("h", "step, s"),
+    "speed": ("v_i0", "speed at which the base model's wall draws back, m/s"),
+    "onset": ("u_c", "displacement of the wall at which it slips, m"),
+    "stretch": ("xi", "displacement of the inner mass, m"),
+    "rate": ("xi'", "speed of the inner mass, m/s"),
+    "frequency_Hz": ("f", "frequency, Hz"),
+    "factors": ("lambda", "product of all friction scales"),
+    "e": ("e", "stretch of the link, m"),
+    "e_rate": ("e'", "rate of the link's stretch, m/s"),
+}
+"""What hooks get beside signals, parameters and states: the symbol, and what it is."""
+TORQUE: Final = "T_extra"
+"""What an added force is called about an axis."""
+_UNWRITTEN: Final = ("response",)
 
 
 def equations_of(
-    effect: type[Effect], values: Mapping[str, float] | None = None, digits: int | None = None
-) -> list[Equation]:
-    """The equations of every hook that `effect` answers, in the names of the signals, states and parameters; with
-    `values` their numbers, with so many `digits`, stand in place of the parameters, and what they make 0 drops out.
+    effect: type[Effect], values: Mapping[str, float] | None = None, *, turns: bool = False
+) -> list[Formula]:
+    """The equations of every hook that `effect` answers, and conditions on them; with `values` their numbers stand in
+    place of the parameters, and what they make 0 drops out. About an axis that `turns` a force is a torque.
     """
-    p = _Symbols(values or {})
-    own = [Equation(hook, left, Formula.of(right), digits) for hook, left, right in effect.further(p)]
-    found = [
-        Equation(hook, _left(effect, hook), Formula.of(right), digits)
-        for hook, right in _traced(effect, p)
-        if all(hook.partition(".")[0] != equation.hook for equation in own)
-    ]
-    return [*found, *own]
+    p, z = Symbols(effect, values or {}), _states(effect)
+    forms, found = effect.forms(_signals(), p, z), list[Formula]()
+    for hook, right in traced(effect, p):
+        kind, _, state = hook.partition(".")
+        if kind in forms or state in forms or kind in _UNWRITTEN:
+            continue
+        if kind in ("advance", "follow"):
+            left = called(z[state].name, Formula("t") + Formula("h"))
+        else:
+            left = Formula(TORQUE if turns and hook == "force" else LEFT.get(hook, LEFT.get(kind, ("", "")))[0])
+        right = called("y_0", Formula("t") - right) if hook == "delay" else right
+        if right.name != left.name:
+            found.append(equal(left, right))
+    return [*found, *(formula for formulas in forms.values() for formula in formulas)]
 
 
 def text_of(effect: type[Effect], values: Mapping[str, float] | None = None) -> str:
     """The equations in one line; numbers with four digits."""
-    return "; ".join(str(equation) for equation in equations_of(effect, values, 4))
+    return "; ".join(map(written, equations_of(effect, values)))
 
 
-def about_axis(line: str) -> str:
-    """An equation's line as it reads for an axis that turns, where a force is a torque."""
-    return line.replace(LEFT["force"], "added torque in N m")
-
-
-def lines_of(effects: Iterable[type[Effect]], theta: Theta) -> list[str]:
+def lines_of(effects: Iterable[type[Effect]], theta: Theta, *, turns: bool = False) -> list[Line]:
     """A line with the equations of each effect that has an entry in `theta`, with all its numbers: those given and the
-    defaults of the others.
+    defaults of the others. A value that is a formula leaves its parameter's symbol.
     """
-    lines = []
+    lines = list[Line]()
     for effect in effects:
         given = theta.effects.get(effect.id)
         if given:
             values = {**theta.effects.get(effect.of, {}), **effect.start(), **given}
-            lines.append(f"{effect.id}: {text_of(effect, values)}")
+            numbers = {name: value for name, value in values.items() if not isinstance(value, Formula)}
+            parts: list[str | Formula] = [f"{effect.words or effect.id}: "]
+            for formula in equations_of(effect, numbers, turns=turns):
+                parts += [formula, "; "]
+            lines.append(parts[:-1])
     return lines
 
 
@@ -109,7 +117,8 @@ def symbols_of(theta: Theta, fitted: Iterable[Name]) -> Theta:
 
 def _symbol(name: Name) -> Formula:
     own = bare(name)
-    return called("log10", Formula(own.removeprefix("log10_"))) if own.startswith("log10_") else Formula(own)
+    letter = Formula(LETTERS.get(own, own.removeprefix("log10_")))
+    return called("log10", letter) if own.startswith("log10_") else letter
 
 
 def answered(
@@ -119,8 +128,8 @@ def answered(
     `given` by the names of `ARGUMENTS`; a state's as `advance.NAME` or `follow.NAME`, a modulus's as `modulus.storage`
     and `modulus.loss`.
     """
-    e, factors = effect(), tuple(given[side] for side in SIDES)
-    known = {"s": Signals(**s), "p": p, "z": z, "factors": factors} | {a: given[b] for a, b in _SYMBOLS.items()}
+    e = effect()
+    known = {"s": Signals(**s), "p": p, "z": z, **given, "factors": (given["factors"],) * len(SIDES)}
     for hook, base in HOOKS.items():
         if effect.answers(hook):
             said = getattr(e, hook)(*(known[name] for name in list(signature(base).parameters)[1:]))
@@ -136,48 +145,45 @@ def answered(
                 yield hook, said
 
 
-def disagreement(effect: type[Effect], rng: np.random.Generator) -> str | None:
-    """Where the printed equations of `effect` give another value than its hooks do at random numbers; None where they
-    agree.
-    """
-    p = {q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()}
-    asked = _Symbols()  # a refinement asks for the numbers of its effect too
-    trees = {hook: Formula.of(right) for hook, right in _traced(effect, asked)}
-    p |= {name: float(rng.uniform(0.1, 1.0)) for name in asked if name not in p}
-    s = {f.name: float(rng.normal(0, 0.3)) for f in fields(Signals)}
-    s |= {"t": abs(s["t"]), "travelled": abs(s["travelled"]), "dwell": abs(s["dwell"]), "v": 0.05 * s["v"]}
-    z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
-    given = {name: float(rng.uniform(0.01, 0.5)) for name in ARGUMENTS}
-    states = {symbol.name: z[state] for state, symbol in _states(effect).items()}
-    for hook, right in answered(effect, p, z, s, given):
-        value = value_of(trees[hook], {**s, **given, **p, **states})
-        if not np.isclose(float(value), float(right), rtol=1e-9, atol=1e-12):
-            return f"{hook}: the printed equation gives {float(value):.6g}, the hook {float(right):.6g}"
-    return None
+def traced(effect: type[Effect], p: Mapping[str, Any]) -> Iterator[tuple[str, Formula]]:
+    """What every hook that `effect` answers says of symbols."""
+    s = {field.name: getattr(_signals(), field.name) for field in fields(Signals)}
+    given = {name: Formula(symbol) for name, (symbol, _) in ARGUMENTS.items()}
+    for hook, right in answered(effect, p, _states(effect), s, given):
+        yield hook, Formula.of(right)
+
+
+def names_in(
+    effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any], given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Values of parameters, states, signals and arguments by their symbols in the equations of `effect`."""
+    own = {effect.symbols.get(name, name): value for name, value in {**p, **z}.items()}
+    seen = {symbol: s[name] for name, (symbol, _) in SIGNALS.items()}
+    return seen | {symbol: given[name] for name, (symbol, _) in ARGUMENTS.items()} | own
+
+
+def own_forms(effect: type[Effect]) -> Mapping[str, Any]:
+    """The textbook's equations that `effect` states, by hook or state, in symbols."""
+    return effect.forms(_signals(), Symbols(effect, {}), _states(effect))
+
+
+def _signals() -> Signals:
+    return Signals(
+        **{name: Formula(symbol) for name, (symbol, _) in SIGNALS.items()}, direction=called("sgn", Formula("v"))
+    )
 
 
 def _states(effect: type[Effect]) -> dict[str, Formula]:
-    """A symbol for each hidden state, apart from a signal of the same name."""
-    signals = {f.name for f in fields(Signals)}
-    return {state: Formula(f"{state}_state" if state in signals else state) for state in effect.states}
+    return {state: Formula(effect.symbols.get(state, state)) for state in effect.states}
 
 
-def _left(effect: type[Effect], hook: str) -> str:
-    if hook not in LEFT:
-        state = hook.partition(".")[2]
-        return f"{_states(effect)[state].name} after a step of h"
-    return LEFT[hook]
+class Symbols(dict[str, Any]):
+    """Parameters of an effect as formulas, or as their numbers where these are given."""
 
-
-class _Symbols(dict[str, Any]):
-    """Parameters as formulas, or as their numbers where these are given; it remembers which were asked for."""
+    def __init__(self, effect: type[Effect], values: Mapping[str, Any]) -> None:
+        super().__init__(values)
+        self._letters = effect.symbols
 
     def __missing__(self, name: str) -> Any:
-        self[name] = Formula(name)
+        self[name] = Formula(self._letters.get(name, name))
         return self[name]
-
-
-def _traced(effect: type[Effect], p: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """What every hook that `effect` answers says of symbols."""
-    names = {f.name: Formula(f.name) for f in fields(Signals)}
-    return answered(effect, p, _states(effect), names, {name: Formula(name) for name in ARGUMENTS})

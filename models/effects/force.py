@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Value, Values, by_name, number
+from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name, number
+from models.formula import Formula, equal, named, shown_as
 
 _CREEP = 1e-6  # m/s
 
@@ -17,6 +18,7 @@ class ViscousDrag(Effect):
     words = "a viscous drag"
     summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
+    symbols = by_name(coefficient_N="c", exponent="n")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(exponent=(0.5, 1.0, 1.5))
@@ -30,7 +32,11 @@ class ViscousDrag(Effect):
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
-        return -p["coefficient_N"] * s.v / 0.01 * (fast / 0.01) ** (p["exponent"] - 1)
+        v_0 = named("v_0", 0.01, s.v)
+        return shown_as(
+            -p["coefficient_N"] * s.v / v_0 * (fast / v_0) ** (p["exponent"] - 1),
+            lambda: -p["coefficient_N"] * np.sign(s.v) * (np.abs(s.v) / v_0) ** p["exponent"],
+        )
 
 
 class InclineGravity(Effect):
@@ -40,6 +46,7 @@ class InclineGravity(Effect):
     words = "an inclined lumen"
     summary = "a constant force along the lumen"
     source = "tracing catalogue 13"
+    symbols = by_name(force_N="F_g")
     kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
     probe = 0.002
     confounders = ("directional_asymmetry", "sensor_bias")
@@ -60,6 +67,7 @@ class StressRelaxation(Effect):
     words = "a stress relaxation of the wall"
     summary = "a force that builds up while moving and relaxes"
     source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
+    symbols = by_name(stiffness_N_per_m="k", time_s="tau", slip_per_m="c", thinning_s_per_m="b", stretch_m="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("wall",)
     states = ("stretch_m",)
@@ -82,6 +90,15 @@ class StressRelaxation(Effect):
         decay = np.exp(-h * fading)
         drawn = s.v / (1 + np.abs(s.v) * p["thinning_s_per_m"])
         return {"stretch_m": z["stretch_m"] * decay + drawn / fading * (1 - decay)}
+
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        drawn, slipped = s.v / (1 + p["thinning_s_per_m"] * np.abs(s.v)), p["slip_per_m"] * np.abs(s.v) * z["stretch_m"]
+        return {
+            "stretch_m": [
+                equal(Formula(f"{cls.symbols['stretch_m']}'"), drawn - z["stretch_m"] / p["time_s"] - slipped)
+            ]
+        }
 
 
 _PULSES = "contractions are pulses rather than sines"
@@ -109,6 +126,18 @@ class ForceInTime(Effect):
     A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
     """
 
+    symbols = by_name(
+        force_N="A",
+        frequency_Hz="f",
+        phase_rad="phi",
+        offset="o",
+        second_sin="b_2",
+        second_cos="c_2",
+        third_sin="b_3",
+        third_cos="c_3",
+        fourth_sin="b_4",
+        fourth_cos="c_4",
+    )
     probe = 0.003
 
     force_N = number(0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most")
@@ -128,7 +157,7 @@ class ForceInTime(Effect):
 
 def turn(s: Signals, p: Values, late: Value = 0.0) -> Value:
     """The angle q in rad of a `ForceInTime` that is `late` by so many turns."""
-    return 2 * math.pi * (p["frequency_Hz"] * s.t - late) + p["phase_rad"]
+    return named("q", 2 * math.pi * (p["frequency_Hz"] * s.t - late) + p["phase_rad"])
 
 
 def contraction(turn: Value, p: Values) -> Value:
@@ -166,6 +195,7 @@ class PeristalticWave(ForceInTime):
     summary = "a force wave that travels along the lumen"
     source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    symbols = by_name(**ForceInTime.symbols, wavenumber_per_m="k")
     needs = ("time", "wall")
     grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
     confounders = ("respiration", "fold_periodic")
@@ -191,6 +221,7 @@ class AddedMass(Effect):
     words = "an added mass"
     summary = "inertia beyond the capsule's"
     source = "tracing catalogue 16"
+    symbols = by_name(mass_kg="m_a", acceleration="v'")
     kinds = frozenset({"pull"})
     needs = ("speeds",)
     states = (
@@ -209,6 +240,10 @@ class AddedMass(Effect):
     def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         return {"acceleration": (s.v - z["speed"]) / h, "speed": s.v}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"acceleration": [], "speed": []}
+
 
 class SpringOverPosition(Effect):
     """Force `-k x`; where the spring is at rest goes into the axis' constant force."""
@@ -217,6 +252,7 @@ class SpringOverPosition(Effect):
     words = "a spring to the frame"
     summary = "a spring to the frame: a force proportional to the position"
     source = "Hooke's law; balancing springs, cables and hoses of machine axes"
+    symbols = by_name(stiffness_N_per_m="k")
     kinds = frozenset({"axis"})
     needs = ("places",)
     probe = 10.0
@@ -236,6 +272,7 @@ class GravityOverAngle(Effect):
     words = "a weight on a lever"
     summary = "the torque of a weight on a lever, over the angle"
     source = "m g l of a lever: statics"
+    symbols = by_name(torque_N_m="G", hanging_rad="x_0")
     kinds = frozenset({"axis"})
     needs = ("turning", "places")
     grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))

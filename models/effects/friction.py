@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Value, Values, by_name, number
+from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name, number
+from models.formula import Formula, at_least, equal, named, polynomial, shown_as
 
 _SETTLES = "drifts of a bench settle within minutes"
 
@@ -12,6 +13,7 @@ _SETTLES = "drifts of a bench settle within minutes"
 class DriftInTime(Effect):
     """Factor `1 + b s + c s^2` of the time `s = t/(1 + t/t_s)`, which runs slower and slower; never below 0.05."""
 
+    symbols = by_name(rate_per_s="b", bend_per_s2="c", settling_s="t_s")
     probe = 0.001
 
     rate_per_s = number(0.0, "1/s", -0.08, 0.08, _SETTLES)
@@ -21,8 +23,8 @@ class DriftInTime(Effect):
 
 def drift(t: Value, p: Values) -> Value:
     """The factor of a `DriftInTime` at the time `t` in s since the record began."""
-    s = settling_time(t, p)
-    return np.maximum(1 + (p["rate_per_s"] + p["bend_per_s2"] * s) * s, 0.05)
+    s = named("t_e", settling_time(t, p))
+    return at_least(polynomial(s, 1, p["rate_per_s"], p["bend_per_s2"]), 0.05)
 
 
 def settling_time(t: Value, p: Values) -> Value:
@@ -40,6 +42,7 @@ class Stribeck(Effect):
     words = "a Stribeck effect"
     summary = "extra resistance at low speed that fades as speed grows"
     source = "Stribeck curve; Monatsh. Chem. 2016 for mucus"
+    symbols = by_name(excess="a", speed_m_s="v_s", exponent="delta")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(speed_m_s=(0.001, 0.003, 0.01))
@@ -54,7 +57,7 @@ class Stribeck(Effect):
     exponent = number(2.0, "1", 0.5, 4.0, "Armstrong-Helouvry 1991: 1/2 to 2", spread=1.0)
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        return 1 + p["excess"] * np.exp(-((np.maximum(np.abs(s.v), _REST_M_S) / p["speed_m_s"]) ** p["exponent"]))
+        return 1 + p["excess"] * np.exp(-((at_least(np.abs(s.v), _REST_M_S) / p["speed_m_s"]) ** p["exponent"]))
 
 
 class DirectionalAsymmetry(Effect):
@@ -64,6 +67,7 @@ class DirectionalAsymmetry(Effect):
     words = "a directional asymmetry"
     summary = "resistance differs between forward and backward"
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
+    symbols = by_name(asymmetry="a")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("both_ways",)
     probe = 0.05
@@ -84,6 +88,15 @@ class FoldPeriodic(Effect):
     words = "folds of the gut"
     summary = "resistance varies periodically along the lumen"
     source = "folds up to 8 mm deep (Gray)"
+    symbols = by_name(
+        depth="a",
+        wavelength_m="L",
+        phase_rad="phi",
+        second_sin="b_2",
+        second_cos="c_2",
+        third_sin="b_3",
+        third_cos="c_3",
+    )
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     needs = ("places",)
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
@@ -101,10 +114,10 @@ class FoldPeriodic(Effect):
     third_cos = number(0.0, "1", -0.7, 0.7)
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        turn = 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"]
+        turn = named("q", 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])
         wave = np.sin(turn) + p["second_sin"] * np.sin(2 * turn) + p["second_cos"] * np.cos(2 * turn)
         wave = wave + p["third_sin"] * np.sin(3 * turn) + p["third_cos"] * np.cos(3 * turn)
-        return np.maximum(1 + p["depth"] * wave, 0.05)
+        return at_least(1 + p["depth"] * wave, 0.05)
 
 
 class LumenTaper(Effect):
@@ -116,6 +129,7 @@ class LumenTaper(Effect):
     words = "a taper of the lumen"
     summary = "resistance changes steadily along the lumen"
     source = "tracing catalogue 11, 12"
+    symbols = by_name(slope_per_m="g", bend_per_m2="b", curl_per_m3="c", reach_m="L", middle_m="x_m")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     needs = ("places",)
     grid = by_name(reach_m=(0.02, 0.2))
@@ -131,9 +145,9 @@ class LumenTaper(Effect):
     middle_m = number(0.0, "m", -0.3, 0.3, spread=0.05)
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        r = s.x - p["middle_m"]
-        y = r / np.sqrt(1 + (r / p["reach_m"]) ** 2)
-        return np.maximum(1 + (p["slope_per_m"] + (p["bend_per_m2"] + p["curl_per_m3"] * y) * y) * y, 0.05)
+        r = named("r", s.x - p["middle_m"])
+        y = named("y", r / np.sqrt(1 + (r / p["reach_m"]) ** 2))
+        return at_least(polynomial(y, 1, p["slope_per_m"], p["bend_per_m2"], p["curl_per_m3"]), 0.05)
 
 
 _END = 1e-9 - 1  # of a bump that ends, where its logarithm would
@@ -150,6 +164,7 @@ class Stenosis(Effect):
     words = "a stenosis"
     summary = "one local place of higher resistance"
     source = "tracing catalogue 11"
+    symbols = by_name(excess="a", centre_m="x_0", width_m="w", tail="m", skew="k")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(width_m=(0.0015, 0.004))
@@ -165,11 +180,12 @@ class Stenosis(Effect):
     skew = number(0.0, "1", -0.6, 0.6)
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        away = s.x - p["centre_m"]
-        apart = away / (p["width_m"] * (1 + p["skew"] * np.sign(away)))
-        tail = p["tail"]
-        bump = np.maximum(0.5 * tail * (1 + tail) * apart * apart, _END)
-        return 1 + p["excess"] * np.exp(-np.log1p(bump) / tail)
+        away = named("r", s.x - p["centre_m"])
+        apart = named("q", away / (p["width_m"] * (1 + p["skew"] * np.sign(away))))
+        m = p["tail"]
+        bump = np.maximum(0.5 * m * (1 + m) * apart * apart, _END)
+        bell = shown_as(np.exp(-np.log1p(bump) / m), lambda: (1 + m * (m + 1) * apart**2 / 2) ** (-1 / m))
+        return 1 + p["excess"] * bell
 
 
 class DwellAdhesion(Effect):
@@ -179,6 +195,7 @@ class DwellAdhesion(Effect):
     words = "an adhesion that grows at rest"
     summary = "a break-away peak that grows with the time at rest"
     source = "rate and state ageing, Dillavou arXiv:1908.02676"
+    symbols = by_name(peak="b", ageing_time_s="t_a", slip_length_m="L", age="theta")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("rests",)
     states = ("age",)
@@ -200,6 +217,11 @@ class DwellAdhesion(Effect):
         aged = 1 - (1 - z["age"]) * np.exp(-h / p["ageing_time_s"])
         return {"age": np.where(rest == 1, aged, z["age"] * np.exp(-np.abs(s.v) * h / p["slip_length_m"]))}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        ageing, fading = (1 - z["age"]) / p["ageing_time_s"], -np.abs(s.v) * z["age"] / p["slip_length_m"]
+        return {"age": [equal(Formula("theta'"), np.where(s.v == 0, ageing, fading))]}
+
 
 class Preconditioning(Effect):
     """Level `1 - f (1 - (1 - q) exp(-s/l) - q exp(-5 s/l))` with the path length s: a share q of the fall comes in the
@@ -210,6 +232,7 @@ class Preconditioning(Effect):
     words = "preconditioning of the tissue"
     summary = "resistance falls with distance travelled"
     source = "Terry 2014: 13 cycles; Mullins"
+    symbols = by_name(fall="a", length_m="L", quick="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(length_m=(0.03, 0.1))
@@ -251,6 +274,7 @@ class LoadDependentFriction(Effect):
     words = "a load-dependent friction"
     summary = "friction that grows with the logged load"
     source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
+    symbols = by_name(growth_per_load="c")
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     probe = 0.1
@@ -260,7 +284,7 @@ class LoadDependentFriction(Effect):
     growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3)
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        return np.maximum(1 + p["growth_per_load"] * np.abs(s.load), 0.05)
+        return at_least(1 + p["growth_per_load"] * np.abs(s.load), 0.05)
 
 
 _LEAST_N = 1e-9  # load whose power is finite
@@ -275,6 +299,7 @@ class HertzianContact(Effect):
     words = "a Hertzian contact"
     summary = "the coefficient of friction is a power of the load, as the area of a soft contact is"
     source = "Bowden and Tabor: friction goes with the true area; Hertz 1882: N^(2/3), an exponent of -1/3 of the level"
+    symbols = by_name(exponent="n", reference_N="N_r")
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = -0.05
@@ -285,7 +310,7 @@ class HertzianContact(Effect):
     reference_N = number(1.0, "N", 1e-6, 1e9, fit=False)
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        return (np.maximum(np.abs(s.load), _LEAST_N) / p["reference_N"]) ** p["exponent"]
+        return (at_least(np.abs(s.load), _LEAST_N) / p["reference_N"]) ** p["exponent"]
 
 
 class AdhesiveContact(Effect):
@@ -297,6 +322,7 @@ class AdhesiveContact(Effect):
     words = "an adhesive contact"
     summary = "adhesion presses the surfaces together in addition to the load"
     source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
+    symbols = by_name(load_N="N_0")
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = 0.02
@@ -318,6 +344,7 @@ class MagnetNormalLoad(Effect):
     words = "a magnet that presses on the wall"
     summary = "the magnet presses the capsule on the wall, the more the nearer it is"
     source = "K. W. Yung et al., Magn. Electr. Sep. 9 (1998) 39: two dipoles attract each other across the gap"
+    symbols = by_name(load_N="N_m", width_m="w")
     kinds = frozenset({"magnetic"})
     needs = ("both_ways",)
     grid = by_name(width_m=(0.012, 0.03))

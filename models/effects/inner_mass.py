@@ -3,6 +3,7 @@
 import numpy as np
 
 from models.effects.effect import InnerMassEffect, Value, Values, by_name, number
+from models.formula import named, shown_as
 
 
 class SpringDamping(InnerMassEffect):
@@ -12,6 +13,7 @@ class SpringDamping(InnerMassEffect):
     words = "a damped suspension"
     summary = "damping of the inner mass's suspension"
     source = "literature 1.1, F_i = k1 r + c r'"
+    symbols = by_name(damping_N_s_per_m="c")
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 0.5
     confounders = ("guide_friction", "viscous_drag")
@@ -40,6 +42,7 @@ class SpringHardening(InnerMassEffect):
     words = "a hardening spring"
     summary = "the suspension stiffens with displacement"
     source = "Duffing spring"
+    symbols = by_name(cubic_N_per_m3="k_3", power="n")
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 1.0e5
     confounders = ("end_stop_impact",)
@@ -49,8 +52,10 @@ class SpringHardening(InnerMassEffect):
     power = number(3.0, "1", 1.5, 5.0, "a Duffing spring has 3")
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
-        far = np.minimum(np.maximum(np.abs(stretch), _REST_M), TRAVEL_M) / AT_M
-        return p["cubic_N_per_m3"] * AT_M**2 * far ** (p["power"] - 1) * stretch
+        size = shown_as(np.minimum(np.maximum(np.abs(stretch), _REST_M), TRAVEL_M), lambda: np.abs(stretch))
+        xi_0 = named("xi_0", AT_M, stretch)
+        far = size / xi_0
+        return p["cubic_N_per_m3"] * xi_0**2 * far ** (p["power"] - 1) * stretch
 
 
 CREEP_SPEED = 2.0e-3  # m/s, below which dry friction passes through 0
@@ -63,6 +68,7 @@ class GuideFriction(InnerMassEffect):
     words = "a dry friction of the guide"
     summary = "dry friction of the inner mass in its guide"
     source = "Coulomb friction of a plain bearing"
+    symbols = by_name(friction_N="F_d")
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 0.1
     confounders = ("spring_damping",)
@@ -71,7 +77,7 @@ class GuideFriction(InnerMassEffect):
     friction_N = number(0.0, "N", 0.0, 0.6, "up to the inner mass's weight")
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
-        return p["friction_N"] * rate / np.sqrt(rate * rate + CREEP_SPEED**2)
+        return p["friction_N"] * rate / np.sqrt(rate * rate + named("v_0", CREEP_SPEED, rate) ** 2)
 
 
 class EndStopImpact(InnerMassEffect):
@@ -83,6 +89,7 @@ class EndStopImpact(InnerMassEffect):
     words = "an impact on the end stops"
     summary = "the inner mass hits a stop"
     source = "literature 1.1, stops k2 and k3"
+    symbols = by_name(stiffness_N_per_m="k", gap_m="g", loss_s="t_s")
     kinds = frozenset({"vibro", "vibro_table"})
     grid = by_name(gap_m=(0.002, 0.004, 0.007, 0.012))
     probe = 300.0
@@ -94,6 +101,6 @@ class EndStopImpact(InnerMassEffect):
     loss_s = number(2e-4, "s", 0.0, 5e-3, "loss factor of rubber 0.05 to 1 at 100 Hz")
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
-        beyond = np.maximum(np.abs(stretch) - p["gap_m"], 0.0)
+        beyond = named("d", np.maximum(np.abs(stretch) - p["gap_m"], 0.0))
         pressed = np.maximum(beyond + p["loss_s"] * np.sign(stretch) * rate, 0.0)
         return p["stiffness_N_per_m"] * np.where(beyond > 0, np.sign(stretch) * pressed, 0.0)

@@ -10,6 +10,7 @@ from models.effects.force import PeristalticWave, StressRelaxation, wave_turn, w
 from models.effects.friction import TissueDrying, settling_time
 from models.effects.sensor import SensorLowpass
 from models.effects.wall import WallViscosity
+from models.formula import at_least, interpolated, named, polynomial, shown_as
 from models.parameter import Parameter
 
 _WEIGHT = "paper V Eq. 11: of the normal load only what the wall presses follows the hoop stress, not the weight"
@@ -29,6 +30,7 @@ class LevelAtOnset(Effect):
     words = "separate friction scales of nose and slip limit"
     summary = "a nose or a slip limit that a changed resistance leaves as it is"
     source = _SIDES
+    symbols = by_name(kept="k", spared="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = by_name(kept=(1.0,), spared=(0.0, 1.0, -1.0))
     probe = 0.1
@@ -55,6 +57,7 @@ class LevelAtCreep(Effect):
     words = "a different friction at creep"
     summary = "resistance in creep and at rest that differs from the one in motion"
     source = "no law: friction of a body that creeps or rests need not be what it was in the last motion"
+    symbols = by_name(odd="o", even="e", speed_m_s="v_c")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
@@ -67,7 +70,7 @@ class LevelAtCreep(Effect):
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         creep = np.exp(-np.abs(s.v) / p["speed_m_s"])
-        return np.maximum(1 + (p["even"] + s.direction * p["odd"]) * creep, 0.05)
+        return at_least(1 + (p["even"] + p["odd"] * s.direction) * creep, 0.05)
 
 
 KNOTS_M_S = (0.0, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, 0.016)  # of the curve, each about twice the one before
@@ -87,6 +90,7 @@ class LevelOverSpeed(Effect):
     words = "a free curve of friction over speed"
     summary = "resistance as a free curve over speed"
     source = "no law: a curve through the speeds that the records contain"
+    symbols = by_name(**{f"{side}_{k}": f"{side[0]}_{k}" for side in ("even", "odd") for k in range(1, 9)})
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
@@ -102,7 +106,13 @@ class LevelOverSpeed(Effect):
             share = np.clip((np.abs(s.v) - low) / (high - low), 0.0, 1.0)
             even = even + (p[f"even_{k + 1}"] - p[f"even_{k}"]) * share
             odd = odd + (p[f"odd_{k + 1}"] - p[f"odd_{k}"]) * share
-        return np.maximum(1 + even + s.direction * odd, 0.05)
+        even = named("e", shown_as(even, lambda: _knots(np.abs(s.v), p, "even")))
+        odd = named("o", shown_as(odd, lambda: _knots(np.abs(s.v), p, "odd")))
+        return at_least(1 + even + odd * s.direction, 0.05)
+
+
+def _knots(speed: Value, p: Values, side: str) -> Value:
+    return interpolated(speed, KNOTS_M_S, [p[f"{side}_{k}"] for k in range(1, len(KNOTS_M_S) + 1)])
 
 
 _MINUTE_S = 60.0  # time after which both shapes are the same
@@ -115,6 +125,7 @@ class DryingShape(Effect):
     words = "a free curve of the drying"
     summary = "the finer shape of a drift of the resistance"
     source = "no law: a drift settles as it likes"
+    symbols = by_name(third="d_3", fourth="d_4", fifth="d_5", settling_s="t_s")
     kinds = TissueDrying.kinds
     of = TissueDrying.id
     probe = 0.01
@@ -124,8 +135,11 @@ class DryingShape(Effect):
     third, fourth, fifth = (number(0.0, "1", -1.0, 1.0, spread=0.1) for _ in range(3))
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        u = settling_time(s.t, p) / settling_time(_MINUTE_S, p)
-        return np.maximum(1 + (p["third"] + (p["fourth"] + p["fifth"] * u) * u) * u**3, 0.05)
+        u = named("u", settling_time(s.t, p) / settling_time(_MINUTE_S, p))
+        return at_least(1 + polynomial(u, p["third"], p["fourth"], p["fifth"]) * u**3, 0.05)
+
+
+_ORDERS = {5: "fifth", 6: "sixth", 7: "seventh", 8: "eighth"}
 
 
 def _harmonic() -> Parameter:
@@ -139,6 +153,11 @@ class WaveHarmonics(Effect):
     words = "higher harmonics of the wave"
     summary = "the fifth to eighth harmonics of a wave"
     source = "no law: contractions that begin and end sharply have harmonics that fall with the square of their order"
+    symbols = by_name(
+        **PeristalticWave.symbols,
+        **{f"{name}_sin": f"b_{k}" for k, name in _ORDERS.items()},
+        **{f"{name}_cos": f"c_{k}" for k, name in _ORDERS.items()},
+    )
     kinds = PeristalticWave.kinds
     of = PeristalticWave.id
     probe = 0.02
@@ -149,13 +168,16 @@ class WaveHarmonics(Effect):
     seventh_sin, seventh_cos, eighth_sin, eighth_cos = (_harmonic() for _ in range(4))
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
-        return p["force_N"] * with_harmonics(0.0, wave_turn(s, p), p, 5, ("fifth", "sixth", "seventh", "eighth"))
+        return p["force_N"] * with_harmonics(0.0, wave_turn(s, p), p, 5, tuple(_ORDERS.values()))
 
 
 class FurtherRelaxation(StressRelaxation):
     """A second branch that slips, `-k_2 q_2`, `q_2' = v - q_2/tau_2 - c_2 |v| q_2`."""
 
     id = "further_relaxation"
+    symbols = by_name(
+        stiffness_N_per_m="k_2", time_s="tau_2", slip_per_m="c_2", thinning_s_per_m="b_2", stretch_m="q_2"
+    )
     words = "a second relaxation time"
     summary = "a second relaxation time"
     source = "generalised Maxwell model: soft tissue relaxes with more than one time (Fung, Biomechanics, ch. 7)"
@@ -174,6 +196,7 @@ class FurtherLag(ActuatorLag):
     """`tau_2 c'' = c' - c''` of the command `c'` that the first lag lets through."""
 
     id = "further_lag"
+    symbols = by_name(time_s="tau_2", command="u")
     words = "a second lag of the drive"
     summary = "a second lag of the drive"
     source = "a current loop under a position loop: drives are of second order or more"
@@ -188,6 +211,7 @@ class FurtherLowpass(SensorLowpass):
     """`tau_2 y'' + y' = x'` of the reading `x'` that the first low-pass lets through."""
 
     id = "further_lowpass"
+    symbols = by_name(time_s="tau_2", smooth="y")
     words = "a second low-pass of the sensor"
     summary = "a second smoothing of the measurement"
     source = "an amplifier's filter before a digital one: smoothing is of second order or more"
@@ -204,6 +228,7 @@ class ViscosityThinning(Effect):
     words = "a shear-thinning wall"
     summary = "a viscous wall that thins with its rate"
     source = "Carreau's law of a viscosity that changes with the rate, Trans. Soc. Rheol. 16 (1972) 99"
+    symbols = by_name(viscosity_N_s_per_m="c", power="n", rate_m_s="w_0")
     kinds = WallViscosity.kinds
     of = WallViscosity.id
     grid = by_name(power=(0.0,), rate_m_s=(2e-3,))
@@ -215,7 +240,7 @@ class ViscosityThinning(Effect):
     rate_m_s = number(2e-3, "m/s", 1e-4, 2e-2)
 
     def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
-        ratio = s.drag_rate / p["rate_m_s"]
+        ratio = named("r", s.drag_rate / p["rate_m_s"])
         return p["viscosity_N_s_per_m"] * s.drag_rate * ((1 + ratio * ratio) ** (p["power"] / 2) - 1)
 
 
@@ -243,4 +268,6 @@ class DampingOverSpeed(InnerMassEffect):
         for k, (low, high) in enumerate(itertools.pairwise(DAMPING_KNOTS_M_S), start=1):
             damping = damping + (p[f"c_{k}"] - below) * np.clip((np.abs(rate) - low) / (high - low), 0.0, 1.0)
             below = p[f"c_{k}"]
+        values = [0.0, *(p[f"c_{k}"] for k in range(1, len(DAMPING_KNOTS_M_S)))]
+        damping = named("c", shown_as(damping, lambda: interpolated(np.abs(rate), DAMPING_KNOTS_M_S, values)))
         return damping * rate

@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Value, Values, by_name, number
+from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name, number
+from models.formula import Formula, equal
 
 
 class SensorBias(Effect):
@@ -15,6 +16,7 @@ class SensorBias(Effect):
     words = "an offset of the sensor"
     summary = "the sensor's zero is off"
     source = "tracing catalogue 24"
+    symbols = by_name(bias="b")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.001
     confounders = ("incline_gravity", "directional_asymmetry")
@@ -33,6 +35,7 @@ class SensorScale(Effect):
     words = "a gain error of the sensor"
     summary = "the sensor's gain is off"
     source = "tracing catalogue 24"
+    symbols = by_name(error="epsilon")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.02
     confounders = ("small_strain_stiffening",)
@@ -41,7 +44,7 @@ class SensorScale(Effect):
     error = number(0.0, "1", -0.5, 0.5)
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
-        return y * (1 + p["error"])
+        return (1 + p["error"]) * y
 
 
 _WARMING = "an amplifier warms up within a minute, then drifts on"
@@ -54,6 +57,7 @@ class SensorDrift(Effect):
     words = "a drifting sensor"
     summary = "the sensor's zero drifts"
     source = "tracing catalogue 24"
+    symbols = by_name(rate_per_s="c", quicker="k", warming_s="t_w")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("time",)
     probe = 1e-05
@@ -76,6 +80,7 @@ class SensorDelay(Effect):
     words = "a delayed sensor"
     summary = "the measurement is late"
     source = "tracing catalogue 25"
+    symbols = by_name(delay_s="d")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     probe = 0.005
     confounders = ("sensor_lowpass", "actuator_lag")
@@ -94,6 +99,7 @@ class SensorLowpass(Effect):
     words = "a slow sensor"
     summary = "the measurement is smoothed"
     source = "tracing catalogue 26"
+    symbols = by_name(time_s="tau", smooth="y")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("smooth",)
     follows = by_name(smooth="position")
@@ -111,6 +117,10 @@ class SensorLowpass(Effect):
         keep = np.where(s.t > 0, np.exp(-h / np.maximum(p["time_s"], 1e-9)), 0.0)
         return {"smooth": y + (z["smooth"] - y) * keep}
 
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"smooth": [equal(p["time_s"] * Formula("y'"), Formula("y_0") - z["smooth"])]}
+
 
 class MainsHum(Effect):
     """Output `y + A sin(2 pi f t + phi)`."""
@@ -119,6 +129,7 @@ class MainsHum(Effect):
     words = "a mains hum"
     summary = "mains frequency on the signal"
     source = "paper C Section 2.3 (power frequency interference)"
+    symbols = by_name(hum="A", frequency_Hz="f", phase_rad="phi")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = by_name(frequency_Hz=(50.0, 60.0), phase_rad=(0.0, 1.5707963))
     probe = 0.0001

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from models.formula import interpolated, shown_as
+
 
 def line(z: Any, scale: Any) -> Any:
     """`z/scale`."""
@@ -51,4 +53,4 @@ def knots(z: Any, places: Sequence[float], values: Sequence[float]) -> Any:
     y: Any = values[0]
     for left, right, low, high in zip(places, places[1:], values, values[1:], strict=False):
         y = y + (high - low) / (right - left) * (np.minimum(np.maximum(z, left), right) - left)
-    return y
+    return shown_as(y, lambda: interpolated(z, places, values))

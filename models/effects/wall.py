@@ -1,11 +1,9 @@
 """Effects of the wall: its rate, its stiffness at small strain, its recovery."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Value, Values, by_name, number
-from models.effects.formula import Formula
+from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name, number
+from models.formula import equal, named, shown_as, symbols
 from models.laws.five_elements import DynamicModulus, springpot_modulus
 
 
@@ -16,6 +14,7 @@ class WallViscosity(Effect):
     words = "a viscous wall"
     summary = "wall tension depends on the rate of stretch"
     source = "rat gut SLS, WJG 11:4974"
+    symbols = by_name(viscosity_N_s_per_m="c")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
     needs = ("speeds",)
     probe = 0.3
@@ -44,6 +43,7 @@ class SmallStrainStiffening(Effect):
     words = "a wall stiffer at small strain"
     summary = "the wall is stiffer at small, fast stretch than its quasi-static law"
     source = "paper A Table 2 against A Eq. 1, 3, 12: eight periods, 2.6 times stiffer below 0.1 mm"
+    symbols = by_name(excess="a", scale_m="u_0", tail="m")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
     grid = by_name(scale_m=(5e-5, 1e-4, 2e-4, 6e-4), tail=(0.3,))
     probe = 0.3
@@ -55,7 +55,11 @@ class SmallStrainStiffening(Effect):
     tail = number(_NO_TAIL, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", spread=0.5)
 
     def stiffening(self, s: Signals, p: Values, z: Values) -> Value:
-        return 1 + p["excess"] * np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / p["tail"])
+        m, strain = p["tail"], np.abs(s.drag) / p["scale_m"]
+        fading = shown_as(
+            np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / m), lambda: (1 + m * strain) ** (-1 / m)
+        )
+        return 1 + p["excess"] * fading
 
 
 class ExponentialRecovery(Effect):
@@ -65,6 +69,7 @@ class ExponentialRecovery(Effect):
     words = "an exponential recovery of the wall"
     summary = "the wall draws back exponentially"
     source = "paper A Section 3.2 (real contraction is nonlinear)"
+    symbols = by_name(share="q", times="m")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.1
     confounders = ("wall_viscosity",)
@@ -91,6 +96,7 @@ class BroadRelaxation(Effect):
     words = "a broad relaxation spectrum"
     summary = "a relaxation spectrum broader than two Maxwell branches"
     source = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
+    symbols = by_name(stiffness_Pa="K", exponent="alpha")
     kinds = frozenset({"dma"})
     grid = by_name(exponent=(0.1, 0.25, 0.4, 0.6))
     probe = 1e4
@@ -105,6 +111,6 @@ class BroadRelaxation(Effect):
         return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])
 
     @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, Any]]:
-        power = (Formula("i") * Formula("f") / REFERENCE_HZ) ** p["exponent"]
-        return [("modulus", "added modulus in Pa", p["stiffness_Pa"] * power)]
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        i, f, G = symbols("i f G_extra")
+        return {"modulus": [equal(G, p["stiffness_Pa"] * (i * f / named("f_0", REFERENCE_HZ, f)) ** p["exponent"])]}

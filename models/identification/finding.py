@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
+from models.formula import Line
 from models.identification.kind import Array
 
 STAGES = ("nominal", "calibrated", "augmented")
@@ -200,7 +201,7 @@ class Finding:
     smallest_detectable: dict[str, float]
     next_experiment: str | None
     statements: tuple[str, ...]
-    equations: tuple[str, ...]
+    equations: tuple[Line, ...]
     traces: tuple[Trace, ...]
     seconds: float
     timings: dict[str, float]
@@ -208,7 +209,7 @@ class Finding:
     cannot_show: dict[str, str] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     proposal: Proposal | None = None
-    symbolic: tuple[str, ...] = ()
+    symbolic: tuple[Line, ...] = ()
     dependence: Dependence | None = None
     declared: Mapping[str, type[Effect]] = field(default_factory=dict)
 

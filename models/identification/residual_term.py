@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from models.effects import shapes
-from models.effects.formula import Formula, written
+from models.formula import Formula, equal, written
 from models.identification.finding import Fitted, ResidualCurve, Term
 from models.identification.kind import Array
 from models.identification.settings import SET
@@ -156,21 +156,17 @@ class _Fitted:
 
     def term(self, unit: str, level: float) -> Term:
         """As it is reported."""
-        symbol = SYMBOLS[self.curve.variable][0]
-        against = self.curve.along == "-v"
-        z: Any = abs(Formula(symbol)) if self.curve.sized else Formula(symbol)
         amplitude, constant, *_ = self.values
-        text = written(Formula.of(self.at(z)), 4)
         estimates = [
             Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
             for v, d, u in zip(self.values, self.deviations, self._units(unit), strict=True)
         ]
-        return Term(
+        term = Term(
             self.curve.variable,
             self.curve.along,
             self.curve.sized,
             self.form.name,
-            f"f_extra = -sgn(v)*({text})" if against else f"f_extra = {text}",
+            "",
             estimates[0],
             float(constant / amplitude),
             dict(zip(self.form.numbers, estimates[2:], strict=True)),
@@ -178,10 +174,20 @@ class _Fitted:
             level,
             self.left,
         )
+        return replace(term, text=written(law_of(term)))
 
     def _units(self, unit: str) -> list[str]:
         own = UNITS[SYMBOLS[self.curve.variable][0]]
         return [unit, unit, *("1" if name in PURE else own for name in self.form.numbers)]
+
+
+def law_of(term: Term) -> Formula:
+    """The force of a term as an equation."""
+    symbol: Any = Formula(SYMBOLS[term.variable][0])
+    numbers = {name: estimate.value for name, estimate in term.numbers.items()}
+    shape = getattr(shapes, term.form)(np.abs(symbol) if term.sized else symbol, **numbers, **term.given)
+    force = term.offset * term.amplitude.value + term.amplitude.value * shape
+    return equal(Formula("F_extra"), -np.sign(Formula("v")) * force if term.along == "-v" else force)
 
 
 def _errors(curve: ResidualCurve) -> Array:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from models.formula import Formula, Line, called, equal, symbols
 from models.laws.five_elements import blend_weight
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants, wall_tension
@@ -108,13 +109,19 @@ class Wall(Surface):
     def mucus(self, w: Any) -> Any:
         return mucus_drag(w, self.tissue.mucus_thickness_m)
 
-    def equations(self, p: Values) -> list[str]:
-        hoop, mu = f"{p['hoop_stress_factor']:.4g}", f"{p['friction_coefficient']:.4g}"
+    def equations(self, p: Values) -> list[Line]:
+        c, mu = (Formula.of(p[name]) for name in ("hoop_stress_factor", "friction_coefficient"))
+        m, a, g, F_act, F_e, f_c, v, theta = symbols("m a g F_act F_e f_c v theta")
+        u, rate, u_c, v_i, t_r, w = symbols("u_w u_w' u_c v_i t_r w")
+        I_1, I_2 = (called(name, np.abs(v)) for name in ("I_1", "I_2"))
+        T, side = called("T", u), np.sign(u)
         return [
-            "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)",
-            f"F_e = {hoop} sin(theta) I1(|v|)",
-            f"f_c = {mu} (m g + {hoop} (cos(theta) I1(|v|) + I2(|v|)))",
-            "stick: u' = v until |T(u)| = f_c; slip: u' = -s v_i, v_i = u_c/t_r, until u = 0 or s v <= -v_i",
+            [equal(m * a, F_act - F_e * called("Sgn", v) - called("F_v", w) - T)],
+            [equal(F_e, c * np.sin(theta) * I_1)],
+            [equal(f_c, mu * (m * g + c * (np.cos(theta) * I_1 + I_2)))],
+            ["stick: ", equal(rate, v), " until ", equal(np.abs(T), f_c)],
+            ["slip: ", equal(rate, -side * v_i), " until ", equal(u, 0), " or ", side * v <= -v_i],
+            [equal(v_i, u_c / t_r)],
         ]
 
     def grip(self, speed: Any, hoop: Any, mu: Any, levels: Levels = FULL) -> Held:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
+from models.formula import Line, called, equal, symbols
 from models.laws.geometry import GRAVITY
 from models.parameter import Parameter
 
@@ -38,8 +39,8 @@ class Surface(ABC):
         """
 
     @abstractmethod
-    def equations(self, p: Values) -> list[str]:
-        """The body's equation of motion in words and numbers, a line each."""
+    def equations(self, p: Values) -> list[Line]:
+        """The body's equation of motion, a line each."""
 
     def tension(self, u: Any) -> Any:
         """Tension in N of a wall dragged by `u` in m."""
@@ -81,8 +82,10 @@ class Plate(Surface):
         load = carried_kg * GRAVITY + pressing
         return p["friction_coefficient"] * (self.mass_kg * GRAVITY + load) * levels[0], 0.0
 
-    def equations(self, p: Values) -> list[str]:
-        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the load on the plate"]
+    def equations(self, p: Values) -> list[Line]:
+        m, a, F_act, N, v = symbols("m a F_act N v")
+        friction = p["friction_coefficient"] * N * called("Sgn", v)
+        return [[equal(m * a, F_act - friction), ", ", N, " the load on the plate"]]
 
 
 @dataclass(frozen=True)
@@ -101,5 +104,6 @@ class Air(Surface):
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         return 0.0, 0.0
 
-    def equations(self, p: Values) -> list[str]:
-        return ["m a = F_act"]
+    def equations(self, p: Values) -> list[Line]:
+        m, a, F_act = symbols("m a F_act")
+        return [[equal(m * a, F_act)]]

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from models.effects.equation import equations_of
+from models.effects.friction import FoldPeriodic
+from models.formula import Formula, called, equal
 from models.identification.finding import (
     CandidateRow,
     Check,
@@ -100,11 +103,8 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
             "The recovery time cannot be told: the teeth blur.",
         ),
         equations=(
-            "m v' = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)",
-            "level = 1 + 0.201 sin(2 pi x/0.0073 + 0.1)",
-            "f_c = mu N(|v|), mu = 7.64e-2",
-            "v_i = u_c/t_r, T(u) = sgn(u) H_l(1 + |u|/L_s) s exp(-(v/0.003)^2)",
-            "  with x read 3 ms late",
+            [equal(Formula("m") * Formula("v'"), Formula("F_act") - called("F_e", np.abs(Formula("v"))))],
+            ["folds of the gut: ", *equations_of(FoldPeriodic, {"depth": 0.201, "wavelength_m": 0.0073})],
         ),
         traces=(
             *(trace(f"train_{i}", "train", i, seconds) for i in (1, 2, 3)),

@@ -8,18 +8,20 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from plotly.offline import get_plotlyjs_version
 
 from hil.app.console import json_text
 from hil.report.builder import PLOTLY
 from hil.report.closed_loop import report_html
-from hil.report.mathml import equations_html, math_html
+from hil.report.mathml import equations_html, line_html, math_html
 from hil.report.numbers import report_json
 from hil.report.panels import binned, panels
 from hil.report.theme import thinned
 from hil.report.words import column_words, error_story, headline, interpolation, tidy
+from models.effects import CATALOGUE
+from models.effects.effect import Effect
+from models.effects.equation import equations_of
+from models.formula import Formula, called, equal, named, symbols
 from models.identification.finding import Check, Finding, Fitted
 from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
@@ -98,7 +100,7 @@ def test_names_cannot_break_out_of_the_page() -> None:
             **finding.__dict__,
             "traces": (trace.__class__(**{**trace.__dict__, "name": bad}),),
             "statements": (bad,),
-            "equations": (bad,),
+            "equations": ([bad, Formula(bad)],),
             "next_experiment": bad,
         }
     )
@@ -166,36 +168,43 @@ def test_quantities_of_one_record_are_drawn_apart() -> None:
     assert set(drawn[0].predicted) == {"nominal", "calibrated"}
 
 
+X, Y, V = symbols("x y v")
+
+
 @pytest.mark.parametrize(
-    ("text", "inside"),
+    ("formula", "inside"),
     [
-        ("F_act", "<msub><mi>F</mi><mtext>act</mtext></msub>"),
-        ("7.3e-05", "<msup><mn>10</mn><mn>−5</mn></msup>"),
-        ("x/(y + 1)", "<mfrac><mrow><mi>x</mi></mrow><mrow><mi>y</mi><mo>+</mo><mn>1</mn></mrow></mfrac>"),
-        ("2 pi x", "<mi>π</mi>"),
-        ("tau1 v'", "<msub><mi>τ</mi><mtext>1</mtext></msub>"),
-        ("F_e(|v|) w", "<mrow><mo>|</mo><mi>v</mi><mo>|</mo></mrow>"),
-        ("sqrt(x)", "<msqrt><mi>x</mi></msqrt>"),
-        ("where(x < 0, 1, 2)", "<mtext>elsewhere</mtext>"),
-        ("a < b & c", "<mi>a</mi><mo>&lt;</mo><mi>b</mi><mo>&amp;</mo><mi>c</mi>"),
-        ("read late", "<mtext>read&nbsp;</mtext>"),
-        ("x^((", "<mtext>x^((</mtext>"),
-        ("(" * 200, "<mtext>"),
+        (Formula("F_act"), "<msub><mi>F</mi><mtext>act</mtext></msub>"),
+        (7.3e-05 * X, "<msup><mn>10</mn><mn>−5</mn></msup>"),
+        (X / (Y + 1), "<mfrac><mrow><mi>x</mi></mrow><mrow><mi>y</mi><mo>+</mo><mn>1</mn></mrow></mfrac>"),
+        (2 * np.pi * X, "<mn>2</mn><mi>π</mi>"),
+        (Formula("tau_1") * Formula("v'"), "<msub><mi>τ</mi><mtext>1</mtext></msub>"),
+        (Formula("u_cmd'"), "<msup><mrow><msub><mi>u</mi><mtext>cmd</mtext></msub></mrow><mo>′</mo></msup>"),
+        (called("F_e", abs(V)), "<mrow><mo>|</mo><mi>v</mi><mo>|</mo></mrow>"),
+        (np.sqrt(X), "<msqrt><mi>x</mi></msqrt>"),
+        (np.where(X < 0, 1, 2), "<mtext>elsewhere</mtext>"),
+        (X <= Y, "<mi>x</mi><mo>≤</mo><mi>y</mi>"),
+        (equal(X, named("q", Y + 1)), "<mi>q</mi><mo>=</mo><mi>y</mi>"),
+        ((X + 1) ** Y, "<mo>)</mo></mrow></mrow><mrow><mi>y</mi></mrow></msup>"),
+        (X - (Y - 1), "<mo>(</mo>"),
+        (Formula("a < b & c"), "a &lt; b &amp; c"),
     ],
 )
-def test_equations(text: str, inside: str) -> None:
-    written = math_html(text)
-    assert inside in written
+def test_equations(formula: Formula, inside: str) -> None:
+    written = math_html(formula)
+    assert inside in written.replace("</math> <math>", "").replace(' form="infix" lspace="0" rspace="0.22em"', "")
     ElementTree.fromstring(f"<p>{written}</p>".replace("&nbsp;", " "))
 
 
-@given(st.text(st.sampled_from("abx_12(|)^/*' -+=,<&"), max_size=40))
-def test_any_text_is_typeset_well_formed(text: str) -> None:
-    ElementTree.fromstring(f"<p>{math_html(text)}</p>".replace("&nbsp;", " "))
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=lambda effect: effect.id)
+def test_every_effect_is_typeset_well_formed(effect: type[Effect]) -> None:
+    page = equations_html([[formula] for formula in equations_of(effect)])
+    assert page.count('class="line"') == len(equations_of(effect))
+    ElementTree.fromstring(page.replace("&nbsp;", " "))
 
 
-def test_a_line_that_begins_with_spaces_continues() -> None:
-    assert equations_html(("a", "  + b")).count('class="line more"') == 1
+def test_words_of_a_line_stand_between_its_formulas() -> None:
+    assert line_html(["stick <", equal(X, Y)]).startswith("stick &lt;<math>")
 
 
 def test_numbers_and_units() -> None:
@@ -276,8 +285,9 @@ def test_sentences_have_numbers_for_people(text: str, told: str) -> None:
 
 
 def test_a_long_equation_may_go_on_in_the_next_line() -> None:
-    sum_ = " + ".join(f"a_{k}*sin({k}*x)" for k in range(1, 9))
-    page = equations_html((f"scale = max(1 + d*({sum_}), 0.05)",))
-    assert page.count("<math>") > 8
-    ElementTree.fromstring(page.replace("&nbsp;", " "))
-    assert equations_html(("y = (a + b)/(c + d)",)).count("<math>") == 1
+    sum_ = sum((Formula(f"a_{k}") * np.sin(k * X) for k in range(2, 9)), Formula("a_1"))
+    page = math_html(equal(Formula("scale"), np.maximum(1 + Formula("d") * sum_, 0.05)))
+    assert page.count("<math>") > 7
+    ElementTree.fromstring(f"<p>{page}</p>".replace("&nbsp;", " "))
+    a, b, c, d = symbols("a b c d")
+    assert math_html(equal(Y, (a + b) / (c + d))).count("<math>") == 1

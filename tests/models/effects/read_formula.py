@@ -34,9 +34,9 @@ def value_of(text: str, names: Mapping[str, Any]) -> Any:
 
     Raises ValueError for a text that is no formula, KeyError for a name that has no value.
     """
-    whole, _, parts = text.partition(", with ")
+    whole, *parts = re.split(r", (?=q_\d+ = )", text)
     known = dict(names)
-    for part in re.split(r", (?=q\d+ = )", parts) if parts else ():
+    for part in parts:
         name, _, formula = part.partition(" = ")
         known[name] = _value(formula, known)
     return _value(whole, known)
@@ -44,10 +44,17 @@ def value_of(text: str, names: Mapping[str, Any]) -> Any:
 
 def _value(text: str, names: Mapping[str, Any]) -> Any:
     try:
-        tree = ast.parse(text.replace("^", "**"), mode="eval")
+        tree = ast.parse(_python(text), mode="eval")
     except SyntaxError as error:
         raise ValueError(f"formula must be one that can be read; got {text!r}: {error.msg}") from None
     return _computed(tree.body, names)
+
+
+def _python(text: str) -> str:
+    """The text as Python has it: bars as calls, a factor after a blank as a product, `^` as a power."""
+    while (bare := re.sub(r"\|([^|]*)\|", r"abs(\1)", text)) != text:
+        text = bare
+    return re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text).replace("^", "**")
 
 
 def _computed(node: ast.expr, names: Mapping[str, Any]) -> Any:

@@ -20,7 +20,9 @@ from models.drives.vibro import Vibro
 from models.effects import CATALOGUE, EFFECTS, REFINEMENTS, effect_words
 from models.effects.conformance import CHECKS, values_of
 from models.effects.declarations import DECLARATIONS
-from models.effects.effect import HOOKS, Effect
+from models.effects.drive import ActuatorLag
+from models.effects.effect import HOOKS, Effect, Forms, Signals, Values
+from models.formula import Formula, equal
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import Parameter
 from models.rigs.kinds import KINDS
@@ -136,7 +138,7 @@ def test_its_parameters_are_declared(effect: type[Effect]) -> None:
     names = [p.name for p in effect.parameters()]
     assert len(set(names)) == len(names) > 0
     for p in effect.parameters():
-        assert all((p.unit, p.source))
+        assert all((p.unit, p.source, effect.symbols[p.name]))
         assert np.isfinite([p.lower, p.upper]).all()
         assert p.lower < p.upper
     amplitude = effect.amplitude()
@@ -154,6 +156,20 @@ def test_its_parameters_are_declared(effect: type[Effect]) -> None:
 def test_it_conforms(effect: type[Effect], check: str) -> None:
     """What `capsule effects check` asks of a user's effect."""
     assert not list(CHECKS[check](effect, set(CATALOGUE)))
+
+
+@pytest.mark.parametrize("effect", REFINEMENTS, ids=lambda e: e.id)
+def test_a_refinement_computes_what_its_equations_say(effect: type[Effect]) -> None:
+    assert not list(CHECKS["equations"](effect, set(CATALOGUE)))
+
+
+def test_an_equation_that_an_effect_states_must_be_what_its_hooks_compute() -> None:
+    class Wrong(ActuatorLag):
+        @classmethod
+        def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+            return {"command": [equal(2 * p["time_s"] * Formula("u'"), s.command - z["command"])]}
+
+    assert any("must be what its hooks compute" in failure for failure in CHECKS["equations"](Wrong, set(CATALOGUE)))
 
 
 def test_contributing_names_every_hook_and_declaration() -> None:

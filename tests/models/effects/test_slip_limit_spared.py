@@ -7,6 +7,7 @@ import pytest
 
 from models.drives.pull import Pull
 from models.effects import CATALOGUE
+from models.formula import line_text
 from models.identification.kinds import kind_for
 from models.identification.kinds.reports.series import about_the_rig, equations
 from models.identification.kinds.series.series import SeriesKind
@@ -54,6 +55,7 @@ def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     theta = Theta.of({("level_at_onset", "spared"): -0.97, ("level_at_onset", "kept"): 0.2})
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
     assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
-    law = equations(SeriesKind.build(Plate(0.1), Pull(), 1e-3), Theta.of({"friction_coefficient": 0.3, **theta}))[-1]
-    assert law.startswith("level_at_onset: factor on F_e = nose - 0.97*(nose - 1); ")
-    assert "factor on mu m g = weight - 0.2*(weight - 1); " in law
+    kind = SeriesKind.build(Plate(0.1), Pull(), 1e-3)
+    law = line_text(equations(kind, Theta.of({"friction_coefficient": 0.3, **theta}))[-1])
+    assert "scale at the nose = lambda - 0.97 (lambda - 1); " in law
+    assert "scale of the weight = lambda - 0.2 (lambda - 1); " in law

@@ -40,7 +40,7 @@ def test_a_form_is_found_again_in_its_own_curve(form: str, values: NDArray[np.fl
     np.testing.assert_allclose(again, values + 3e-3, atol=6e-4)
     low, high = term.amplitude.ci95
     assert low < term.amplitude.value < high
-    assert term.text.startswith("f_extra = -sgn(v)*(")
+    assert term.text.startswith("F_extra = -sgn(v) (")
 
 
 def test_a_curve_of_no_short_form_gets_knots() -> None:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.drives.drive import Drive
+from models.formula import Formula, Line, called, equal, symbols
 from models.laws.geometry import GRAVITY
 from models.parameter import Parameter
 from models.rigs.columns import Columns, Range
@@ -37,8 +38,8 @@ class Thruster(Drive):
     def command_for(self, force: Any, x: Any, v: Any, p: Mapping[str, Any]) -> Any:
         return force / p["thrust_N"]
 
-    def equations(self, p: Mapping[str, Any]) -> list[str]:
-        return [f"F_act = {p['thrust_N']:.4g} jet"]
+    def equations(self, p: Mapping[str, Any]) -> list[Line]:
+        return [[equal(Formula("F_act"), p["thrust_N"] * Formula("jet"))]]
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,9 @@ class Slab(Surface):
     ) -> tuple[Any, Any]:
         return p["slab_friction"] * ((self.mass_kg + carried_kg) * GRAVITY + pressing) * levels[0], 0.0
 
-    def equations(self, p: Values) -> list[str]:
-        return [f"m a = F_act - {p['slab_friction']:.4g} m g Sgn(v)"]
+    def equations(self, p: Values) -> list[Line]:
+        m, a, F_act, g, v = symbols("m a F_act g v")
+        return [[equal(m * a, F_act - p["slab_friction"] * m * g * called("Sgn", v))]]
 
 
 class JetTable(Table):

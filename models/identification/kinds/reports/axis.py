@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.effects.equation import about_axis, lines_of
+from models.effects.equation import LEFT, TORQUE, lines_of
+from models.formula import Formula, Line, equal, symbols
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET
@@ -25,17 +26,20 @@ class Ripple:
     p: float
 
 
-def equations(kind: AxisKind, theta: Theta) -> list[str]:
-    """The model in words and numbers, SI units: the base, then what each effect adds to it."""
+def equations(kind: AxisKind, theta: Theta) -> list[Line]:
+    """The model, SI units: the base, then what each effect adds to it."""
     c = kind.coordinates
-    inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
-    friction = f"({viscous:.4g} v + {coulomb:.4g} sgn(v))"
-    effects = lines_of(kind.effects, theta)
-    scaled = " times all friction scales" if any("friction scale" in line for line in effects) else ""
-    added = f", less all added {c.names[3]}s" if any("added force" in line for line in effects) else ""
-    told = [about_axis(line) if c.turns else line for line in effects]
-    head = "T" if c.turns else "F"
-    return [f"{head} = {inertia:.5g} a + {friction}{scaled} {offset:+.3g}{added}", *told]
+    inertia, viscous, coulomb, offset = (Formula.of(theta[name]) for name in c.base)
+    effects = [effect for effect in kind.effects if effect.id in theta.effects]
+    a, v, scale, force, torque = symbols("a v lambda F T")
+    head, added = (torque, Formula(TORQUE)) if c.turns else (force, Formula(LEFT["force"][0]))
+    friction = viscous * v + coulomb * np.sign(v)
+    if any(effect.answers("level") for effect in effects):
+        friction = scale * friction
+    total = inertia * a + friction + offset
+    if any(effect.answers("force") for effect in effects):
+        total = total - added
+    return [[equal(head, total)], *lines_of(effects, theta, turns=c.turns)]
 
 
 def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

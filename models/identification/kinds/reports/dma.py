@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.stats import f as f_distribution
 
 from models.effects.equation import lines_of
+from models.formula import Formula, Line, equal, symbols
 from models.identification.fitting.confidence import near
 from models.identification.kind import Array
 from models.identification.kinds.dma import DmaKind, single_samples
@@ -19,14 +21,18 @@ from models.records.record import Record
 from models.theta import Theta
 
 
-def equations(kind: DmaKind, theta: Theta) -> list[str]:
-    """The moduli in words and numbers."""
-    E1, E2, E3, tau1, tau2 = (10 ** theta[f"log10_{n}"] for n in ("E1", "E2", "E3", "tau1", "tau2"))
-    out = [
-        f"G* = {E3:.4g} + {E1:.4g} iw {tau1:.3g}/(1 + iw {tau1:.3g}) + {E2:.4g} iw {tau2:.3g}/(1 + iw {tau2:.3g}) Pa",
-        f"w = 2 pi f, eta1 = {E1 * tau1:.4g} Pa s, eta2 = {E2 * tau2:.4g} Pa s",
+def equations(kind: DmaKind, theta: Theta) -> list[Line]:
+    """The complex modulus: a spring and two Maxwell branches of viscosity `eta = E tau`."""
+    E_1, E_2, E_3, tau_1, tau_2 = (
+        Formula.of(10 ** theta[f"log10_{name}"]) for name in ("E1", "E2", "E3", "tau1", "tau2")
+    )
+    G, i, omega, f, eta_1, eta_2 = symbols("G i omega f eta_1 eta_2")
+    first, second = (E * (i * omega * tau) / (1 + i * omega * tau) for E, tau in ((E_1, tau_1), (E_2, tau_2)))
+    return [
+        [equal(G, E_3 + first + second), ", ", equal(omega, math.tau * f)],
+        [equal(eta_1, E_1 * tau_1), ", ", equal(eta_2, E_2 * tau_2)],
+        *lines_of(kind.effects, theta),
     ]
-    return [*out, *lines_of(kind.effects, theta)]
 
 
 def statements(kind: DmaKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

@@ -5,22 +5,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
+from models.formula import Line, equal, symbols
 from models.identification.kinds.friction import FORCE, SPEED, FrictionKind, cannot_show
 from models.records.record import Record
 from models.rigs.friction import FRICTION
 from models.theta import Theta
 
 
-def equations(kind: FrictionKind, theta: Theta) -> list[str]:
-    """The law with its numbers, SI units: the base, then what each effect adds."""
+def equations(kind: FrictionKind, theta: Theta) -> list[Line]:
+    """The law, SI units: the base, then what each effect adds."""
+    F, mu, N, v = symbols("F mu N v")
     values = kind.nominal() | theta
     if "friction_N" in values:
-        base = f"F = {values['friction_N']:.4g} sgn(v)"
+        base = equal(F, values["friction_N"] * np.sign(v))
     elif kind.quantity == FORCE:
-        base = f"F = {values['friction_coefficient']:.4g} N sgn(v)"
+        base = equal(F, values["friction_coefficient"] * N * np.sign(v))
     else:
-        base = f"mu = {values['friction_coefficient']:.4g}"
-    return [base, *lines_of(kind.effects, theta)]
+        base = equal(mu, values["friction_coefficient"])
+    return [[base], *lines_of(kind.effects, theta)]
 
 
 def statements(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

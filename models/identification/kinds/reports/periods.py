@@ -6,32 +6,42 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from models.effects.equation import lines_of
-from models.effects.formula import Formula
+from models.effects.equation import LEFT, lines_of
+from models.formula import Formula, Line, called, equal, symbols
 from models.identification.kind import Array
 from models.identification.kinds.periods import PeriodsKind
 from models.identification.settings import SET
 from models.records.record import Record, named
 from models.theta import Theta
+from models.words.quantities import quantity
 
 
-def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
-    """The cycle in words and numbers, at the speed of the rig file; for symbols in place of numbers its law alone."""
-    law = f"T(u) = H_l(1 + |u|/{1e3 * kind.length_m:.4g} mm) s, slip when T(u_c) = f_c"
+def equations(kind: PeriodsKind, theta: Theta) -> list[Line]:
+    """The wall's law and its cycle at the speed of the rig file; for symbols in place of numbers the law alone."""
+    u, u_c, f_c, L = symbols("u_w u_c f_c L")
+    strain = called("H_l", 1 + np.abs(u) / L)
+    if any(effect.answers("stiffening") and effect.id in theta.effects for effect in kind.effects):
+        strain = strain * Formula(LEFT["stiffening"][0])
+    law: Line = [equal(called("T", u), strain), ", ", equal(L, kind.length_m)]
+    slip: Line = ["slip when ", equal(called("T", u_c), f_c)]
     if any(isinstance(value, Formula) for value in theta.values()):
-        return [law, *lines_of(kind.effects, theta)]
+        return [law, slip, *lines_of(kind.effects, theta)]
     cycle = kind.cycle(kind.velocity_m_s, theta)
-    rise = 1e3 * (cycle.peak - cycle.valley)
     return [
         law,
-        (
-            f"at {1e3 * kind.velocity_m_s:g} mm/s: F_e = {1e3 * cycle.valley:.2f} mN, f_c = {rise:.2f} mN, u_c ="
-            f" {1e3 * cycle.tooth.drag_m:.4f} mm"
-        ),
-        (
-            f"period = {cycle.tooth.rise_s:.4f} s sticking + {cycle.tooth.fall_s:.4f} s slipping ="
-            f" {cycle.tooth.period_s:.4f} s"
-        ),
+        slip,
+        [
+            f"at {quantity(kind.velocity_m_s, 'm/s')}: ",
+            equal(Formula("F_e"), cycle.valley),
+            ", ",
+            equal(f_c, cycle.peak - cycle.valley),
+            ", ",
+            equal(u_c, cycle.tooth.drag_m),
+        ],
+        [
+            f"period: {quantity(cycle.tooth.rise_s, 's')} sticking, {quantity(cycle.tooth.fall_s, 's')} slipping,"
+            f" {quantity(cycle.tooth.period_s, 's')} in all"
+        ],
         *lines_of(kind.effects, theta),
     ]
 

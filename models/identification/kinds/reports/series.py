@@ -7,6 +7,7 @@ import numpy as np
 from models.drives.drive import Drive
 from models.effects.equation import lines_of
 from models.effects.refinements import LevelAtOnset
+from models.formula import Line
 from models.identification.kinds.series.series import SeriesKind
 from models.records.record import Record
 from models.theta import Theta
@@ -19,8 +20,8 @@ _FORESIGHTS = (  # memory of the observer in s, and what it makes of an error
 _SPARED = (LevelAtOnset.id, "spared")
 
 
-def equations(kind: SeriesKind, theta: Theta) -> list[str]:
-    """The model in words and numbers."""
+def equations(kind: SeriesKind, theta: Theta) -> list[Line]:
+    """The model: how the surface holds the capsule, how the drive pushes it, and what each effect adds."""
     p = {**kind.nominal().base, **theta.base}
     lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
     return [*lines, *lines_of([kind.catalogue[name] for name in sorted(theta.effects)], theta)]

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
+from models.formula import Line, called, equal, symbols
 from models.identification.fitting.fit import Problem
 from models.identification.kind import Array
 from models.identification.kinds.vibro_table.solver import GRAVITY
@@ -15,18 +16,21 @@ from models.rigs.vibro_table import VIBRO_TABLE
 from models.theta import Theta
 
 
-def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """The model in words and numbers, SI units, then each effect; `xi` is the inner mass's displacement."""
+def equations(kind: VibroTableKind, theta: Theta) -> list[Line]:
+    """The model, SI units, then each effect; `xi` is the inner mass's displacement."""
     theta = kind.nominal() | theta
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
+    v, rate, xi, relative, S, F, t = symbols("v v' xi xi'' S F t")
+    R, direction = called("R", v), called("Sgn", v)
+    sign = "" if theta["mirror"] > 0 else "minus "
     return [
-        f"{body:.4g} v' = S - F - R(v)",
-        f"{inner:.4g} (v' + xi'') = F - S",
-        f"S = {theta['spring_stiffness_N_per_m']:.4g} xi",
-        f"F = {force:.4g} on(t)",
-        f"R(v) = {grip * (body + inner) * GRAVITY:.4g} Sgn(v), Sgn(0) = [-1, 1]",
-        f"mean velocity in the record = {theta['mirror']:+.0f} x mean of v over the run, from rest",
+        [equal(body * rate, S - F - R)],
+        [equal(inner * (rate + relative), F - S)],
+        [equal(S, theta["spring_stiffness_N_per_m"] * xi)],
+        [equal(F, force * called("on", t))],
+        [equal(R, grip * (body + inner) * GRAVITY * direction), ", ", equal(called("Sgn", 0), called("[]", -1, 1))],
+        [f"mean velocity in the record: {sign}the mean of ", v, " over the run, from rest"],
         *lines_of(kind.effects, theta),
     ]
 

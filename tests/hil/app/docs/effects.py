@@ -6,7 +6,8 @@ from typing import Any, Final
 
 from models.effects import EFFECTS, REFINEMENTS
 from models.effects.effect import Effect
-from models.effects.equation import equations_of
+from models.effects.equation import ARGUMENTS, LEFT, SIGNALS, equations_of
+from models.formula import written
 from tests.hil.app.docs.markdown import markdown
 
 GROUPS: Final[Mapping[str, str]] = {
@@ -27,6 +28,7 @@ def catalogue() -> str:
             title: [_record(e) for e in EFFECTS if e.__module__.split(".")[-1] == file]
             for file, title in GROUPS.items()
         },
+        symbols=[*dict.fromkeys((*LEFT.values(), *SIGNALS.values(), *ARGUMENTS.values()))],
         known={effect.id for effect in EFFECTS},
         refinements=[(one, sorted(e.id for e in EFFECTS if one.id in e.refined_by)) for one in REFINEMENTS],
     )
@@ -36,7 +38,7 @@ def _record(effect: type[Effect]) -> dict[str, Any]:
     return {
         "declared": effect,
         "doc": " ".join(inspect.cleandoc(effect.__doc__ or "").split()).replace("|", "\\|"),
-        "equations": [str(equation) for equation in equations_of(effect, digits=4)],
+        "equations": [written(equation) for equation in equations_of(effect)],
         "kinds": sorted(effect.kinds),
         "parameters": effect.parameters(),
     }

@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from models.checks.usable import used
 from models.effects.effect import Effect
+from models.formula import line_text
 from models.identification.kinds import ready
 from models.identification.kinds.axis.axis import NOISES, AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
@@ -257,15 +258,16 @@ def test_equations_name_every_effect_present() -> None:
         ("stribeck", "excess"): 0.1,
         ("stribeck", "speed_m_s"): 0.01,
     }
-    text = " ".join(report.equations(KIND, theta))
+    text = " ".join(map(line_text, report.equations(KIND, theta)))
     for piece in (
-        "F = 95 a",
-        "sgn(v)) times all friction scales",
-        "stribeck: friction scale = 1 + 0.1*exp(-(max(abs(v), 1e-09)/0.01)^2)",
-        "lumen_taper: friction scale = max(1 + 0.1*(x/sqrt(1 + (x/0.05)^2)), 0.05)",
-        "2*pi*x/0.004",
-        "(max(abs(v), 1e-06)/0.01)^(-0.5)",
-        "sensor_delay: delay of the reading in s = 0.0003",
+        "F = 95 a + lambda (",
+        "sgn(v))",
+        " - F_extra",
+        "a Stribeck effect: friction scale = 1 + 0.1 exp(-(|v|/0.01)^2)",
+        "a taper of the lumen: friction scale = 1 + 0.1 y, r = x, y = r/sqrt(1 + (r/0.05)^2)",
+        "q = 2 pi x/0.004",
+        "sgn(v) (|v|/v_0)^0.5, v_0 = 0.01",
+        "a delayed sensor: y = y_0(t - 0.0003)",
     ):
         assert piece in text
     assert report.next_experiment(KIND, theta, []) is not None

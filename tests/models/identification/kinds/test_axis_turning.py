@@ -9,6 +9,7 @@ import pytest
 from models.checks.excitation import cannot_show
 from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
+from models.formula import line_text
 from models.identification.fitting.fit import Fit
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
@@ -158,9 +159,9 @@ def test_effects_about_an_axis_have_its_units_and_pass_the_conformance_tests() -
     v = kind.signals(record)["v_rad_s"]
     extra = kind.predict(record, theta) - kind.predict(record, theta.without("stribeck"))
     assert extra == pytest.approx((1.2 * v + 2.0 * np.sign(v)) * 0.5 * np.exp(-((v / 0.05) ** 2)), abs=0.02)
-    text = " ".join(report.equations(kind, theta))
+    text = " ".join(map(line_text, report.equations(kind, theta)))
     assert "T = 0.4 a" in text
-    assert "added torque in N m = -8*sin(x - 0.4)" in text
+    assert "T_extra = -8 sin(x - 0.4)" in text
     assert "gravity_over_angle" not in {e.id for e in AxisKind.from_rig(RIG).effects}
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from models.effects.wall import BroadRelaxation
+from models.formula import line_text
 from models.identification.kinds.dma import COLUMNS, DmaKind, moduli_of, samples_of
 from models.identification.kinds.reports import dma as report
 from models.identification.kinds.reports.dma import best_relaxation, common_residual, springpot_alone
@@ -119,8 +120,8 @@ def test_springpot_has_its_angle_and_power() -> None:
 
 
 def test_words_and_signals_cover_the_model(calibrated: Theta) -> None:
-    assert "iw" in report.equations(KIND, calibrated)[0]
-    assert "*(i*f/10)^0.3" in " ".join(report.equations(KIND, Theta.of({**calibrated, **BROAD})))
+    assert "i omega" in line_text(report.equations(KIND, calibrated)[0])
+    assert "(i f/f_0)^0.3" in " ".join(map(line_text, report.equations(KIND, Theta.of({**calibrated, **BROAD}))))
     assert "elastic reference" in str(report.next_experiment(KIND, calibrated, [measured()]))
     assert list(KIND.signals(measured())["sample"][:6]) == [1, 1, 1, 1, 1, 2]
 

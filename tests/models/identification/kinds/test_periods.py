@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 
 from models.effects.effect import Signals
 from models.effects.wall import SmallStrainStiffening, WallViscosity
+from models.formula import line_text
 from models.identification.kinds.periods import COLUMNS, PeriodsKind, relative_errors
 from models.identification.kinds.reports import periods as report
 from models.identification.settings import SET
@@ -115,7 +116,9 @@ def test_report_says_what_is_equivalent_and_what_to_do(calibrated: Theta) -> Non
     experiment = str(report.next_experiment(KIND, theta, [measured()]))
     assert "several speeds" in experiment
     assert "step and hold" in experiment
-    assert "small_strain_stiffening: factor on T(u) = 1 + " in " ".join(report.equations(KIND, theta))
+    assert "a wall stiffer at small strain: tension scale = 1 + " in " ".join(
+        map(line_text, report.equations(KIND, theta))
+    )
 
 
 def test_recoil_follows_the_rig_file_at_every_speed() -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
 from models.effects import CATALOGUE
+from models.formula import line_text
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.kinds.reports import series as report
@@ -179,7 +180,7 @@ def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
     assert type(kind.drive) is VoltageVibro
     left = kind.error([record], [kind.predict(record, kind.nominal() | {SWITCH_DELAY: 0.0})])
     assert left < 5e-3 * np.ptp(record["position_m"])
-    assert any("L i'" in line for line in report.equations(kind, Theta()))
+    assert any("L i'" in line_text(line) for line in report.equations(kind, Theta()))
 
 
 def test_a_prediction_that_runs_away_costs_much_and_warns_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

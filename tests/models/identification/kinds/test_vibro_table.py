@@ -9,6 +9,7 @@ from models.effects.drive import CoilLag
 from models.effects.effect import InnerMassEffect, Signals
 from models.effects.force import InclineGravity
 from models.effects.inner_mass import SpringDamping
+from models.formula import line_text
 from models.identification.kinds.reports import vibro_table as report
 from models.identification.kinds.reports.vibro_table import cross_validated, reversal
 from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
@@ -275,9 +276,8 @@ def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
     assert "scale error" in said
     assert "3.16 N on the inner mass at rest, with 2.59 N at 10 mm" in said
     assert "differ by up to 1.0 mm/s" in said
-    equations = " ".join(report.equations(kind, theta))
-    assert "coil_lag: command that arrives = current^2; current after a step of h" in equations
-    assert "exp(-h/0.002788)" in equations
-    assert "coil_reach: factor on the coil's force = exp(-20*clip(xi, -0.03, 0.03))" in equations
+    equations = " ".join(map(line_text, report.equations(kind, theta)))
+    assert "a lagging coil current: u = i^2; 0.002788 i' = sqrt(u_cmd) - i" in equations
+    assert "coil scale = exp(-20 xi)" in equations
     assert "ring-down" in str(report.next_experiment(kind, theta, [runs]))
     assert report.next_experiment(kind, kind.nominal(), [runs]) is None

@@ -67,7 +67,7 @@ class StoryResult:
     def errors(self) -> list[str]:
         """What the prediction was tested on, its error by stage and the noise floor, in words."""
         part = tested_part(self.finding)
-        return [TEXT(part), *error_cells(self.finding, part)]
+        return [TEXT(f"error_of.{part}"), *error_cells(self.finding, part)]
 
     def tracked(self) -> list[str]:
         """The rms tracking error by stage, a dash where the stage did not pass."""

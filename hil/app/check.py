@@ -8,7 +8,7 @@ from hil.app.close_loop import read_series
 from hil.app.console import print_json, say, summary
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
-from hil.report.words import grouped, tidy
+from hil.report.words import grouped
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
@@ -28,7 +28,7 @@ def check(records: Records, rig: RigFile, *, json_output: Json = False, effects:
     else:
         show(summary(), findings, hidden)
         if not findings:
-            say("nothing to tell of these records")
+            say("no findings on these records")
     return STOPPED if stopping(findings) else 0
 
 
@@ -37,8 +37,8 @@ def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, 
     for alike in grouped(findings):
         console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", style="bold")
         for finding in alike:
-            console.print(f"  {finding.file}, {finding.where}: {tidy(finding.sentence)}", soft_wrap=True)
-        console.print(f"  told by: {alike[0].how}", soft_wrap=True)
+            console.print(f"  {finding.file}, {finding.where}: {finding.sentence}", soft_wrap=True)
+        console.print(f"  criterion: {alike[0].how}", soft_wrap=True)
         console.print(f"  remedy: {alike[0].remedy}", soft_wrap=True)
     if hidden:
         console.print("these records cannot show", style="bold")

@@ -18,7 +18,7 @@ from hil.log.record import read_rig_record
 from hil.report.closed_loop import report_html
 from hil.report.dependence import story
 from hil.report.numbers import report_json
-from hil.report.words import error_cells, error_scale, grouped, headline, tidy
+from hil.report.words import error_cells, error_scale, grouped, headline
 from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
@@ -133,17 +133,17 @@ def print_summary(finding: Finding, out: Path) -> None:
     console = summary()
     console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding))
-    say(*(f"  {tidy(reason)}" for reason in finding.reasons))
+    say(*(f"  {reason}" for reason in finding.reasons))
     say(*(f"  {sentence}" for sentence in (story(finding.dependence) if finding.dependence else ())))
     if finding.dependence and finding.dependence.term:
         console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py")
     for alike in grouped(finding.findings):
         more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
-        say(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}")
+        say(f"{alike[0].severity}: {alike[0].sentence}{more}")
     console.print(error_table(finding))
     say(f"report: {out / REPORT}", f"model:  {out / MODEL}")
     if finding.proposal is not None:
-        say(f"next:   {tidy(finding.next_experiment or '')}")
+        say(f"next:   {finding.next_experiment or ''}")
 
 
 def error_table(finding: Finding) -> Table:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.report.words import column_words, quantity_columns
+from hil.report.words import column_words
 from models.identification.finding import STAGES, Finding, Trace
 
 Array = NDArray[np.float64]
@@ -32,14 +32,9 @@ class Panel:
         return len(self.measured) > 200 and bool(np.all(np.diff(self.abscissa) >= 0))
 
 
-def quantities(finding: Finding) -> list[tuple[str, str]]:
-    """Name and unit of each measured quantity of a finding."""
-    return [(name, unit or finding.unit) for name, unit in map(column_words, quantity_columns(finding))]
-
-
 def panels(finding: Finding, trace: Trace) -> list[Panel]:
     """A trace's quantities one by one; columns of a two-dimensional measurement are different quantities."""
-    names = quantities(finding)
+    names = [(name, unit or finding.unit) for name, unit in map(column_words, finding.columns)]
     measured = np.asarray(trace.measured, dtype=float)
     if measured.ndim == 1:
         measured = measured[:, None]

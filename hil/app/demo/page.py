@@ -15,8 +15,8 @@ from hil.report.builder import page
 from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import stage_bar
 from hil.report.figure_traces import motion_figure, trace_figure
+from hil.report.numbers import parameters
 from hil.report.panels import panels
-from hil.report.tables import parameters
 from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
     classes_words,
@@ -30,6 +30,7 @@ from hil.report.words import (
 from models.effects import effect_words
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 from models.words.quantities import DASH, quantity, scale, unit_words
+from models.words.sentences import listed
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
@@ -80,7 +81,7 @@ def _line(story: Story, one: StoryResult) -> dict[str, Any]:
 
 
 def _verdict(finding: Finding) -> str:
-    return ": ".join(filter(None, (finding.verdict, classes_words(finding))))
+    return ": ".join(filter(None, (finding.verdict, listed(classes_words(finding)))))
 
 
 def truth_rows(one: StoryResult) -> list[list[str]]:

@@ -61,7 +61,9 @@ def short_story(folder: Path) -> LoopStory:
 
 def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:
     """A finding with these held-out errors and a model whose stages are nominal, true but for the effect, and true."""
-    finding = replace(pull_finding(), kind="magnetic", quantity="position_m", unit="m")
+    finding = replace(
+        pull_finding(), kind="magnetic", quantity="position_m", columns=("position_m",), unit="m", error_unit="m"
+    )
     finding = replace(finding, error={"train": dict(holdout), "holdout": dict(holdout)})
     nominal = Theta({"friction_coefficient": 0.082, "hoop_stress_factor": 1.0, "magnet_stiffness_N_per_m": 25.0})
     return finding, Model("magnetic", {"nominal": nominal, "calibrated": TRUTH, "augmented": TRUTH | FOLDS}, "named")

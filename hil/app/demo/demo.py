@@ -13,7 +13,7 @@ from hil.app.console import json_text, print_json, say, summary, text_table
 from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import BEFORE, NEXT_RECORD, PRINTED, TEXT, End, Learned, Story, title_of
-from hil.app.demo.worker import results_of, story_bars
+from hil.app.demo.worker import results_of, story_progress
 from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
@@ -41,7 +41,7 @@ def demo(
         longest_first = sorted(
             STORIES, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)
         )
-        with story_bars([story.name for story in STORIES]) as report:
+        with story_progress([story.name for story in STORIES]) as report:
             found = results_of(longest_first, work, seed, report)
         ends = [(story, found[story.name]) for story in STORIES]
         seconds = time.monotonic() - began

@@ -4,7 +4,7 @@ run that learns.
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -38,24 +38,16 @@ Tables = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class TrainingRun:
-    """A run whose record is fitted or held out: the table `[reference]` and how long it takes."""
-
-    reference: Mapping[str, Any]
-    duration_s: float
-
-
-@dataclass(frozen=True)
 class LoopStory:
     """A rig on the simulated bus. `scenario` is a file of `capsule sil` with all of [belief]. Its run is the mission,
-    driven with the nominal model and with each model that is accepted, under one seed. `training` and `holdout` are
-    driven before, with the nominal model, under seeds of their own.
+    driven with the nominal model and with each model that is accepted, under one seed. `training` and `holdout`,
+    each a table [reference] and a `duration_s`, are driven before, with the nominal model, under seeds of their own.
     """
 
     name: str
     scenario: Path
-    training: tuple[TrainingRun, ...]
-    holdout: TrainingRun
+    training: Sequence[Tables]
+    holdout: Tables
 
     def runs(self, seed: int) -> dict[str, Tables]:
         """The scenario's tables by name of the run."""
@@ -64,8 +56,8 @@ class LoopStory:
         driven = {**{f"train_{k}": one for k, one in enumerate(self.training, start=1)}, HOLDOUT: self.holdout}
         runs = {MISSION: {**mission, "scenario": {**mission["scenario"], "seed": first}}}
         for number, (name, one) in enumerate(driven.items(), start=1):
-            run = {"name": f"{self.name} {name}", "duration_s": one.duration_s, "seed": first + number}
-            runs[name] = {**mission, "scenario": run, "reference": dict(one.reference)}
+            run = {"name": f"{self.name} {name}", "duration_s": one["duration_s"], "seed": first + number}
+            runs[name] = {**mission, "scenario": run, "reference": one["reference"]}
         return runs
 
     def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
@@ -121,30 +113,12 @@ def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, l
     return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-def _waypoints(times_s: list[float], positions_mm: list[float]) -> dict[str, Any]:
-    return {"kind": "waypoints", "times_s": times_s, "positions_mm": positions_mm}
+def _loops() -> Iterator[LoopStory]:
+    for name, table in tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8")).items():
+        yield LoopStory(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
 
 
-LOOPS = (
-    LoopStory(
-        "magnetic",
-        SCENARIOS / "demo_magnetic.toml",
-        (
-            TrainingRun(_waypoints([0.5, 6.0, 7.0, 12.0, 13.0], [0.0, 9.0, 9.0, 22.0, 16.0]), 13.0),
-            TrainingRun(_waypoints([0.5, 4.0, 8.0, 12.0, 13.0], [0.0, 16.0, 6.0, 18.0, 18.0]), 13.0),
-        ),
-        TrainingRun({"kind": "sine", "amplitude_mm": 18.0, "frequency_Hz": 0.09}, 12.0),
-    ),
-    LoopStory(
-        "vibro",
-        SCENARIOS / "demo_vibro.toml",
-        (
-            TrainingRun(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, 18.0, -2.0, 4.0, -5.0, 1.0]), 8.0),
-            TrainingRun(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, -16.0, 2.0, -3.0, 8.0, -8.0]), 8.0),
-        ),
-        TrainingRun(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
-    ),
-)
+LOOPS: Final = tuple(_loops())
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The demo's stories, a process each and two at a time, with a line of progress for every one."""
+"""The demo's stories, a process each and two at a time, with progress for each one."""
 
 import contextlib
 import signal
@@ -11,9 +11,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Final
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-from hil.app.console import notes, output_to_notes, stage_lines
+from hil.app.console import notes, output_to_notes, progress_bar, stage_lines
 from hil.app.demo.story import TEXT, End, Story
 
 WORKERS: Final = 2  # stories at a time
@@ -85,29 +83,19 @@ def _tell(story: Story, folder: Path, seed: int, words: Connection) -> None:
 
 
 @contextlib.contextmanager
-def story_bars(names: Sequence[str]) -> Iterator[Reporter]:
-    """Show progress on standard error: a bar for each name on a terminal, else a line for each new stage. Yields
-    `report(name, stage, share)`.
+def story_progress(names: Sequence[str]) -> Iterator[Reporter]:
+    """Show progress on standard error: one bar for all stories on a terminal, else a line for each new stage of each.
+    Yields `report(name, stage, share)`.
     """
-    console = notes()
-    if not console.is_terminal:
-        lines = cache(lambda name: stage_lines(console, name))
-        yield lambda name, stage, share: lines(name)(stage, share)
-        return
-    columns = (
-        TextColumn("{task.fields[name]:10s}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, TextColumn("{task.description}"), console=console) as progress:
-        bars = {name: progress.add_task("waiting", total=1.0, start=False, name=name) for name in names}
+    console, shares = notes(), dict.fromkeys(names, 0.0)
+    lines = cache(lambda name: stage_lines(console, name))
+    with progress_bar("demo") if console.is_terminal else contextlib.nullcontext() as bar:
 
         def report(name: str, stage: str, share: float) -> None:
-            if progress.tasks[bars[name]].start_time is None:
-                progress.start_task(bars[name])
-            progress.update(bars[name], description=stage, completed=min(max(share, 0.0), 1.0))
-            if share >= 1:
-                progress.stop_task(bars[name])
+            shares[name] = share
+            if bar is None:
+                lines(name)(stage, share)
+            else:
+                bar(f"{name}, {stage}", sum(shares.values()) / len(shares))
 
         yield report

@@ -20,7 +20,7 @@ import hil.app.demo.demo as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Acceptance
 from hil.app.demo.demo import demo
-from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory, TrainingRun, admitted
+from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory, admitted
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import NEXT_RECORD, PRINTED, SCENARIOS, Mission, Progress, StoryResult
 from hil.app.demo.worker import results_of
@@ -55,8 +55,8 @@ def short_story(folder: Path) -> LoopStory:
     raw["scenario"]["duration_s"] = 2.0
     raw["reference"]["speed_mm_s"] = 4.0
     (folder / "scenario.toml").write_text(toml_text(raw))
-    ramp = {"kind": "ramp", "speed_mm_s": 3.0}
-    return LoopStory("magnetic", folder / "scenario.toml", (TrainingRun(ramp, 1.2),), TrainingRun(ramp, 1.2))
+    ramp = {"duration_s": 1.2, "reference": {"kind": "ramp", "speed_mm_s": 3.0}}
+    return LoopStory("magnetic", folder / "scenario.toml", (ramp,), ramp)
 
 
 def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:

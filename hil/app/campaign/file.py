@@ -24,7 +24,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from hil.app.campaign.loop import Loop, Table
+from hil.app.campaign.worker import Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score

@@ -1,6 +1,7 @@
-"""`capsule check`: what is wrong with records before anything is fitted to them, and what they cannot show."""
+"""`capsule check`: what is wrong with records before any fit, and what they cannot show."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from rich.console import Console
 
@@ -13,7 +14,9 @@ from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
 from models.effects import Catalogue
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
@@ -28,20 +31,20 @@ def check(records: Records, rig: RigFile, *, json_output: Json = False, effects:
     else:
         show(summary(), findings, hidden)
         if not findings:
-            say("no findings on these records")
+            say(TEXT("check.nothing"))
     return STOPPED if stopping(findings) else 0
 
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:
-    """Findings by what they are, each with its places and its remedy, then what the records cannot show."""
+    """Print the findings by kind, each with where it is and its remedy, then what the records cannot show."""
     for alike in grouped(findings):
-        console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", style="bold")
-        for finding in alike:
-            console.print(f"  {finding.file}, {finding.where}: {finding.sentence}", soft_wrap=True)
-        console.print(f"  criterion: {alike[0].how}", soft_wrap=True)
-        console.print(f"  remedy: {alike[0].remedy}", soft_wrap=True)
+        first = alike[0]
+        console.print(f"{first.severity}: {first.id.replace('_', ' ')}", style="bold")
+        lines = [f"{finding.file}, {finding.where}: {finding.sentence}" for finding in alike]
+        for line in (*lines, TEXT("check.how", how=first.how), TEXT("check.remedy", remedy=first.remedy)):
+            console.print(f"  {line}", soft_wrap=True)
     if hidden:
-        console.print("these records cannot show", style="bold")
+        console.print(TEXT("check.cannot_show"), style="bold")
         for why in dict.fromkeys(hidden.values()):
-            names = ", ".join(name for name, said in hidden.items() if said == why)
+            names = ", ".join(name for name, reason in hidden.items() if reason == why)
             console.print(f"  {names}: {why}", soft_wrap=True)

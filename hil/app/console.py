@@ -1,4 +1,4 @@
-"""What a command says: summary on standard output, notes and progress on standard error, or one JSON object."""
+"""What a command prints: summary on standard output, notes and progress on standard error, or one JSON object."""
 
 import contextlib
 import json
@@ -6,7 +6,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 from rich.box import HEAVY_HEAD
 from rich.console import Console
@@ -16,12 +16,14 @@ from rich.table import Table
 from rich.text import Text
 
 from models.words.quantities import plain
+from models.words.sentences import Sentences
 
-WIDTH = 110  # characters, where the terminal tells none
+TEXT: Final = Sentences(__file__)
+WIDTH = 110  # characters, where there is no terminal
 QUIET_S = 10.0
-"""Off a terminal, a stage that goes on says so after so long."""
+"""Off a terminal, a stage that lasts prints a line after this time."""
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-_FIRST_SHARE = 0.02  # of the work, before how long it takes is told
+_FIRST_SHARE = 0.02  # of the work, before the remaining time is estimated
 
 
 class InterruptionError(Exception):
@@ -29,12 +31,12 @@ class InterruptionError(Exception):
 
 
 def printable(text: str) -> str:
-    """A text with the numbers of characters that command a terminal or turn the order of writing round."""
+    """A text with the code points of characters that command a terminal or reverse the direction of writing."""
     return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 class PlainConsole(Console):
-    """A console on which names from files are words and nothing else."""
+    """A console that prints names from files as plain text."""
 
     def render_str(self, text: str, **how: Any) -> Text:
         return super().render_str(printable(text), **how)
@@ -49,13 +51,13 @@ def summary() -> Console:
 
 
 def say(*lines: str) -> None:
-    """Print lines on standard output as long as they are."""
+    """Print lines on standard output without wrapping."""
     for line in lines:
         summary().print(line, soft_wrap=True)
 
 
 def note(line: str) -> None:
-    """Print a line on standard error as long as it is."""
+    """Print a line on standard error without wrapping."""
     notes().print(line, soft_wrap=True)
 
 
@@ -72,12 +74,12 @@ def print_json(document: Any) -> None:
     sys.stdout.write(json_text(document))
 
 
-def answer(json_output: bool, document: Any, *told: Any) -> None:
-    """Print the `document` as JSON where that is asked for, else what is `told`: lines as they are, tables to fit."""
+def answer(json_output: bool, document: Any, *lines: Any) -> None:
+    """Print the `document` as JSON where that is asked for, else `lines` without wrapping and tables to fit."""
     if json_output:
         print_json(document)
         return
-    for one in told:
+    for one in lines:
         summary().print(one, soft_wrap=isinstance(one, str))
 
 
@@ -93,8 +95,8 @@ def output_to_notes() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """Progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S`; of `even`
-    work also how long it has to go. Yields `report(stage, fraction)`; a stage's part behind a colon is a step.
+    """Progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S`. `even` work
+    also gets its remaining time. Yields `report(stage, fraction)`; what follows a colon in `stage` is a step of it.
     """
     console = notes()
     if not console.is_terminal:
@@ -106,7 +108,7 @@ def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, f
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeElapsedColumn(),
-        *([TextColumn("to go"), TimeRemainingColumn()] if even else []),
+        *([TextColumn("remaining"), TimeRemainingColumn()] if even else []),
     )
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(title, total=1.0)
@@ -122,7 +124,7 @@ def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, f
 def stage_lines(
     console: Console, title: str, *, even: bool = False, clock: Callable[[], float] = time.monotonic
 ) -> Callable[[str, float], None]:
-    """`report(stage, fraction)` that prints lines, as `progress_bar` has them off a terminal."""
+    """The `report(stage, fraction)` of `progress_bar` off a terminal: it prints lines."""
     began = said = clock()
     last = ""
 
@@ -134,10 +136,10 @@ def stage_lines(
             return
         last, said = head, now
         spent = now - began
-        words = f", {spent:.0f} s so far" if spent >= QUIET_S else ""
-        if even and words and _FIRST_SHARE < part < 1.0:
-            words += f", about {spent * (1 - part) / part:.0f} s to go"
-        console.print(f"{title}: {100 * part:3.0f} %  {stage}{words}", markup=False)
+        times = TEXT("console.spent", seconds=round(spent)) if spent >= QUIET_S else ""
+        if even and times and _FIRST_SHARE < part < 1.0:
+            times += TEXT("console.remaining", seconds=round(spent * (1 - part) / part))
+        console.print(f"{title}: {100 * part:3.0f} %  {stage}{times}", markup=False)
 
     return report
 

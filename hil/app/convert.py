@@ -17,20 +17,23 @@ from hil.formats.table import WRITTEN, write_channels
 from hil.log.channels import file_channels
 from hil.log.reader import is_log
 from hil.log.record import read_rig_record
+from models.files.toml import check_word
 from models.files.units import split_unit, unit_of
-from models.parameter import nearest
 from models.records.record import as_measured
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
+_SHOWN: Final = 8  # columns in a line
 _TABLES: Final = (".csv", ".csv.gz")
 ENDINGS: Final = (*_TABLES, *WRITTEN)
 
 
 @dataclass(frozen=True)
 class Converted:
-    """What became of one file: its channels, and what reading them as a record took."""
+    """One file converted: its channels, and notes on how they were read as a record."""
 
     path: Path
     out: Path
@@ -50,16 +53,16 @@ def convert(
     out: Annotated[
         str,
         argument(
-            "OUT", "A file in .csv, .csv.gz, .parquet, .mf4 or .mcap; or a folder, there or ending in /, for CSV files."
+            "OUT", "A .csv, .csv.gz, .parquet, .mf4 or .mcap file; or a folder for CSV files, existing or ending in /."
         ),
     ],
     rig: Annotated[
-        Path | None, option("--rig", "RIG.toml", "Read as its kind of rig and as its [columns]; else all channels.")
+        Path | None, option("--rig", "RIG.toml", "Rig file with the kind and [columns] to read; else all channels.")
     ] = None,
     kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
     json_output: Json = False,
 ) -> None:
-    """Write all files or none: of a rig or kind the columns as close-loop reads them, else all channels."""
+    """Write all files or none: with a rig or kind the columns as close-loop reads them, else all channels."""
     targets = _targets(paths, out)
     check_targets(list(targets.values()), "OUT", [path for path in [*paths, *([rig] if rig else [])] if path.is_file()])
     belief = _belief(rig, kind)
@@ -74,35 +77,33 @@ def convert(
 def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
     folder = out.endswith(("/", os.sep)) or Path(out).is_dir()
     if len(paths) > 1 and not folder:
-        raise ValueError(
-            f"OUT must be a folder, one that is there or whose name ends in /, for several files; got {out}"
-        )
+        raise ValueError(f"OUT must be a folder, existing or with a name that ends in /, for several files; got {out}")
     if not folder:
         return {paths[0]: check_file(Path(out), "OUT", ENDINGS)}
     check_folder(Path(out), "OUT")
     targets = {path: Path(out) / f"{Path(path.name.removesuffix('.gz')).stem}.csv" for path in paths}
     for path, target in targets.items():
         if list(targets.values()).count(target) > 1:
-            raise ValueError(f"files must have names of their own without their endings; got {path.name} and another")
+            raise ValueError(f"file names must differ without their endings; got {path.name} and another")
     return targets
 
 
 def _belief(rig: Path | None, kind: str | None) -> Rig | None:
-    if kind is not None and kind not in KINDS:
-        raise ValueError(f"--kind must be a known kind of rig; got {kind!r}; {nearest(kind, KINDS)}")
+    if kind is not None:
+        check_word(kind, "--kind", KINDS)
     if rig is None:
         return None if kind is None else Rig(kind)
     belief = read_deployed_rig(rig)
     if kind not in (None, belief.kind):
-        raise ValueError(f"--kind must be left out, or be that of {rig}, {belief.kind}; got {kind}")
+        raise ValueError(f"--kind must be that of {rig}, {belief.kind}, or be left out; got {kind}")
     return belief
 
 
 def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
     if rig is None:
-        told: list[str] = []
-        channels = file_channels(path, told.append)
-        return Converted(path, out, channels, tuple(told))
+        notes: list[str] = []
+        channels = file_channels(path, notes.append)
+        return Converted(path, out, channels, tuple(notes))
     record = read_rig_record(path, rig)
     channels = [Channel(Heading(name, unit_of(name)), values) for name, values in as_measured(record).items()]
     return Converted(path, out, channels, record.notes)
@@ -114,11 +115,11 @@ def _content(one: Converted) -> bytes:
     clocks = [] if is_log(one.path) else by_clock([c for c in one.channels if c.time_s is not None])
     if len({len(times) for _, times, _ in clocks}) > 1 or any((times != clocks[0][1]).any() for _, times, _ in clocks):
         raise ValueError(
-            f"{one.path}: channels must have one clock to become the rows of a CSV file; got {len(clocks)}: give --rig"
-            f" or --kind, which says whose, or an OUT that ends in {', '.join(WRITTEN)}"
+            f"{one.path}: channels must have one clock to become rows of a CSV file; got {len(clocks)}: choose one by"
+            f" --rig or --kind, or an OUT that ends in {', '.join(WRITTEN)}"
         )
     titles = {channel.heading.name: _title(channel.heading) for channel in one.channels}
-    with refusing(one.path, "one that can be told as a table"):
+    with refusing(one.path, "one that can become a table"):
         table = {titles.get(name, name): column for name, column in one_table(one.channels).items()}
     head, end, rows = table_text(table).partition("\n")
     data = f"{head}{end}{rows.replace('nan', '')}".encode()
@@ -132,8 +133,8 @@ def _title(heading: Heading) -> str:
 
 def _line(one: Converted) -> str:
     names = [channel.heading.name for channel in one.channels]
-    listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-    return f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}"
+    shown = names[:_SHOWN] + ([TEXT("convert.more", count=len(names) - _SHOWN)] if len(names) > _SHOWN else [])
+    return TEXT("convert.done", path=one.path, out=one.out, rows=one.rows, count=len(names), names=shown)
 
 
 def _document(one: Converted) -> dict[str, object]:

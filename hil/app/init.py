@@ -13,8 +13,8 @@ import typer
 from hil.app.console import answer, output_to_notes
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
+from models.files.toml import check_word
 from models.identification.kinds import kind_for
-from models.parameter import nearest
 from models.records.record import Record, read_record
 from models.rigs.kind import Record as Columns
 from models.rigs.kind import RigKind, Tables
@@ -22,39 +22,40 @@ from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
 from models.rigs.schema import Table, field_of, key_unit, span
 from models.rigs.tables import Noise
+from models.words.sentences import Sentences
 from plant.experiments.series import make_series
 
+TEXT: Final = Sentences(__file__)
 RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
 _NOTE: Final = """# A {kind} rig
 
-`rig.toml` says what you believe about the rig; every key stands there with unit, range and meaning.
-`record.csv` is a template, **simulated**: it shows the columns ({columns}). Put your records in its place and run
+`rig.toml` holds what you believe about the rig: every key with unit, range and meaning.
+`record.csv` is a **simulated** template with the columns {columns}. Replace it by your records and run
 
     {command}
 
-Then open `out/report.html`. Further records of the rig go beside the first, records to judge by after `--holdout`.
+Then open `out/report.html`. Add further records of the rig beside the first, and held-out records after `--holdout`.
 """
 
 
 def init(
     kind: Annotated[str, argument("KIND", "pull, magnetic, coil, vibro, vibro_table, axis, periods, friction or dma.")],
-    folder: Annotated[Path, argument("DIR", "Folder for the files; made where there is none.")],
+    folder: Annotated[Path, argument("DIR", "Folder for the files; it is made if missing.")],
     rotary: Annotated[
-        bool, typer.Option("--rotary", help="An axis that turns: angle, torque and inertia, in rad and N m.")
+        bool, typer.Option("--rotary", help="A rotary axis: angle, torque and inertia, in rad and N m.")
     ] = False,
     json_output: Json = False,
 ) -> None:
-    """Write three files, all or none. Raises ValueError for an unknown kind and for a file that is there."""
-    if kind not in KINDS:
-        raise ValueError(f"KIND must be one of {', '.join(KINDS)}; got {kind!r}; {nearest(kind, KINDS)}")
+    """Write three files, all or none. Raises ValueError for an unknown kind and for a file that exists."""
+    check_word(kind, "KIND", KINDS)
     if rotary and KINDS[kind].turning_template is None:
         turning = [name for name, one in KINDS.items() if one.turning_template is not None]
         raise ValueError(f"--rotary must go with KIND {' or '.join(turning)}; got {kind}")
     with sole_writer(folder, "DIR"):
-        there = [name for name in (RIG, RECORD, NOTE) if (folder / name).exists()]
-        if there:
+        existing = [name for name in (RIG, RECORD, NOTE) if (folder / name).exists()]
+        if existing:
             names = ", ".join((RIG, RECORD, NOTE))
-            raise ValueError(f"DIR must not hold {names} yet, for none is overwritten; got {folder / there[0]}")
+            raise ValueError(f"DIR must not hold {names} yet, as no file is overwritten; got {folder / existing[0]}")
         with output_to_notes():
             tables, columns = template(KINDS[kind], rotary=rotary)
         command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"
@@ -64,9 +65,9 @@ def init(
     answer(
         json_output,
         {"kind": kind, "files": [str(folder / name) for name in files], "command": command},
-        f"{folder / RIG}: what you believe about the rig",
-        f"{folder / RECORD}: a simulated record: put yours in its place",
-        f"then: {command}",
+        TEXT("init.rig", path=folder / RIG),
+        TEXT("init.record", path=folder / RECORD),
+        TEXT("init.next", command=command),
     )
 
 
@@ -74,8 +75,8 @@ _SECONDS: Final = 12.0  # of a template record
 
 
 def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
-    """Tables of a rig file of `kind` and the columns of a simulated record, the same at every call: from the plant, or
-    as the kind declares it, with noise and numbers off the nominal ones.
+    """Tables of a rig file of `kind` and the columns of a simulated record, the same at every call. The plant makes
+    them, or the kind's own template, with noise and with parameters off their nominal values.
     """
     made = kind.turning_template if rotary else kind.template
     if made is None:
@@ -93,8 +94,8 @@ def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
 
 
 def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
-    """The text of a rig file; a key without a value, or a table that is not needed, stands as a comment."""
-    lines = [f"# A rig of kind {kind.id}: what you believe about it, in SI units. Put your values in place of these."]
+    """The text of a rig file; keys without a value and optional tables are comments."""
+    lines = [TEXT("init.head", kind=kind.id)]
     lines += ["", "[rig]", f'kind = "{kind.id}"']
     lines += [_line(key, kind.head, values["rig"]) for key in kind.head.model_fields if key != "kind"]
     for name, table in kind.tables.items():
@@ -109,10 +110,10 @@ def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
 
 
 def _line(key: str, table: type[Table], values: Mapping[str, Any]) -> str:
-    told = f"{key} = {_value(values[key])}" if key in values else f"# {key} ="
+    text = f"{key} = {_value(values[key])}" if key in values else f"# {key} ="
     schema = table.model_json_schema()["properties"][key]
     facts = [key_unit(key), span(schema).replace("`", ""), (field_of(table, key).description or "").replace("`", "")]
-    return f"{told:<44} # {'; '.join(fact for fact in facts if fact)}" if any(facts) else told
+    return f"{text:<44} # {'; '.join(fact for fact in facts if fact)}" if any(facts) else text
 
 
 def _value(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import select
 import sys
 import termios
@@ -15,20 +16,21 @@ from typing import Annotated, Final
 from hil.app.console import answer, note
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import StopSignals
-from hil.app.run.run import open_bus
+from hil.app.run.machine import open_bus
+from hil.app.scenario.bus_scenario import Step, steps
 from hil.app.scenario.deployment import read_operator
-from hil.app.scenario.jog_script import Step, steps
 from hil.app.shared_options import Json, argument, option
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
-from models.files.toml import in_file
+from models.files.toml import check_word, in_file
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 HELD_S: Final = 0.15
-"""A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
+"""A key counts as held for this long after the terminal last sent it; terminals repeat keys every 30 ms or so."""
 QUIET_S: Final = 0.1
-"""How long to listen for another sender of the same name before anything is sent: five of its cycles."""
-GREETING_S: Final = 0.1  # for which a release is sent first
-PARTING_S: Final = 0.1  # for which a release is sent last
+"""How long to listen for another sender of the same name before anything is sent: five cycles."""
+RELEASE_S: Final = 0.1  # for which a release is sent before and after
 _FASTER: Final = 1.25  # by which a key changes the speed
 _SHOWN_S: Final = 0.1  # between two lines on the terminal
 
@@ -46,17 +48,15 @@ def jog(
             "Lines 'speed MM_S SECONDS', 'position MM SECONDS', 'release SECONDS' instead of keys; - for stdin.",
         ),
     ] = None,
-    life_ms: Annotated[float, option("--life", "MS", "How long a setpoint counts; 1 to 200.")] = 100.0,
+    life_ms: Annotated[float, option("--life", "MS", "How long a setpoint is valid; 1 to 200.")] = 100.0,
     json_output: Json = False,
 ) -> int:
-    """Send setpoints: 0 where a controller took all that was asked for while held, 1 where not or not alone."""
+    """Send setpoints: 0 where a controller accepted all that were sent while held, else 1, or where another sends."""
     table, limits = read_operator(path)
-    if limits.sources and source not in limits.sources:
-        raise ValueError(
-            f"{path}: --source must be among operator.sources, {', '.join(limits.sources)}; got {source!r}"
-        )
+    if limits.sources:
+        check_word(source, f"{path}: --source", limits.sources)
     if script is None and not sys.stdin.isatty():
-        raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
+        raise ValueError("capsule jog must run in a terminal, for its keys; got another input: --script - reads it")
     planned = [] if script is None else _planned(script)
     with in_file(path):
         bus = ClockedBus(open_bus(table, path.parent), Clock())
@@ -65,18 +65,18 @@ def jog(
         time.sleep(QUIET_S)
         sender.listen()
         if sender.others:
-            return _told(path, sender, json_output)
-        _send(sender, [Step("release", 0.0, GREETING_S)], signals)
+            return _end(path, sender, json_output)
+        _send(sender, [Step("release", 0.0, RELEASE_S)], signals)
         if script is None:
-            note("left and right steer while held, up and down set the speed, q ends")
+            note(TEXT("jog.keys"))
             with raw_terminal(sys.stdin.fileno()):
                 _by_keys(sender, limits, signals)
             sys.stderr.write("\n")
         else:
             _send(sender, planned, signals)
         signals.wanted = ""
-        _send(sender, [Step("release", 0.0, PARTING_S)], signals)
-    return _told(path, sender, json_output)
+        _send(sender, [Step("release", 0.0, RELEASE_S)], signals)
+    return _end(path, sender, json_output)
 
 
 def _planned(script: str) -> list[Step]:
@@ -126,32 +126,34 @@ def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: StopSignal
         sender.listen()
         if now - shown >= _SHOWN_S:
             shown = now
-            sys.stderr.write(f"\r\x1b[K{1e3 * speed:.2f} mm/s  {_words(sender)}")
+            sys.stderr.write(f"\r\x1b[K{1e3 * speed:.2f} mm/s  {_answer(sender)}")
             sys.stderr.flush()
 
 
-def _words(sender: OperatorSender) -> str:
+def _answer(sender: OperatorSender) -> str:
+    """The newest answer of a controller, in words."""
     newest = sender.answer
     if newest is None:
-        return "no controller answers"
-    at = f"{newest.state} by {newest.source} at {1e3 * newest.position_m:.2f} mm"
+        return TEXT("jog.silent")
+    at = TEXT("jog.answer", state=newest.state, source=newest.source, mm=1e3 * newest.position_m)
     if newest.source == sender.source:
-        return f"{at}, the end of the range" if newest.refused == "range" else at
-    return f"{at}  refused: {newest.refused}" if newest.refused != "none" else at
+        return at + (TEXT("jog.range") if newest.refused == "range" else "")
+    return at + (TEXT("jog.refused", reason=newest.refused) if newest.refused != "none" else "")
 
 
-def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
+def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
+    """Print what became of the setpoints; the exit status."""
     newest, unsent = sender.answer, sender.transmitter.unsent
     counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
     last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}
     more = {"refused": dict(sender.refused), "others": sender.others, "last": last}
-    told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
+    said = [TEXT("jog.sent", count=counts["sent"], answer=_answer(sender))]
     if sender.refused:
-        whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
-        told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
+        reasons, count = [f"{why} {n}" for why, n in sorted(sender.refused.items())], sender.refused.total()
+        said.append(TEXT("jog.refusals", count=count, held=sender.taken + count, reasons=reasons))
     if sender.others:
-        told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
-    answer(json_output, {"deployment": str(path), **counts, **more}, "; ".join(told))
+        said.append(TEXT("jog.twin", source=sender.source))
+    answer(json_output, {"deployment": str(path), **counts, **more}, "; ".join(said))
     return 0 if newest is not None and not sender.refused and not sender.others else 1
 
 
@@ -170,11 +172,12 @@ KEYS: Final = {
     "\x04": "quit",
     " ": "release",
 }
+_KEY: Final = re.compile("|".join(map(re.escape, KEYS)))
 
 
 @contextmanager
 def raw_terminal(descriptor: int) -> Iterator[None]:
-    """Within it keys come at once and are not shown; whatever ends it, the terminal is as it was."""
+    """Within it keys come at once and are not echoed; the terminal is restored in every case."""
     before = termios.tcgetattr(descriptor)
     try:
         tty.setcbreak(descriptor, termios.TCSANOW)
@@ -184,7 +187,7 @@ def raw_terminal(descriptor: int) -> Iterator[None]:
 
 
 def keys(descriptor: int) -> list[str]:
-    """The keys pressed since the last call, by the names of `KEYS`; never waits; a lost terminal is "quit"."""
+    """The keys pressed since the last call, by the names of `KEYS`, without waiting; a lost terminal is "quit"."""
     text = b""
     while len(text) < 4096 and select.select([descriptor], [], [], 0)[0]:
         try:
@@ -194,14 +197,4 @@ def keys(descriptor: int) -> list[str]:
         if not more:
             return ["quit"]
         text += more
-    return _named(text.decode("utf-8", "replace"))
-
-
-def _named(text: str) -> list[str]:
-    found, at = [], 0
-    while at < len(text):
-        length = next((n for n in (3, 1) if text[at : at + n] in KEYS), 0)
-        if length:
-            found.append(KEYS[text[at : at + length]])
-        at += length or 1
-    return found
+    return [KEYS[key] for key in _KEY.findall(text.decode("utf-8", "replace"))]

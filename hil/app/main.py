@@ -13,138 +13,61 @@ from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand, TyperGroup
 
 from hil.app.console import InterruptionError, printable
-from hil.app.interruption import INTERRUPTED, INTERRUPTION
 from hil.app.shared_options import loaded
+from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
 from models.parameter import nearest
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 BAD_INPUT = 2  # exit status
 FILES = (
     "--out", "--rig", "--model", "--reference", "--holdout", "--log", "--mcap", "--plot", "--effects", "--controllers",
 )  # fmt: skip
-COMMANDS: Final[Mapping[str, tuple[str, str, str]]] = {
-    "seeds": (
-        "hil.app.papers.seeds:seeds",
-        "The seed papers' numbers: what each paper states, what its equations give here, what was measured.",
-        "capsule seeds --plot papers",
-    ),
-    "init": (
-        "hil.app.init:init",
-        "The first files of your own rig: a commented rig file, a template record, the command to run.",
-        "capsule init magnetic my_rig",
-    ),
+COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
+    "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
+    "init": ("hil.app.init:init", "magnetic my_rig"),
     "close-loop": (
         "hil.app.close_loop:close_loop",
-        "Measured data -> residual -> missing effect -> better model.",
-        "capsule close-loop run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
+        "run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
     ),
-    "check": (
-        "hil.app.check:check",
-        "Records looked at before anything is fitted: findings, remedies, what they cannot show; status 1 where one"
-        " stops a fit.",
-        "capsule check run_1.csv run_2.csv --rig rig.toml",
-    ),
-    "effects": (
-        "hil.app.effects:effects",
-        "The catalogue: what a search can find; whether effects of your own keep to the rules; an effect that a report"
-        " proposes.",
-        "capsule effects check my_effect.py",
-    ),
-    "plot": (
-        "hil.app.plot:plot",
-        "Pictures of records: a page with a panel for each column.",
-        "capsule plot run_1.csv run_2.csv --rig rig.toml --out records.html",
-    ),
-    "convert": (
-        "hil.app.convert:convert",
-        "Files of other programs and CAN logs to CSV, Parquet, MF4 or MCAP.",
-        "capsule convert run_1.mf4 run_2.tdms converted/ --rig rig.toml",
-    ),
+    "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
+    "effects": ("hil.app.effects:effects", "check my_effect.py"),
+    "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
+    "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
     "predict": (
         "hil.app.predict:predict",
-        "Free-running prediction of the measured column from the driven column alone.",
-        "capsule predict run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv",
+        "run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv",
     ),
-    "export": (
-        "hil.app.export.export:export",
-        "A plant or a found model for other programs: an FMU (FMI 3.0), a friction table, a MuJoCo body.",
-        "capsule export fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu",
-    ),
-    "simulate": (
-        "hil.app.simulate:simulate",
-        "The plant alone.",
-        "capsule simulate hil/scenarios/pull_over_folds.toml --out record.csv",
-    ),
-    "design": (
-        "hil.app.design.design:design",
-        "Linear design: gains, margins with delay, bandwidth, stick-slip cycles; for vibro resonance, gears and slow"
-        " loop.",
-        "capsule design rig.toml --out design",
-    ),
-    "track": (
-        "hil.app.track.track:track",
-        "Closed loop in simulation, no bus: reference tracking with a named controller; status 1 where a check of the"
-        " scenario fails.",
-        "capsule track hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out",
-    ),
-    "sil": (
-        "hil.app.sil.sil:sil",
-        "Closed loop over the CAN bus in simulated time, plant as a bus node, with faults.",
-        "capsule sil hil/scenarios/sil_magnetic_drop.toml --out out",
-    ),
-    "run": (
-        "hil.app.run.run:run",
-        "The controller alone, on a real actuator bus.",
-        "capsule run deployment.toml check",
-    ),
-    "plant": (
-        "hil.app.run.simulated_plant:plant",
-        "The simulated drive side alone, on the bus that the deployment file names; prints `ready` once it is there.",
-        "capsule plant examples/deployment/deployment.toml --seconds 60",
-    ),
-    "cockpit": (
-        "hil.app.cockpit.cockpit:cockpit",
-        "A page in the browser: a bus while it runs, or a log to scrub through; steers with the token that it prints.",
-        "capsule cockpit deployment.toml",
-    ),
-    "jog": (
-        "hil.app.jog:jog",
-        "Steer a controller that leads: the arrow keys while held, or a script.",
-        "capsule jog examples/deployment/deployment.toml",
-    ),
-    "replay": (
-        "hil.app.run.replay:replay",
-        "The controller again on a log: its frames compared bit by bit.",
-        "capsule replay run.blf",
-    ),
-    "campaign": (
-        "hil.app.campaign.campaign:campaign",
-        "Thousands of closed loops: distributions and worst cases. Or close-loop on folders of series: what each rig"
-        " lacks, how sure, how much better, which disagree.",
-        "capsule campaign hil/scenarios/campaign_magnetic.toml --out out/campaign",
-    ),
-    "demo": (
-        "hil.app.demo.demo:demo",
-        "The whole story in one go: drive, record, find what the model lacks, redeploy, compare.",
-        "capsule demo --out out/demo",
-    ),
+    "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),
+    "simulate": ("hil.app.simulate:simulate", "hil/scenarios/pull_over_folds.toml --out record.csv"),
+    "design": ("hil.app.design.design:design", "rig.toml --out design"),
+    "track": ("hil.app.track.track:track", "hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out"),
+    "sil": ("hil.app.sil.sil:sil", "hil/scenarios/sil_magnetic_drop.toml --out out"),
+    "run": ("hil.app.run.run:run", "deployment.toml check"),
+    "plant": ("hil.app.run.simulated_plant:plant", "examples/deployment/deployment.toml --seconds 60"),
+    "cockpit": ("hil.app.cockpit.cockpit:cockpit", "deployment.toml"),
+    "jog": ("hil.app.jog:jog", "examples/deployment/deployment.toml"),
+    "replay": ("hil.app.run.replay:replay", "run.blf"),
+    "campaign": ("hil.app.campaign.campaign:campaign", "hil/scenarios/campaign_magnetic.toml --out out/campaign"),
+    "demo": ("hil.app.demo.demo:demo", "--out out/demo"),
 }
-"""Commands in the order of the help: the function that declares the options and does the work, what it does, and an
-example.
-"""
+"""Commands in the order of the help: the function that declares the options and does the work, and an example."""
 
 
 class _Command(TyperCommand):
     """A command whose module is loaded as it is called, so that `capsule --help` answers at once."""
 
     def __init__(self, name: str) -> None:
-        self.place, does, example = COMMANDS[name]
-        super().__init__(name, help=does, epilog=f"Example: {example}", rich_markup_mode=None)
+        self.target, example = COMMANDS[name]
+        super().__init__(
+            name, help=TEXT(f"help.{name}"), epilog=f"Example: capsule {name} {example}", rich_markup_mode=None
+        )
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """The context of the command that the function's signature declares."""
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(self.name, help=self.help, epilog=self.epilog)(loaded(self.place))
+        app.command(self.name, help=self.help, epilog=self.epilog)(loaded(self.target))
         return typer.main.get_command(app).make_context(info_name, args, parent, **extra)
 
 
@@ -180,11 +103,7 @@ def _show_version(wanted: bool) -> None:
 
 
 def _program() -> TyperGroup:
-    app = typer.Typer(
-        name="capsule",
-        help="Measured records of a capsule robot in, the effect that its model lacks out.",
-        rich_markup_mode=None,
-    )
+    app = typer.Typer(name="capsule", help=TEXT("program"), rich_markup_mode=None)
 
     @app.callback()
     def _options(

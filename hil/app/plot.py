@@ -1,4 +1,4 @@
-"""`capsule plot`: records as one interactive page, a panel a column over time (or over the first column of a table)."""
+"""`capsule plot`: records as one interactive page, a panel for each column over time or over the first column."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,23 +25,23 @@ from models.words.sentences import listed
 
 def plot(
     records: Records,
-    rig: Annotated[Path | None, option("--rig", "RIG.toml", "Its rig file; else all columns as they stand.")] = None,
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.")] = None,
     out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
     json_output: Json = False,
 ) -> None:
-    """Draw records of a rig as close-loop reads them, else all columns of numbers as they stand in the files."""
+    """Draw records of a rig as close-loop reads them, else all numeric columns of the files."""
     check_targets([check_file(out, "--out", (".html",))], "--out", [*records, *([rig] if rig else [])])
     if rig:
         read = [replace(r, columns=as_measured(r)) for r in read_series(records, (), read_deployed_rig(rig))[0]]
     else:
-        read = [record for path in records for record in as_they_stand(path)]
+        read = [record for path in records for record in unchanged(path)]
     write_files({out: page(read)})
-    told = [{"name": record.name, "rows": len(record), "columns": list(record.columns)} for record in read]
-    answer(json_output, {"page": str(out), "records": told}, f"page: {out}")
+    drawn = [{"name": record.name, "rows": len(record), "columns": list(record.columns)} for record in read]
+    answer(json_output, {"page": str(out), "records": drawn}, f"page: {out}")
 
 
-def as_they_stand(path: Path) -> list[Record]:
-    """All columns of numbers of a file, a record a clock. Raises ValueError of one sentence."""
+def unchanged(path: Path) -> list[Record]:
+    """All numeric columns of a file, one record for each clock. Raises ValueError of one sentence."""
     channels = file_channels(path)
     if all(channel.time_s is None for channel in channels):
         with refusing(path, "one that can be drawn"):
@@ -53,7 +53,7 @@ def as_they_stand(path: Path) -> list[Record]:
 
 
 def page(records: Sequence[Record]) -> str:
-    """The page of one kind's records: a panel a column, the records over each other."""
+    """The page of records of one kind: a panel for each column, a line for each record."""
     over = "t_s" if all("t_s" in record.columns for record in records) else next(iter(records[0].columns))
     columns = [name for name in dict.fromkeys(name for r in records for name in r.columns) if name != over]
     height = 120 + 240 * len(columns)

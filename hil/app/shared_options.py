@@ -11,9 +11,9 @@ MOST_SEED = (1 << 63) - 1  # what a signed word of 64 bits holds
 _STAGES = "nominal/calibrated/augmented"
 
 
-def loaded(place: str) -> Callable[..., Any]:
+def loaded(target: str) -> Callable[..., Any]:
     """The function `module:name`."""
-    module, _, name = place.partition(":")
+    module, _, name = target.partition(":")
     function: Callable[..., Any] = getattr(import_module(module), name)
     return function
 
@@ -24,7 +24,7 @@ def option(name: str, metavar: str, words: str) -> Any:
 
 
 def several(name: str, metavar: str, words: str, taken_in: str = "") -> Any:
-    """An option that may be given several times; `taken_in` by the function `module:name` before the command."""
+    """An option that may be given several times; the function `taken_in` (`module:name`) reads it first."""
 
     def take_in(paths: list[Path]) -> list[Path]:
         loaded(taken_in)(paths)
@@ -43,7 +43,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on sta
 RigFile = Annotated[Path, option("--rig", "RIG.toml", "What the experimenter believes about the rig.")]
 Records = Annotated[list[Path], argument("RECORD...", "Records of one rig.")]
 Learn = Annotated[
-    bool, typer.Option("--learn", help="Once the model breaks, identify in the background and take what passes.")
+    bool, typer.Option("--learn", help="When the model breaks, identify in the background and use a model that passes.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number.")]
 RunSeed = Annotated[
@@ -65,6 +65,8 @@ OwnControllers = Annotated[
 ]
 ReferenceFile = Annotated[
     Path | None,
-    option("--reference", "FILE.toml", "Where to go, instead of its own: next_experiment.toml of close-loop."),
+    option("--reference", "FILE.toml", "Reference in place of its own: next_experiment.toml of close-loop."),
 ]
-McapFile = Annotated[Path | None, option("--mcap", "FILE.mcap", "The bus's signals as MCAP, too, while it runs.")]
+McapFile = Annotated[
+    Path | None, option("--mcap", "FILE.mcap", "Signals of the bus as MCAP, beside the log, while it runs.")
+]

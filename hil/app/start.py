@@ -1,17 +1,15 @@
-"""Where the program begins: interruption, full streams and too little memory end with a sentence."""
+"""Entry point: interruption, full streams and too little memory end with a sentence."""
 
 import os
 import sys
 
-from hil.app.interruption import INTERRUPTED, INTERRUPTION
-from hil.app.shortage import shortage, too_little
-from hil.app.streams import Streams
+from hil.app.system import INTERRUPTED, INTERRUPTION, Streams, shortage, too_little
 
 BAD_INPUT = 2  # exit status
 
 
 def leave_current_folder() -> None:
-    """Let no process run what lies in the current folder: modules, code named by `.numba_config.yaml`."""
+    """Keep every process from running code of the current folder: modules, or what `.numba_config.yaml` names."""
     os.environ["PYTHONSAFEPATH"] = "1"
     for setting in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):
         os.environ.setdefault(setting, "")

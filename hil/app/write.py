@@ -1,4 +1,4 @@
-"""Files that are written complete or not at all: under another name first, then moved into place."""
+"""Files that are written complete or not at all: first under a temporary name, then renamed."""
 
 import csv
 import fcntl
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.shortage import shortage
+from hil.app.system import shortage
 from models.files.access import draft
 from models.files.csv_text import guarded
 
@@ -33,7 +33,7 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def file_trouble(error: OSError) -> str:
-    """What the system refused, as a sentence: a file, or what there was too little of."""
+    """What the system refused, as a sentence: a file, or an exhausted resource."""
     if words := shortage(error):
         return words
     if error.filename is None:
@@ -42,7 +42,7 @@ def file_trouble(error: OSError) -> str:
 
 
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
-    """Columns of one length as CSV, whose header no spreadsheet takes for a formula, whatever separates its cells."""
+    """Columns of one length as CSV; no spreadsheet takes a name in its header for a formula."""
     text = io.StringIO()
     mistaken = any(mark in name for name in columns for mark in ";\t")
     writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if mistaken else csv.QUOTE_MINIMAL)
@@ -77,7 +77,7 @@ def check_folder(path: Path, option: str) -> Path:
 
 @contextmanager
 def sole_writer(path: Path, option: str) -> Iterator[None]:
-    """The folder for this process alone; taken away again where it stays empty. Raises ValueError."""
+    """Lock the folder for this process; it is removed again where it stays empty. Raises ValueError."""
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     check_folder(path, option)
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -85,9 +85,7 @@ def sole_writer(path: Path, option: str) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise ValueError(
-                f"{option} must be a folder that one command writes to at a time; got {path}, which another one has"
-            ) from None
+            raise ValueError(f"{option} must be a folder to which no other command writes; got {path}") from None
         yield
     finally:
         os.close(handle)
@@ -97,12 +95,12 @@ def sole_writer(path: Path, option: str) -> Iterator[None]:
 
 
 def own_folder(path: Path | None, option: str) -> AbstractContextManager[None]:
-    """As `sole_writer`, where there is a folder to be written to."""
+    """As `sole_writer` where there is a folder."""
     return nullcontext() if path is None else sole_writer(path, option)
 
 
 def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:
-    """Refuse a file name that cannot be written, before any work is done for it."""
+    """Refuse a file name that cannot be written, before any work is done."""
     if not path.name.lower().endswith(endings):
         raise ValueError(f"{option} must be a file name that ends in {' or '.join(endings)}; got {path}")
     if path.exists() and not path.is_file():
@@ -113,7 +111,7 @@ def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:
 
 
 def check_targets(outputs: Sequence[Path], option: str, inputs: Sequence[Path]) -> None:
-    """Refuse, before any work is done for them, outputs that are folders, or files that are read and would be lost."""
+    """Refuse outputs that are folders, or files that are also inputs, before any work is done."""
     for out in outputs:
         if out.is_dir():
             raise ValueError(f"{option} must leave the name {out.name} free for a file; got the folder {out}")
@@ -122,7 +120,7 @@ def check_targets(outputs: Sequence[Path], option: str, inputs: Sequence[Path]) 
 
 
 def check_mcap(path: Path, inputs: Sequence[Path]) -> None:
-    """Refuse an `--mcap` that cannot be written, as `check_file` and `check_targets`, and without its library."""
+    """Refuse an `--mcap` that cannot be written, also because its library is missing."""
     check_targets([check_file(path, "--mcap", (".mcap",))], "--mcap", inputs)
     if find_spec("mcap") is None:
         raise ValueError("--mcap needs the package mcap, which is not installed: pip install '.[mcap]'")

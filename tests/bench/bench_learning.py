@@ -5,8 +5,8 @@
 that differs from the nominal one in stiffness, friction and, by a few percent, from place to place. The effects are the
 plant's own forms, with the middle of their ranges times `--size`; `A+B` one after the other (B begins 180 s after A,
 and the run is as much longer). Each row is the same run twice, and a line of FILE; finished ones are not repeated.
-`--table` prints what FILE holds. The pace is that of `hil/scenarios/demo_learning.toml`; at a tenth of its speed or
-with much more noise there is less to tell effects by, and the learner should gather longer.
+`--table` prints what FILE holds. The table `[learning]` is that of `hil/scenarios/demo_learning.toml`; at a tenth of
+its speed or with much more noise effects are harder to identify, and the learner should gather longer.
 
 With `--given` nothing is learned: each run is driven once as it is believed and once by a model that has the gut's own
 base and the effect's numbers from its beginning, which bounds what learning can reach.
@@ -29,8 +29,8 @@ from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
+from hil.app.sil.learning_page import error_by_second, rms_m
 from hil.app.sil.loop import SilTrace, learning_of, run_sil
-from hil.app.sil.story import error_by_second, rms_m
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import score
 from models.theta import Theta
@@ -46,7 +46,7 @@ BEFORE_S: Final = 25.0
 LAST_S: Final = 30.0
 AFTER_S: Final = 180.0
 TICK_S: Final = {"magnetic": 5e-3, "coil": 4e-3}
-PACE: Final = load_sil_scenario(FOLDER / "demo_learning.toml")[0].pace
+PACE: Final = load_sil_scenario(FOLDER / "demo_learning.toml")[0].learning
 GIVEN: Final[dict[str, dict[str, float]]] = {
     "none": {},
     "actuator_lag": Theta.of({("actuator_lag", "time_s"): 0.11}),
@@ -85,7 +85,7 @@ def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace)
         truth=replace(gut(plain, seed), hidden=hidden),
         control=plain.control.but(tick_s=TICK_S[kind]),
     )
-    return SilScenario(loop, pace=PACE)
+    return SilScenario(loop, learning=PACE)
 
 
 def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tuple[SilTrace, Any]:

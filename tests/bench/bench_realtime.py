@@ -143,7 +143,7 @@ def bare_figures(seconds: float, priority: int) -> dict[str, float]:
     better.
     """
     code = (
-        "import json, sys\nfrom hil.app.run.clock import Clock, Grid\nfrom hil.app.run.loop import prepare_process\n"
+        "import json, sys\nfrom hil.app.run.clock import Clock, Grid\nfrom hil.app.run.machine import prepare_process\n"
         "prepare_process(int(sys.argv[2]), -1)\ngrid = Grid(Clock(), 0.002)\n"
         "while grid.ticks < float(sys.argv[1]) / 0.002:\n    grid.wait()\n"
         "print(json.dumps({**grid.late.document(), 'missed': grid.missed}))"

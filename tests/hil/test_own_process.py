@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.operator_panel import OperatorPanel
 from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
@@ -43,13 +43,13 @@ def start_of_the_cockpit(folder: Path) -> None:
     channel = f"own-{os.getpid()}"
     with LocalBus(channel) as bus:
         source = BusSource(bus, Clock(), Facts("test", "", FRAME_MAPS["magnetic"], CATALOGUE))
-        hands = Hands(source, folder / "none.toml", None)
-        assert hands.asked(object(), {"ask": "start"}) == ""
+        operator = OperatorPanel(source, folder / "none.toml", None)
+        assert operator.asked(object(), {"ask": "start"}) == ""
         until = time.monotonic() + 60.0
-        while hands.document(object())["run"] and time.monotonic() < until:
-            hands.cycle()
+        while operator.document(object())["run"] and time.monotonic() < until:
+            operator.cycle()
             time.sleep(0.05)
-        hands.close()
+        operator.close()
     said = [event.words for event in source.watch.events]
     assert any("none.toml" in words and "capsule run ended" in words for words in said), said
 

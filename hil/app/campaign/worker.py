@@ -12,7 +12,6 @@ from multiprocessing import get_context
 from typing import Any, Final, Protocol
 
 from controller.model.control_model import ControlModel
-from hil.app.child_process import end_with_parent
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.sil.sil import judged
@@ -20,6 +19,7 @@ from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
 from hil.app.write import file_trouble
+from hil.own_process import end_with_parent
 from models.theta import Theta
 
 TRIES: Final = 3  # workers that a run may cost

@@ -17,12 +17,12 @@ function make(tag, name, text) {
 
 // The token goes from the address into the memory of this tab: neither the address bar nor the history keeps it.
 function tokenOf() {
-  const told = new URLSearchParams(location.hash.slice(1)).get("token") || new URLSearchParams(location.search).get("token");
+  const given = new URLSearchParams(location.hash.slice(1)).get("token") || new URLSearchParams(location.search).get("token");
   if (location.hash || location.search) history.replaceState(null, "", location.pathname);
   try {
-    if (told) sessionStorage.setItem("token", told);
-    return told || sessionStorage.getItem("token") || "";
-  } catch { return told || ""; }
+    if (given) sessionStorage.setItem("token", given);
+    return given || sessionStorage.getItem("token") || "";
+  } catch { return given || ""; }
 }
 
 // ---- the connection
@@ -63,34 +63,34 @@ function flag() {
   $("trouble").hidden = !said;
 }
 
-function take(told) {
-  if (told.kind === "hello") greet(told);
-  else if (told.kind === "state") {
-    page.state = told;
-    addEvents(told.events);
-    show(told);
+function take(message) {
+  if (message.kind === "hello") greet(message);
+  else if (message.kind === "state") {
+    page.state = message;
+    addEvents(message.events);
+    show(message);
     flag();
     soon();
-    document.dispatchEvent(new CustomEvent("cockpit-state", { detail: told }));
-  } else if (told.kind === "refused") document.dispatchEvent(new CustomEvent("cockpit-refused", { detail: told }));
+    document.dispatchEvent(new CustomEvent("cockpit-state", { detail: message }));
+  } else if (message.kind === "refused") document.dispatchEvent(new CustomEvent("cockpit-refused", { detail: message }));
 }
 
-function greet(told) {
+function greet(hello) {
   page.tries = 0;
-  page.hello = told;
+  page.hello = hello;
   page.events = [];
   page.paused = null;
-  $("title").textContent = told.title;
-  $("about").textContent = told.about;
-  document.title = `${told.title} · capsule cockpit`;
-  const lines = told.panels.reduce((sum, panel) => sum + panel.lines.length, 0);
-  page.store = new Store(lines, Math.round(told.kept_s / told.bin_s), 0, told.bin_s);
+  $("title").textContent = hello.title;
+  $("about").textContent = hello.about;
+  document.title = `${hello.title} · capsule cockpit`;
+  const lines = hello.panels.reduce((sum, panel) => sum + panel.lines.length, 0);
+  page.store = new Store(lines, Math.round(hello.kept_s / hello.bin_s), 0, hello.bin_s);
   $("events").replaceChildren();
-  $("events").className = told.live ? "live" : "log";
-  layPanels(told.panels);
-  layTime(told);
+  $("events").className = hello.live ? "live" : "log";
+  layPanels(hello.panels);
+  layTime(hello);
   document.dispatchEvent(new Event("cockpit-hello"));
-  if (!told.live) ask();
+  if (!hello.live) ask();
   flag();
 }
 
@@ -108,12 +108,12 @@ function takeSpans(data) {
 
 // ---- time
 
-function layTime(told) {
-  const whole = Math.max(told.end_s || 0, 0.1);
-  const choices = told.live ? [5, 20, 60] : [2, 10, 60].filter(one => one < whole).concat([whole]);
+function layTime(hello) {
+  const whole = Math.max(hello.end_s || 0, 0.1);
+  const choices = hello.live ? [5, 20, 60] : [2, 10, 60].filter(one => one < whole).concat([whole]);
   if (!choices.includes(page.span)) page.span = choices[choices.length - 1];
   $("spans").replaceChildren(...choices.map(span => {
-    const one = make("button", "", !told.live && span === whole ? "whole" : `${span} s`);
+    const one = make("button", "", !hello.live && span === whole ? "whole" : `${span} s`);
     one.type = "button";
     one.onclick = () => { page.span = span; mark(); ask(); soon(); };
     one.dataset.span = span;
@@ -121,9 +121,9 @@ function layTime(told) {
   }));
   const mark = () => [...$("spans").children].forEach(one => one.classList.toggle("on", Number(one.dataset.span) === page.span));
   mark();
-  $("pause").hidden = !told.live;
-  $("play").hidden = $("scrub").hidden = told.live;
-  if (!told.live) { $("scrub").max = whole; move(page.end > 0 && page.end <= whole ? page.end : whole); }
+  $("pause").hidden = !hello.live;
+  $("play").hidden = $("scrub").hidden = hello.live;
+  if (!hello.live) { $("scrub").max = whole; move(page.end > 0 && page.end <= whole ? page.end : whole); }
 }
 
 function move(time) {

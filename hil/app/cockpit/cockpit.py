@@ -10,14 +10,14 @@ from typing import Annotated, Final
 
 import can
 
-from hil.app.cockpit.hands import Hands
-from hil.app.cockpit.panels import Facts, models_of, wiring_of
+from hil.app.cockpit.operator_panel import OperatorPanel
+from hil.app.cockpit.panels import Facts, frame_map_in, models_of
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.log_task import task_of
 from hil.app.run.loop import StopSignals
-from hil.app.run.run import open_bus
+from hil.app.run.machine import open_bus
 from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option
@@ -27,9 +27,11 @@ from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
 from models.files.toml import in_file
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 OLDEST_S: Final = 5.0
-"""A page that the processor was taken from does not say of its late frames that their counters were wrong."""
+"""Oldest driver stamp that counts, so that frames read late after a pause are not refused by their counters."""
 EXTRA: Final = "cockpit"
 
 
@@ -42,15 +44,15 @@ def cockpit(
         ),
     ],
     host: Annotated[
-        str, option("--host", "ADDRESS", "Where to listen; else this machine alone can see it.")
+        str, option("--host", "ADDRESS", "Address to listen on; else this machine alone can open it.")
     ] = "127.0.0.1",
-    port: Annotated[int, option("--port", "N", "0: a free one.")] = 8420,
+    port: Annotated[int, option("--port", "N", "Port; 0 takes a free one.")] = 8420,
     watch: Annotated[
         str | None, option("--watch", "CHANNEL", "The local bus on which `capsule sil --watch` runs SOURCE.")
     ] = None,
     json_output: Json = False,
 ) -> None:
-    """Serve a page until Ctrl-C. Raises ValueError of one sentence for what cannot be used."""
+    """Serve a page until Ctrl-C. Raises ValueError of one sentence."""
     if find_spec("tornado") is None:
         raise ValueError(f"cockpit needs the package tornado, which is not installed: pip install '.[{EXTRA}]'")
     if not 0 <= port <= 65535:
@@ -58,22 +60,22 @@ def cockpit(
     from hil.app.cockpit.server import Cockpit, bind, serve
 
     listener = bind(host, port)
-    with listener, _source(path, watch) as (source, hands), StopSignals().caught() as signals:
-        page = Cockpit(source, hands=hands)
+    with listener, _source(path, watch) as (source, operator), StopSignals().caught() as signals:
+        page = Cockpit(source, operator=operator)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
-        with_token = f"{address}#token={page.token}" if hands else address
-        watching = [f"to watch alone, without commands: {address}"] * (with_token != address)
-        told = {"address": with_token, "watch_only": address}
-        answer(json_output, told, f"cockpit: {with_token}", *watching, "Ctrl-C ends it")
+        with_token = f"{address}#token={page.token}" if operator else address
+        watching = [TEXT("page.watch", address=address)] * (with_token != address)
+        document = {"address": with_token, "watch_only": address}
+        answer(json_output, document, f"cockpit: {with_token}", *watching, TEXT("page.end"))
         sys.stdout.flush()
         os.nice(5)
         serve(page, listener, host, lambda: bool(signals.wanted))
 
 
 @contextmanager
-def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
-    """The bus, with what may command it, or the log; of a run in simulated time its frames alone."""
+def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | LogSource, OperatorPanel | None]]:
+    """The bus and its operator panel, or a log; of a simulated run the frames alone."""
     if watch is not None:
         with _simulated(path, watch) as source:
             yield source, None
@@ -82,33 +84,31 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
         yield _log(path, load_catalogue()), None
         return
     if path.suffix.lower() != ".toml":
-        raise ValueError(
-            f"{path}: source must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)}); got another ending"
-        )
+        raise ValueError(f"{path} must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)})")
     deployment = load_deployment(path)
-    wiring = frame_map_of(deployment.rig.kind)
+    frame_map = frame_map_of(deployment.rig.kind)
     table = deployment.bus
     about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
     with output_to_notes():
         models = models_of(deployment.task())
-    facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
+    facts = Facts(deployment.name, about, frame_map, load_catalogue(), models)
     clock = Clock()
     with in_file(path):
         bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
     if deployment.drive is not None:
         bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
     source = BusSource(bus, clock, facts)
-    hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
+    operator = OperatorPanel(source, path, deployment.operator if deployment.operator.accept else None)
     try:
-        yield source, hands
+        yield source, operator
     finally:
-        hands.close()
+        operator.close()
         bus.shutdown()
 
 
 @contextmanager
 def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
-    """What `capsule sil` of the scenario `path` shows on the local bus `channel`."""
+    """The frames that `capsule sil` of the scenario `path` puts on the local bus `channel`."""
     scenario, _ = load_sil_scenario(path)
     loop, clock, catalogue = scenario.loop, Clock(), load_catalogue()
     about = f"{loop.kind} rig, simulated, {loop.control.controller}, local bus {channel}"
@@ -123,22 +123,18 @@ def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
 
 
 def _log(path: Path, catalogue: FrameCatalogue) -> LogSource:
-    """The whole log, read, and what the record beside it says."""
-
-    def tell(words: str) -> None:
-        note(f"{path}: {words}")
-
-    frames = list(read_frames(path, tell))
+    """The whole log, with the models of the record beside it."""
+    frames = list(read_frames(path, lambda words: note(f"{path}: {words}")))
     if record_path(path).exists():
         record = read_log_record(path)
         with output_to_notes():
             task = task_of(record, str(path))
-        wiring, models = frame_map_of(task.model.drive.name), models_of(task)
+        frame_map, models = frame_map_of(task.model.drive.name), models_of(task)
         about = f"{task.model.drive.name} rig, {task.controller}"
     else:
         names = {catalogue.by_id()[frame.id].name for frame in frames if frame.id in catalogue.by_id()}
-        wiring, models, about = wiring_of(names), (), "no record beside the log says what the model is"
-    source = LogSource(frames, Facts(path.name, about, wiring, catalogue, models))
+        frame_map, models, about = frame_map_in(names), (), TEXT("page.no_record")
+    source = LogSource(frames, Facts(path.name, about, frame_map, catalogue, models))
     if not source.watch.last:
         raise ValueError(f"{path}: log must hold good frames of {Path(catalogue.source).name}; got none")
     return source

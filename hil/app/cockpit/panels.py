@@ -1,4 +1,4 @@
-"""What the page says of the rig and its models, and its panels: lines, each from the signals of a frame."""
+"""The rig, its models and the panels of the page; each line of a panel shows signals of a frame."""
 
 import math
 from collections.abc import Callable, Collection, Mapping
@@ -21,8 +21,8 @@ _MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 
 @dataclass(frozen=True)
 class Line:
-    """With each good `frame`, `of(its values, the last of all frames)` is the least and the largest value in the
-    panel's unit, None where there is none; `names` are those of a strip of states.
+    """At each good `frame`, `of(its values, last values of all frames)` gives the smallest and the largest value in the
+    unit of the panel, or None; `names` are those of a strip of states.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Line:
 
 @dataclass(frozen=True)
 class LivePanel:
-    """Lines over one axis: decimal `places` of its readings, the least `span` shown, dashed `marks`."""
+    """Lines over one axis: decimal `places` of readings, smallest `span` shown, dashed `marks`."""
 
     title: str
     unit: str
@@ -48,17 +48,17 @@ class LivePanel:
     def document(self) -> dict[str, Any]:
         lines: list[dict[str, Any]] = []
         for one in self.lines:
-            names: Any = one.names and {raw: [words(told), grade_of(told)] for raw, told in one.names.items()}
+            names: Any = one.names and {raw: [words(state), grade_of(state)] for raw, state in one.names.items()}
             lines.append({"name": one.name, "colour": one.colour, "look": one.look, "names": names})
-        told = {"title": self.title, "unit": self.unit, "places": self.places, "span": self.span}
-        return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
+        axis = {"title": self.title, "unit": self.unit, "places": self.places, "span": self.span}
+        return {**axis, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
 
-def panels_of(wiring: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
-    drive = wiring.drive
+def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
+    drive = frame_map.drive
     word, unit, factor, _ = drive.shown
-    seen = _signal(wiring.signal, factor)
-    reported = () if drive.shaken else (Line("reported", wiring.feedback, seen, "blue"),)
+    seen = _signal(frame_map.signal, factor)
+    reported = () if drive.shaken else (Line("reported", frame_map.feedback, seen, "blue"),)
 
     def strip(name: str, frame: str, signal: str) -> Line:
         names = catalogue[frame].field(signal).names
@@ -77,12 +77,12 @@ def panels_of(wiring: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, .
         Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
     )
     error = Line("error", "WantedMotion", _error, "red")
-    command = Line("command", wiring.command, seen, "amber", "dash")
+    command = Line("command", frame_map.command, seen, "amber", "dash")
     surprise = _said("surprise", "BelievedMotion", "Surprise", 1.0, "blue")
     evidence = _said("evidence", "ModelHealth", "Evidence", _PERCENT, "red")
     states = (
         strip("controller", "ControllerHeartbeat", "State"),
-        strip(wiring.node.lower(), wiring.feedback, "State"),
+        strip(frame_map.node.lower(), frame_map.feedback, "State"),
         strip("wall", "BelievedMotion", "Wall"),
         strip("model", "ModelHealth", "State"),
     )
@@ -92,7 +92,7 @@ def panels_of(wiring: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, .
         LivePanel(word, unit, (*reported, command), 3, 0.01),
         LivePanel("Forces on the capsule", "mN", forces, 1, 2.0, (0.0,)),
         LivePanel("Residual", "σ", (surprise,), 1, 6.0, (-3.0, 3.0)),
-        LivePanel("Evidence against the model", "% of an alarm", (evidence,), 0, 110.0, (100.0,)),
+        LivePanel("Evidence against the model", "% of the alarm level", (evidence,), 0, 110.0, (100.0,)),
         LivePanel("States", "", states, strips=True),
     )
 
@@ -105,7 +105,7 @@ def _signal(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Va
 
 
 def _said(name: str, frame: str, signal: str, factor: float, colour: str, look: str = "line") -> Line:
-    """A line of a signal where it says something."""
+    """A line of a signal, with gaps where the signal is absent."""
 
     def of(values: Values, _: Mapping[str, Values]) -> Span | None:
         value = factor * without_absent(frame, values)[signal]
@@ -124,7 +124,7 @@ def _band(values: Values, _: Mapping[str, Values]) -> Span | None:
 
 
 def _force(name: str) -> Callable[[Values, Mapping[str, Values]], Span | None]:
-    """Of forces that are believed, while the estimate is not lost."""
+    """Estimated forces while the estimate is not lost."""
 
     def of(values: Values, last: Mapping[str, Values]) -> Span | None:
         if "BelievedMotion" not in last or _lost(last["BelievedMotion"]):
@@ -135,12 +135,12 @@ def _force(name: str) -> Callable[[Values, Mapping[str, Values]], Span | None]:
 
 
 def _wanted(values: Values, _: Mapping[str, Values]) -> Span | None:
-    place = _MM * values["Position_m"]
-    return (place, place) if values["Following"] else None
+    position = _MM * values["Position_m"]
+    return (position, position) if values["Following"] else None
 
 
 def _error(values: Values, last: Mapping[str, Values]) -> Span | None:
-    """Of the same tick: BelievedMotion goes out before WantedMotion."""
+    """Estimate less reference of one tick, as BelievedMotion is sent before WantedMotion."""
     motion = last.get("BelievedMotion")
     if motion is None or _lost(motion) or not values["Following"]:
         return None
@@ -150,11 +150,11 @@ def _error(values: Values, last: Mapping[str, Values]) -> Span | None:
 
 @dataclass(frozen=True)
 class Facts:
-    """The source, its drive, and the models in the order in which they may come into use, where known."""
+    """The source, its drive, and the models where known, in the order in which they may come into use."""
 
     title: str
     about: str
-    wiring: FrameMap
+    frame_map: FrameMap
     catalogue: FrameCatalogue
     models: tuple[dict[str, Any], ...] = ()
 
@@ -167,15 +167,15 @@ class Facts:
         }
 
     def panels(self) -> tuple[LivePanel, ...]:
-        return panels_of(self.wiring, self.catalogue)
+        return panels_of(self.frame_map, self.catalogue)
 
 
 def models_of(task: Task) -> tuple[dict[str, Any], ...]:
-    """What the models of a task are made of, in the order in which they come into use."""
+    """Effects and parameters of the models of a task, in the order in which they come into use."""
     offers = [offer for offer in (task.offer, *task.learned) if offer is not None]
     return tuple(model_facts(model) for model in (task.model, *(offer.model for offer in offers)))
 
 
-def wiring_of(heard: Collection[str]) -> FrameMap:
-    """The drive whose feedback stands in a log of which no record says whose it is; a carriage where none does."""
-    return next((wiring for wiring in FRAME_MAPS.values() if wiring.feedback in heard), CARRIAGE_MAP)
+def frame_map_in(heard: Collection[str]) -> FrameMap:
+    """The frame map of the drive whose feedback was heard, for a log without a record; else a carriage's."""
+    return next((frame_map for frame_map in FRAME_MAPS.values() if frame_map.feedback in heard), CARRIAGE_MAP)

@@ -1,4 +1,4 @@
-"""The lines of a page as least and largest values of equal spans: of the last minute of a bus, or of a log."""
+"""The lines of a page as smallest and largest values in equal spans: the last minute of a bus, or a log."""
 
 import struct
 from array import array
@@ -13,21 +13,20 @@ from hil.bus.catalogue import FrameCatalogue
 
 Array = NDArray[np.float32]
 BIN_S: Final = 0.04
-"""A picture's worth of time."""
+"""Length of a span, and time between two pictures."""
 KEPT_S: Final = 60.0  # of each line
 HEAD: Final = struct.Struct("<IIdd")
-"""In front of the values: number of the first span, how many spans, when the first begins and how long each is, in s.
-"""
+"""Before the values: number of the first span, count of spans, begin of the first and length of each in s."""
 _MOST_PIXELS: Final = 4000  # that a page may ask for
 
 
 def packed(first: int, start_s: float, span_s: float, values: Array) -> bytes:
-    """Spans as the page reads them: `values` (lines, spans, 2), little endian."""
+    """Spans in the format of the page: `values` (lines, spans, 2), little endian."""
     return HEAD.pack(first, values.shape[1], start_s, span_s) + values.astype("<f4").tobytes()
 
 
 class LineFeed:
-    """Which lines a frame feeds, and for how long in s each line holds."""
+    """Which lines a frame feeds, and for how long in s each value is shown."""
 
     def __init__(self, lines: Sequence[Line], catalogue: FrameCatalogue) -> None:
         self.lines = tuple(lines)
@@ -37,7 +36,7 @@ class LineFeed:
             self._by_frame.setdefault(one.frame, []).append(number)
 
     def values(self, name: str, last: dict[str, dict[str, float]]) -> list[tuple[int, float, float]]:
-        """(line, least, largest) of what the newest frame `name` says; nan where it says that there is none."""
+        """(line, smallest, largest) of the newest frame `name`; nan where it has no value."""
         found = []
         for number in self._by_frame.get(name, ()):
             of: Values = last[name]
@@ -59,7 +58,7 @@ class Ring:
         self._last: list[tuple[float, float, float]] = [(-np.inf, np.nan, np.nan)] * count
 
     def add(self, time_s: float, name: str, last: dict[str, dict[str, float]]) -> None:
-        """A good frame. One that is earlier than the open bin counts as its own."""
+        """Add a good frame; one earlier than the open bin counts in the open bin."""
         if time_s >= (self.head + 1) * BIN_S:
             self.close(time_s)
         for number, low, high in self.feed.values(name, last):
@@ -77,19 +76,19 @@ class Ring:
             if now - self.head * BIN_S > 2 * KEPT_S:
                 self.head = int(now / BIN_S) - self.size
                 self.bins[:] = np.nan
-            place, end = self.head % self.size, (self.head + 1) * BIN_S
+            slot, end = self.head % self.size, (self.head + 1) * BIN_S
             for number, (at, low, high) in enumerate(self._last):
                 if self._seen[number]:
-                    self.bins[number, place] = self._low[number], self._high[number]
+                    self.bins[number, slot] = self._low[number], self._high[number]
                     self._seen[number] = False
                 elif end - at <= self.feed.holds[number]:
-                    self.bins[number, place] = low, high
+                    self.bins[number, slot] = low, high
                 else:
-                    self.bins[number, place] = np.nan
+                    self.bins[number, slot] = np.nan
             self.head += 1
 
     def since(self, first: int) -> bytes:
-        """The closed bins from number `first` on, as far as they are kept."""
+        """The closed bins from number `first` on, as far as kept."""
         first = max(first, self.head - self.size, 0)
         return packed(first, first * BIN_S, BIN_S, self.bins[:, np.arange(first, self.head) % self.size])
 
@@ -103,7 +102,7 @@ class Samples:
         self._values = [array("f") for _ in feed.lines]
 
     def add(self, time_s: float, name: str, last: dict[str, dict[str, float]]) -> None:
-        """A good frame, not earlier than the one before."""
+        """Add a good frame, not earlier than the one before."""
         for number, low, high in self.feed.values(name, last):
             self._times[number].append(time_s)
             self._values[number].extend((low, high))
@@ -121,7 +120,7 @@ class Samples:
 
 
 def _spans(times: NDArray[np.float64], pairs: Array, edges: NDArray[np.float64], hold: float) -> Array:
-    """Least and largest between edges, (spans, 2); an empty span has the sample before it for `hold` s."""
+    """Smallest and largest between edges, (spans, 2); an empty span repeats the sample before it for `hold` s."""
     at = np.searchsorted(times, edges)
     filled = at[1:] > at[:-1]
     found = np.full((len(edges) - 1, 2), np.nan, dtype=np.float32)

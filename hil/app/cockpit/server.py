@@ -1,4 +1,4 @@
-"""The page's server: its files, and a socket that sends each page what is new, 25 times a second at most."""
+"""The server of the page: its files, and a socket that sends each page what is new, at most 25 times a second."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ import tornado.ioloop
 import tornado.web
 import tornado.websocket
 
-from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.operator_panel import OperatorPanel
 from hil.app.cockpit.series import BIN_S, KEPT_S
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.nodes.operator_sender import CYCLE_S
 from hil.report.builder import TEMPLATES
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 Source = BusSource | LogSource
 _HERE: Final = Path(__file__).parent
 _FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")
@@ -31,12 +33,11 @@ _TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascri
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 STATE_EVERY: Final = 5
 """Pictures from one state of the cards to the next."""
-OPERATORS: Final = 16  # pages with the token at a time
-WATCHERS: Final = 16
-"""Most pages with the token, and without it."""
+OPERATORS: Final = 16  # most pages with the token at a time
+WATCHERS: Final = 16  # most pages without it
 QUIET_S: Final = 10.0
-"""How long a connection may take to ask for something."""
-_LONGEST: Final = 4096  # bytes that a page may say at once
+"""How long a connection may take to send a request."""
+_LONGEST: Final = 4096  # bytes of a message from a page
 _HEADERS: Final = {  # nothing from elsewhere, nothing kept
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none';"
     " form-action 'none'",
@@ -49,20 +50,20 @@ _HEADERS: Final = {  # nothing from elsewhere, nothing kept
 class Cockpit:
     """Pages of one source. `picture` is called every `BIN_S` while a bus is watched."""
 
-    def __init__(self, source: Source, token: str | None = None, hands: Hands | None = None) -> None:
-        """`token` is what a page must have to command, drawn at random where None; `hands` do it."""
-        self.source, self.hands = source, hands
+    def __init__(self, source: Source, token: str | None = None, operator: OperatorPanel | None = None) -> None:
+        """A page needs the `token` to command (random where None); `operator` executes the commands."""
+        self.source, self.operator = source, operator
         self.token = secrets.token_urlsafe(18) if token is None else token
         self.pages: dict[Page, None] = {}
         self.pictures = 0
 
     def application(self, loopback: bool, host: str = "") -> tornado.web.Application:
-        """Only this machine's own names are answered with `loopback`, else addresses and `host`, too."""
-        told = {"cockpit": self, "loopback": loopback, "host": host}
+        """With `loopback` only this machine's own names are answered, else also addresses and `host`."""
+        shared = {"cockpit": self, "loopback": loopback, "host": host}
         named = {"/": "page.html", "/style.css": str(TEMPLATES / "style.css"), **{f"/{name}": name for name in _FILES}}
-        files = [(path, File, {**told, "name": name}) for path, name in named.items()]
+        files = [(path, File, {**shared, "name": name}) for path, name in named.items()]
         return tornado.web.Application(
-            [*files, ("/socket", Page, told)],
+            [*files, ("/socket", Page, shared)],
             websocket_max_message_size=_LONGEST,
             websocket_ping_interval=5,
             log_function=lambda handler: None,
@@ -76,30 +77,30 @@ class Cockpit:
         for page in tuple(self.pages):
             page.send_new(state)
 
-    def place(self, page: Page) -> bool:
-        """Take a page in where there is a place; one with the token takes that of the oldest, best not armed."""
+    def admit(self, page: Page) -> bool:
+        """Accept a page where there is room; a page with the token replaces the oldest one, preferably not armed."""
         alike = [other for other in self.pages if other.known == page.known]
         if len(alike) >= (OPERATORS if page.known else WATCHERS):
             if not page.known:
                 return False
-            hands = self.hands
-            oldest = next((other for other in alike if hands is None or not hands.armed(other)), alike[0])
+            operator = self.operator
+            oldest = next((other for other in alike if operator is None or not operator.armed(other)), alike[0])
             self.leave(oldest)
-            oldest.close(1013, "a newer page with the token took this place")
+            oldest.close(1013, TEXT("page.replaced"))
         self.pages[page] = None
         return True
 
     def leave(self, page: Page) -> None:
         self.pages.pop(page, None)
-        if self.hands is not None:
-            self.hands.left(page)
+        if self.operator is not None:
+            self.operator.left(page)
 
     def state(self) -> dict[str, Any]:
         assert isinstance(self.source, BusSource)
         return {"kind": "state", **self.source.document()}
 
     def hello(self, commands: bool) -> dict[str, Any]:
-        """What a page is told first; `commands` says whether it may command."""
+        """The first message to a page; `commands` says whether it may command."""
         live = isinstance(self.source, BusSource)
         span = {} if isinstance(self.source, BusSource) else {"end_s": self.source.end_s}
         facts = self.source.facts.document()
@@ -107,13 +108,13 @@ class Cockpit:
 
 
 class _Handler(tornado.web.RequestHandler):
-    """What files and the socket have in common: who is answered."""
+    """Who is answered, for files and the socket."""
 
     def initialize(self, cockpit: Cockpit, loopback: bool, host: str, name: str = "") -> None:
         self.cockpit, self.loopback, self.host, self.file = cockpit, loopback, host, _HERE / name
 
     def prepare(self) -> Awaitable[None] | None:
-        """Refuse a page of another site that got this machine's address by a name of its own."""
+        """Refuse pages of other sites whose own name resolves to this machine."""
         name = self.request.host_name.strip("[]")
         if name not in LOOPBACK and (self.loopback or not (name == self.host or _is_address(name))):
             raise tornado.web.HTTPError(403)
@@ -131,7 +132,7 @@ class File(_Handler):
 
 
 class Page(_Handler, tornado.websocket.WebSocketHandler):
-    """One open page; what it does not take in time waits in the ring and comes with the next picture."""
+    """One open page; bins that it does not accept in time wait in the ring for the next picture."""
 
     known = commands = False
 
@@ -139,16 +140,16 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         self.next_bin, self.next_event, self._busy = 0, 0, False
         token = self.request.query_arguments.get("token", [b""])[-1]
         self.known = hmac.compare_digest(token, self.cockpit.token.encode())
-        if not self.cockpit.place(self):
-            self.close(1013, f"at most {WATCHERS} pages without the token")
+        if not self.cockpit.admit(self):
+            self.close(1013, TEXT("page.full", most=WATCHERS))
             return
-        self.commands = self.known and self.cockpit.hands is not None
+        self.commands = self.known and self.cockpit.operator is not None
         self._say(self.cockpit.hello(self.commands))
         if isinstance(self.cockpit.source, BusSource):
             self.send_new(self.cockpit.state())
 
     def on_message(self, message: str | bytes) -> None:
-        """What the page asks for; what is no such thing is left unanswered, and so is a page that has no place."""
+        """Do what the page asks for; malformed messages and pages without a place get no answer."""
         if self not in self.cockpit.pages:
             return
         try:
@@ -157,8 +158,8 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
             if kind == "window" and isinstance(self.cockpit.source, LogSource):
                 times = (float(asked["begin_s"]), float(asked["end_s"]))
                 self._answer(self.cockpit.source, *times, int(asked["pixels"]))
-            elif self.commands and self.cockpit.hands is not None:
-                refused = self.cockpit.hands.asked(self, asked)
+            elif self.commands and self.cockpit.operator is not None:
+                refused = self.cockpit.operator.asked(self, asked)
                 if refused:
                     self._say({"kind": "refused", "words": refused})
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
@@ -174,8 +175,8 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         if self._busy:
             return
         if state is not None:
-            hands = self.cockpit.hands
-            more = {"operator": hands.document(self)} if self.commands and hands is not None else {}
+            operator = self.cockpit.operator
+            more = {"operator": operator.document(self)} if self.commands and operator is not None else {}
             self._say({**state, **more, "events": self._new_events()})
         if source.ring.head > self.next_bin:
             self._write(source.ring.since(self.next_bin))
@@ -214,7 +215,7 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
 
 
 def _is_address(name: str) -> bool:
-    """Whether a host is told as an address: a name may be one of another site that leads here."""
+    """Whether a host is given as an address, as a name may belong to another site."""
     with contextlib.suppress(ValueError):
         ipaddress.ip_address(name)
         return True
@@ -222,7 +223,7 @@ def _is_address(name: str) -> bool:
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A socket that listens there. Raises ValueError of one sentence where that cannot be."""
+    """A socket that listens there. Raises ValueError of one sentence."""
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         listener.setblocking(False)
@@ -234,7 +235,7 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[[], bool]) -> None:
-    """Serve until `until` says so, which is asked every tenth of a second."""
+    """Serve until `until()`, which is called every tenth of a second."""
     loop = tornado.ioloop.IOLoop.current()
     server = tornado.httpserver.HTTPServer(
         cockpit.application(host in LOOPBACK, host),
@@ -252,8 +253,8 @@ def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[
     calls = [tornado.ioloop.PeriodicCallback(look, 100)]
     if isinstance(cockpit.source, BusSource):
         calls.append(tornado.ioloop.PeriodicCallback(cockpit.picture, 1e3 * BIN_S))
-    if cockpit.hands is not None:
-        calls.append(tornado.ioloop.PeriodicCallback(cockpit.hands.cycle, 1e3 * CYCLE_S))
+    if cockpit.operator is not None:
+        calls.append(tornado.ioloop.PeriodicCallback(cockpit.operator.cycle, 1e3 * CYCLE_S))
     for call in calls:
         call.start()
     try:
@@ -263,4 +264,4 @@ def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[
             call.stop()
         server.stop()
         for page in tuple(cockpit.pages):
-            page.close(1001, "the cockpit has ended")
+            page.close(1001, TEXT("page.over"))

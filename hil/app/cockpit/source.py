@@ -1,4 +1,4 @@
-"""Where a page's frames come from: a bus, read and never written to, or a log."""
+"""Sources of frames for the page: a bus that is only read, or a log."""
 
 from collections.abc import Iterable
 from typing import Any, Final
@@ -10,14 +10,17 @@ from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.series import LineFeed, Ring, Samples
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
+from hil.app.system import error_text
 from hil.log.blf_file import NOTED, Logged
 from hil.nodes.frame_map import plain
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 BUSY_S: Final = 0.02
-"""What one picture may take of the time to take frames in; the rest waits for the next, as pages and signals do not."""
-QUIET_S: Final = 0.5  # without a frame, after which the bus's own trouble is told
+"""Longest time to read frames for one picture; further frames wait for the next one."""
+QUIET_S: Final = 0.5  # without a frame, after which the page reports it
 AWAY_S: Final = 0.25
-"""After such a pause a bus's queue may have run over: what is refused then is this process's doing."""
+"""After such a pause of this process the queue of a bus may have overflowed."""
 SNAPSHOTS: Final = 2000  # of a log's state at most
 LOG_EVENTS: Final = 5000  # of a log that are kept
 SHORTEST_S: Final = 0.1  # between two snapshots
@@ -25,7 +28,7 @@ CALENDAR_S: Final = 1e6  # a later stamp is a date
 
 
 class BusSource:
-    """What is heard on `bus`, whose frames carry times of `clock`, up to the last `poll`."""
+    """Frames of `bus`, with times of `clock`, up to the last `poll`."""
 
     def __init__(self, bus: can.BusABC, clock: Clock, facts: Facts) -> None:
         self.bus, self.clock, self.facts = bus, clock, facts
@@ -34,7 +37,7 @@ class BusSource:
         self._trouble, self._heard, self._polled = "", -1.0, clock.now()
 
     def poll(self) -> None:
-        """Take in what has come since the last time; a bus that raises is told of and tried again."""
+        """Read the frames since the last call; a bus that raises is reported and tried again."""
         until, waits = self.clock.now() + BUSY_S, True
         try:
             while waits and self.clock.now() < until:
@@ -45,16 +48,16 @@ class BusSource:
             self._trouble = ""
         except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
             waits = False
-            self._trouble = f"the bus cannot be read: {' '.join(str(error).split())[:160] or type(error).__name__}"
+            self._trouble = TEXT("source.unreadable", why=error_text(error, 160))
         now = self.clock.now()
         if now - self._polled > AWAY_S:
-            self.tell(f"this cockpit was away for {now - self._polled:.1f} s: it may have missed frames", "doubt")
+            self.say(TEXT("source.away", seconds=now - self._polled), "doubt")
         self._polled = now
         reached = max(self._heard, 0.0) if waits else now
         self.watch.tick(reached)
         self.ring.close(reached)
 
-    def tell(self, words: str, grade: str = "note") -> None:
+    def say(self, words: str, grade: str = "note") -> None:
         self.watch.say(self.clock.now(), words, grade)
 
     def _take(self, message: can.Message) -> None:
@@ -66,16 +69,16 @@ class BusSource:
     def document(self) -> dict[str, Any]:
         now = self.clock.now()
         quiet = now - self._heard
-        heard = "nothing heard yet" if self._heard < 0 else f"nothing heard on the bus for {quiet:.0f} s"
+        heard = TEXT("source.silent") if self._heard < 0 else TEXT("source.quiet", seconds=quiet)
         trouble = self._trouble or (heard if self._heard < 0 or quiet > QUIET_S else "")
         return {**self.watch.document(), "time_s": round(now, 3), "trouble": trouble}
 
 
 class LogSource:
-    """A whole log, read once: all samples of its lines, and the state at `SNAPSHOTS` times at most."""
+    """A whole log: all samples of its lines, and the state at `SNAPSHOTS` times at most."""
 
     def __init__(self, frames: Iterable[Logged], facts: Facts) -> None:
-        """Raises ValueError where the frames do, and where there is none of the catalogue."""
+        """Raises ValueError where the `frames` do."""
         self.facts, self.watch = facts, FrameWatch(facts.catalogue, LOG_EVENTS)
         self.samples = Samples(_feed(facts))
         self.end_s = 0.0
@@ -101,7 +104,7 @@ class LogSource:
                 self.samples.add(now, good[0], self.watch.last)
 
     def _keep(self, now: float) -> None:
-        """Keep the state at `now`; every second one goes where there are too many."""
+        """Keep the state at `now`; where there are too many, every second one is dropped."""
         self._times.append(now)
         self._states.append(self.watch.document())
         if len(self._times) > SNAPSHOTS:
@@ -112,7 +115,7 @@ class LogSource:
         return self.samples.window(begin_s, end_s, pixels)
 
     def document(self, time_s: float) -> dict[str, Any]:
-        """The state at `time_s`, of the last time that was kept."""
+        """The last state kept before `time_s`."""
         k = max(int(np.searchsorted(self._times, time_s, "right")) - 1, 0)
         return {**self._states[k], "time_s": time_s, "trouble": ""}
 

@@ -58,24 +58,24 @@ document.addEventListener("cockpit-hello", () => {
 });
 
 document.addEventListener("cockpit-state", event => {
-  const told = event.detail.operator;
-  if (!told) return;
-  if (told.limits && !hand.limits) {
-    [hand.limits] = [told.limits];
-    const [fastest, lowest, highest] = told.limits;
+  const operator = event.detail.operator;
+  if (!operator) return;
+  if (operator.limits && !hand.limits) {
+    [hand.limits] = [operator.limits];
+    const [fastest, lowest, highest] = operator.limits;
     $("speed").max = fastest;
     $("speed").value = fastest / 2;
     Object.assign($("place"), { min: lowest, max: highest, value: 0 });
     tellSpeed();
   }
-  $("start").disabled = $("reset").disabled = told.leads || told.run;
-  $("start").hidden = told.fault && !told.leads;
+  $("start").disabled = $("reset").disabled = operator.leads || operator.run;
+  $("start").hidden = operator.fault && !operator.leads;
   $("reset").hidden = !$("start").hidden;
-  $("stop").disabled = !told.run && !told.answer;
-  $("hand").hidden = !told.armed;
-  if (!told.armed) letGo();
-  const [state, source, refused] = told.answer || [];
-  $("answer").textContent = !told.answer ? "no controller answers" : refused !== "none" ? `refused: ${refused.replace("_", " ")}`
+  $("stop").disabled = !operator.run && !operator.answer;
+  $("hand").hidden = !operator.armed;
+  if (!operator.armed) letGo();
+  const [state, source, refused] = operator.answer || [];
+  $("answer").textContent = !operator.answer ? "no controller answers" : refused !== "none" ? `refused: ${refused.replace("_", " ")}`
     : source === "nobody" ? state : `${state} by ${source}`;
   if (performance.now() - hand.refusedAt > 6000) $("refused").hidden = true;
 });

@@ -1,4 +1,4 @@
-"""What frames tell, one after the other: states of all nodes, what was refused and why, and the events worth a line."""
+"""States of all nodes, refused frames and events, from frames one after the other."""
 
 import math
 from collections import deque
@@ -13,14 +13,16 @@ from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
 from models.words.quantities import DASH, fixed, quantity
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 KEPT: Final = 200
-"""Events that are kept while a bus is watched, and kinds of refusals that are told apart."""
+"""Most events kept while a bus is watched, and most kinds of refusals that become an event."""
 SILENT_S: Final = 2 * HEARTBEAT_LOST_S
-"""How long a node that sends heartbeats may be quiet before it is called silent."""
+"""A node whose heartbeat is older than this is silent."""
 BURST_S: Final = 0.5  # within which the same refusal is one event
 _LOAD_S: Final = 1.0  # over which the bus load is averaged
-_FRESH: Final = 10  # cycles, within which a value is new
+_FRESH: Final = 10  # cycles, within which a value is current
 _LOST: Final = 3  # `Wall` of an estimate that is lost
 _BEAT, _FAULT, _FEEDBACK = "Heartbeat", "Fault", "Feedback"
 _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -44,7 +46,7 @@ class Occurrence:
 
 
 class FrameWatch:
-    """Takes frames in order of time, never raises, in bounded memory; `last` are last good values by frame."""
+    """Takes frames in order of time, in bounded memory, and never raises; `last` are the last good values by frame."""
 
     def __init__(self, catalogue: FrameCatalogue, kept: int = KEPT) -> None:
         self.catalogue = catalogue
@@ -77,27 +79,27 @@ class FrameWatch:
             return None
         before, since = self.last.get(name), time_s - self.at.get(name, -math.inf)
         self.last[name], self.at[name] = values, time_s
-        self._tell(time_s, name, before, values, since)
+        self._report(time_s, name, before, values, since)
         return name, values
 
     def tick(self, now: float) -> None:
-        """The time goes on; who has fallen silent is told of."""
+        """Move the time on; nodes that fell silent become events."""
         self.now = max(self.now, now)
         for name, at in self.at.items():
             if name.endswith(_BEAT) and now - at > SILENT_S and name not in self._silent:
                 self._silent.add(name)
-                self.say(now, f"{self._sender(name)} is silent", "bad")
+                self.say(now, TEXT("event.silent", node=self._sender(name)), "bad")
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
         self.events.append(Occurrence(time_s, words, grade))
         self.events_count += 1
 
     def state(self, name: str, signal: str = "State") -> str:
-        """A state's name, "" where it has not been heard of."""
+        """The name of a state, "" where none was received."""
         return self._named(name, signal, self.last[name]) if name in self.last else ""
 
     def newest(self, name: str) -> dict[str, float] | None:
-        """The values of a cyclic frame of this name, where one has come within ten cycles."""
+        """The values of a cyclic frame, where one was received within ten cycles."""
         late = self.now - self.at.get(name, -math.inf) > _FRESH * self.catalogue[name].cycle_s
         return None if late else self.last[name]
 
@@ -111,7 +113,7 @@ class FrameWatch:
         }
 
     def _by_source(self, data: bytes) -> Receiver:
-        """The receiver of setpoints of the source that a frame says: each source counts its own."""
+        """The receiver of setpoints of the source in a frame, as each source has its own counter."""
         source = self._setpoint.field("Source")
         number = int.from_bytes(data, "little") >> source.start & ((1 << source.length) - 1)
         return self._setpoints.setdefault(number, Receiver(self._setpoint))
@@ -120,7 +122,7 @@ class FrameWatch:
         return [*self.reception.receivers.values(), *self._setpoints.values()]
 
     def _nodes(self) -> list[dict[str, Any]]:
-        """Every node that has been heard, with its drive's state where it is a drive."""
+        """All nodes that were heard; a drive with the state of its feedback."""
         found = []
         for name in [n for n in self.at if n.endswith(_BEAT)]:
             node = name.removesuffix(_BEAT)
@@ -132,35 +134,34 @@ class FrameWatch:
             if state == "fault" and f"{node}{_FAULT}" in self.last:
                 more.append(words(self.state(f"{node}{_FAULT}", "Code")))
             if self.last[name]["Catalogue"] != self.catalogue.fingerprint:
-                more.append("another DBC")
+                more.append(TEXT("node.another_dbc"))
             up = self.last[name]["Uptime_s"]
             shown = "silent" if silent else words(state)
             grade = "bad" if silent else grade_of(state)
             role = "drive" if feedback else "sensor"
-            told = {"state": shown, "grade": grade, "more": more, "up": clock(up), "role": role}
-            found.append({"node": words(node), **told})
+            state_now = {"state": shown, "grade": grade, "more": more, "up": clock(up), "role": role}
+            found.append({"node": words(node), **state_now})
         return found
 
     def _model(self) -> dict[str, Any]:
-        """The monitor's word, and which model is in use."""
+        """The state of the monitor, and which model is in use."""
         health, wanted = self.last.get("ModelHealth"), self.last.get("WantedMotion")
         number = int(wanted["Model"]) if wanted else 0
         if health is None:
-            return {"state": "", "grade": "note", "number": number, "words": "", "short": "not heard"}
+            return {"state": "", "grade": "note", "number": number, "words": "", "short": TEXT("model.silent")}
         state = self.state("ModelHealth")
-        alarms = int(health["Alarms"])
-        told = [f"{fixed(100 * health['Evidence'], 0)} % of an alarm", f"{alarms} alarm{'' if alarms == 1 else 's'}"]
+        facts = [TEXT("model.evidence", evidence=health["Evidence"]), TEXT("model.alarms", count=int(health["Alarms"]))]
         if state in ("doubtful", "broken"):
-            told.insert(0, f"since {clock(health['Since_s'])} of the controller's time")
+            facts.insert(0, TEXT("model.since", time=clock(health["Since_s"])))
         if change := int(health["Change"]):
-            told.insert(0, f"a {self.catalogue['ModelHealth'].field('Change').names[change]} change")
+            facts.insert(0, TEXT("model.change", change=self.catalogue["ModelHealth"].field("Change").names[change]))
         old = self.newest("ModelHealth") is None
-        short = f"was {words(state)}" if old else told[-2] if state == "holds" else told[0]
+        short = TEXT("model.was", state=words(state)) if old else facts[-2] if state == "holds" else facts[0]
         return {
-            "state": "not heard" if old else words(state),
+            "state": TEXT("model.silent") if old else words(state),
             "grade": "note" if old else grade_of(state),
             "number": number,
-            "words": "; ".join(told),
+            "words": "; ".join(facts),
             "short": short,
         }
 
@@ -191,42 +192,42 @@ class FrameWatch:
         part[2] += frame_bits(identifier, data) if len(data) <= 8 else 0
 
     def _refuse(self, time_s: float, name: str, refusal: Refusal) -> None:
-        """The first of each kind is an event, the rest are counted."""
+        """Make the first refusal of each kind an event; the others are only counted."""
         if (name, refusal.reason) not in self._refused and len(self._refused) < KEPT:
             self._refused.add((name, refusal.reason))
             why = f"{refusal.reason}: {refusal.detail}" if refusal.detail else refusal.reason
-            self.say(time_s, f"first {name} refused ({why})", "doubt")
+            self.say(time_s, TEXT("event.refused", frame=name, why=why), "doubt")
 
-    def _tell(
+    def _report(
         self, t: float, name: str, before: Mapping[str, float] | None, values: Mapping[str, float], since: float
     ) -> None:
         sender = self._sender(name)
         if name.endswith(_BEAT) and name in self._silent:
             self._silent.discard(name)
-            self.say(t, f"{sender} is heard again", "good")
+            self.say(t, TEXT("event.heard", node=sender), "good")
         if name.endswith(_FAULT):
             if since > BURST_S or before != values:
-                self.say(t, f"{sender} latched a fault: {words(self._named(name, 'Code', values))}", "bad")
+                self.say(t, TEXT("event.fault", node=sender, code=words(self._named(name, "Code", values))), "bad")
         elif name == "SafeStop":
             if since > BURST_S:
                 who, why = (words(self._named(name, signal, values)) for signal in ("Target", "Reason"))
-                self.say(t, f"safe stop of {who}: {why}", "bad")
+                self.say(t, TEXT("event.safe_stop", target=who, reason=why), "bad")
         elif name == "DriveReset":
             if since > BURST_S:
-                self.say(t, f"reset of {words(self._named(name, 'Target', values))}")
+                self.say(t, TEXT("event.reset", target=words(self._named(name, "Target", values))))
         elif name == "WantedMotion":
-            self._tell_motion(t, before, values)
+            self._report_motion(t, before, values)
         elif "State" in values and (before is None or before["State"] != values["State"]):
-            self._tell_state(t, name, sender, before, values)
+            self._report_state(t, name, sender, before, values)
 
-    def _tell_motion(self, t: float, before: Mapping[str, float] | None, values: Mapping[str, float]) -> None:
+    def _report_motion(self, t: float, before: Mapping[str, float] | None, values: Mapping[str, float]) -> None:
         follows = bool(values["Following"])
         if follows != bool(before and before["Following"]):
-            self.say(t, "controller leads the capsule" if follows else "controller leads no longer", "note")
+            self.say(t, TEXT("event.leads" if follows else "event.stops"))
         if before and values["Model"] > before["Model"]:
-            self.say(t, f"model {int(values['Model']) + 1} took over", "good")
+            self.say(t, TEXT("event.model", number=int(values["Model"]) + 1), "good")
 
-    def _tell_state(
+    def _report_state(
         self, t: float, name: str, sender: str, before: Mapping[str, float] | None, values: Mapping[str, float]
     ) -> None:
         state = self._named(name, "State", values)
@@ -235,8 +236,8 @@ class FrameWatch:
         what = sender if name.endswith(_FEEDBACK) else what
         came = "" if before is None else f"{words(self._named(name, 'State', before))} → "
         change = self._named(name, "Change", values) if values.get("Change") else ""
-        told = f" ({change} change)" if change and state in ("doubtful", "broken") else ""
-        self.say(t, f"{what}: {came}{words(state)}{told}", grade_of(state))
+        how = f" ({change} change)" if change and state in ("doubtful", "broken") else ""
+        self.say(t, f"{what}: {came}{words(state)}{how}", grade_of(state))
 
     def _sender(self, name: str) -> str:
         return words(self.catalogue[name].sender)
@@ -246,17 +247,17 @@ class FrameWatch:
 
 
 def readings(watch: FrameWatch) -> dict[str, str]:
-    """The page's large numbers; dashes for what is not known or no longer so."""
+    """The large numbers of the page; dashes for what is not known, or not any more."""
     motion, wanted = (watch.newest(name) for name in ("BelievedMotion", "WantedMotion"))
     if motion is None or motion["Wall"] == _LOST:
-        place, band = DASH, ""
+        position, band = DASH, ""
     else:
-        place, band = f"{fixed(1e3 * motion['Position_m'], 2)} mm", f"± {quantity(2 * motion['Std_m'], 'm', 2)} (2σ)"
+        position, band = f"{fixed(1e3 * motion['Position_m'], 2)} mm", f"± {quantity(2 * motion['Std_m'], 'm', 2)} (2σ)"
     if wanted is None or not wanted["Following"]:
-        return {"position": place, "band": band, "reference": DASH, "speed": "", "error": DASH}
-    off = DASH if place == DASH or motion is None else quantity(motion["Position_m"] - wanted["Position_m"], "m", 2)
+        return {"position": position, "band": band, "reference": DASH, "speed": "", "error": DASH}
+    off = DASH if position == DASH or motion is None else quantity(motion["Position_m"] - wanted["Position_m"], "m", 2)
     return {
-        "position": place,
+        "position": position,
         "band": band,
         "reference": f"{fixed(1e3 * wanted['Position_m'], 2)} mm",
         "speed": f"{fixed(1e3 * wanted['Velocity_m_s'], 2)} mm/s",

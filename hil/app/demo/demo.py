@@ -15,8 +15,8 @@ from hil.app.demo.page import demo_html
 from hil.app.demo.story import BEFORE, NEXT_RECORD, PRINTED, TEXT, End, Learned, Story, title_of
 from hil.app.demo.worker import results_of, story_progress
 from hil.app.shared_options import Json, Seed, option
-from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
-from hil.app.sil.story import PAGE as LEARNED
+from hil.app.sil.learning_page import NUMBERS as LEARNED_NUMBERS
+from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
 from hil.report.numbers import report_json
 from hil.report.words import headline

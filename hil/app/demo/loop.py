@@ -14,9 +14,9 @@ from hil.app.console import json_text
 from hil.app.demo.story import HOLDOUT, RIG, SCENARIOS, SEEDS, Learned, Mission, Progress, StoryResult, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import parse_sil_scenario
+from hil.app.sil.learning_page import NUMBERS, came_to, learning_files
 from hil.app.sil.loop import learning_of
 from hil.app.sil.sil import judged
-from hil.app.sil.story import NUMBERS, came_to, story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.write import write_files
 from hil.log.log import LockstepLog
@@ -137,7 +137,7 @@ class LearningStory:
         model, learning = believed_on_bus(scenario, Theta()), learning_of(scenario, Theta(), answer_at_once)
         found, trace = judged(scenario, model, None, number, "nominal", report, learning=learning)
         found["learned"] = [lesson.document() for lesson in trace.lessons]
-        files = story_files(folder, scenario, found, trace)
+        files = learning_files(folder, scenario, found, trace)
         numbers = json.loads(files[folder / NUMBERS])
         write_files({folder / "sil.json": json_text(found), folder / "scenario.toml": toml_text(tables), **files})
         return Learned(came_to(trace.lessons), numbers, found, tuple(scenario.loop.truth.hidden))

@@ -9,8 +9,8 @@ from plotly.subplots import make_subplots
 
 from hil.app.close_loop import MODEL, REPORT
 from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, StoryResult, title_of
-from hil.app.sil.story import PAGE as LEARNED
-from hil.app.sil.story import error_figure
+from hil.app.sil.learning_page import PAGE as LEARNED
+from hil.app.sil.learning_page import error_figure
 from hil.report.builder import page
 from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import stage_bar

@@ -1,4 +1,4 @@
-"""The process that identifies beside a run; it may die at any time: a lesson then fails, and the run goes on."""
+"""The process that identifies beside a run. Where it dies, one lesson fails and the run goes on."""
 
 import contextlib
 import os
@@ -10,25 +10,29 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Final, Self
 
-from hil.app.child_process import end_with_parent
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
+from hil.app.system import error_text
+from hil.own_process import end_with_parent
 from models.theta import Theta
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 NICE: Final = 19  # the lowest priority
 READY_S: Final = 60.0
-"""How long its start is waited for before the first tick."""
+"""Longest wait for its start before the first tick."""
 CLOSED_S: Final = 2.0
-"""A process that has been killed is waited for no longer."""
+"""Longest wait for the end of a process that has been killed."""
 _SPAWN: Final = get_context("spawn")
 
 
 class Background:
-    """A process of lowest priority that identifies, one question at a time, and leaves the first core to the
-    controller. A thread alone waits for it, which `begin` starts before the controller takes its core and priority. A
-    future never raises: where the process dies, or cannot be started, the answer says so.
+    """A process of lowest priority that identifies, one question at a time, on all cores but the first. Only a thread
+    waits for it; `begin` starts the thread before the controller takes its core and priority. A future never raises:
+    where the process dies or cannot start, the answer says so.
     """
 
     def __init__(self) -> None:
+        assert "process.not_started" in TEXT  # read while files can be opened, so that no answer raises
         self._keeper = ThreadPoolExecutor(1, "learner")
         self._process: SpawnProcess | None = None
         self._pipe: Connection | None = None
@@ -38,14 +42,14 @@ class Background:
         self._keeper.submit(self._start).exception()
 
     def __call__(self, question: LearningQuestion) -> Future[LearningAnswer]:
-        """Ask; the answer comes when it comes."""
+        """Ask; the answer comes at any time."""
         return self._keeper.submit(self._ask, question)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Kill the process, within `CLOSED_S` also one that is stopped; an answer that is still to come is given up."""
+        """Kill the process within `CLOSED_S`, also one that is stopped; a pending answer is dropped."""
         self._closed = True
         self._keeper.shutdown(wait=False, cancel_futures=True)
         if (process := self._process) is not None:
@@ -53,7 +57,7 @@ class Background:
             _status(process, CLOSED_S)
 
     def _start(self) -> Connection:
-        """A process that is ready. Raises OSError or EOFError where there is none."""
+        """Start a process and wait until it is ready. Raises OSError or EOFError."""
         ours, theirs = _SPAWN.Pipe()
         with theirs:
             self._process = _SPAWN.Process(target=_work, args=(theirs,), daemon=True)
@@ -70,9 +74,9 @@ class Background:
         try:
             pipe = self._pipe if self._process is not None and self._process.is_alive() else None
             pipe = pipe or self._renewed()
-        except Exception as error:  # noqa: BLE001 - a system that is short of all may raise whatever it likes
+        except Exception as error:  # noqa: BLE001 - an exhausted system may raise anything
             self._end()
-            return _failed(f"the learner's process cannot be started: {_words(error)}")
+            return _failed(TEXT("process.not_started", why=error_text(error)))
         try:
             pipe.send(question)
             found = pipe.recv()
@@ -81,14 +85,14 @@ class Background:
         except Exception as error:  # noqa: BLE001 - whatever a broken pipe holds
             # the kernel closes the pipe of a process that dies before it says how that ended
             ended = self._end(CLOSED_S if isinstance(error, EOFError | ConnectionError) else 0.0)
-            return _failed(f"the learner's process {ended or f'gave no answer: {_words(error)}'}")
+            return _failed(ended or TEXT("process.no_answer", why=error_text(error)))
 
     def _renewed(self) -> Connection:
         self._end()
         return self._start()
 
     def _end(self, wait_s: float = 0.0) -> str:
-        """Kill the process and let go of the pipe; how it had ended within `wait_s`, "" where it had not."""
+        """Kill the process and close the pipe; how it had ended within `wait_s`, "" where it had not."""
         process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
         ended = ""
         if process is not None and process.pid is not None:
@@ -103,7 +107,7 @@ class Background:
 
 
 def _status(process: SpawnProcess, wait_s: float) -> int | None:
-    """The exit status within `wait_s`; another thread that waits, too, may have it first, and not noted it yet."""
+    """The exit status within `wait_s`; another waiting thread may have fetched it and not stored it yet."""
     end = time.monotonic() + wait_s
     while process.exitcode is None and (left := end - time.monotonic()) > 0:
         process.join(left)
@@ -114,15 +118,11 @@ def _failed(sentence: str) -> LearningAnswer:
     return LearningAnswer(Theta(), (), "none", sentence, searched=False)
 
 
-def _words(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
-
-
 def _end_words(code: int) -> str:
     if code < 0:
         with contextlib.suppress(ValueError):
-            return f"was killed ({signal.Signals(-code).name})"
-    return f"ended with status {code}"
+            return TEXT("process.killed", signal=signal.Signals(-code).name)
+    return TEXT("process.ended", status=code)
 
 
 def _work(pipe: Connection) -> None:
@@ -134,7 +134,7 @@ def _work(pipe: Connection) -> None:
 
 
 def _stand_back() -> None:
-    """Of lowest priority, deaf to Ctrl-C (which asks the controller for a controlled stop), never longer than it."""
+    """Lowest priority, no reaction to Ctrl-C (which asks the controller for a stop), and an end with the parent."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     end_with_parent()

@@ -1,23 +1,23 @@
-"""One identification in the background: records of a run in, a model that passed the gate, or why none did, out."""
+"""One identification in the background: from records of a run to a model that passed the acceptance test."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final, Self, TypeVar
 
 import numpy as np
 
 from controller.drives import CARRIAGE
 from controller.signals import Array
 from controller.supervision.acceptance import BETTER, judge
-from hil.app.learn.experiment import Motion, motion_of
-from hil.app.learn.left_over import LeftOver
+from hil.app.system import error_text
 from hil.log.record import SOURCES
 from models.assembly.model import effect_parameters
-from models.checks.usable import from_row
+from models.checks.usable import counted, from_row
 from models.identification import close
-from models.identification.finding import STAGES
+from models.identification.finding import STAGES, Proposal
 from models.identification.fitting.fit import evaluate
+from models.identification.kind import Kind
 from models.identification.kinds import Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
@@ -28,31 +28,37 @@ from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.theta import Theta
-from models.words.quantities import quantity
+from models.words.sentences import Quantity, Sentences
 
+TEXT: Final = Sentences(__file__)
 T = TypeVar("T")
+Motion = tuple[tuple[float, ...], tuple[float, ...]]
+"""Times in s and positions in m from 0 on."""
 KNOWN: Final = 0.01
-"""Standard deviation, as a share, with which the base parameters of a model that held are known."""
+"""Relative standard deviation with which the base parameters of a model that held are known."""
 BELIEVED: Final = 0.05
-"""The same for those of a model that is about to be fitted to what was measured while it held."""
-_ROUNDS = 4  # in which the noise is found
-_AS_STATED = 1.05  # rms of the residuals in units of the noise, up to which the noise is right
+"""The same while a model is fitted to what was measured before it broke."""
+_ROUNDS = 4  # of the iteration for the noise
+_AS_STATED = 1.05  # rms of the residuals in units of the noise, up to which the noise is accepted
 LEAD_S: Final = 8.0
-"""So long before its first row that counts a record is run through: where the capsule hangs behind its magnet then, and
-how the wall is stretched, is told by how it came there.
+"""A record is simulated from this long before its first row that counts, as the gap of the magnet and the stretch of
+the wall depend on the motion before.
 """
 HELD_S: Final = 10.0
-"""At least so long a stretch before the break says what the model left while it held."""
+"""Shortest time before the break from which the residual of the model is taken."""
 ONE: Final = 1
-"""Effects that one answer looks for: the next one begins from the model that has it."""
+"""Effects that one answer searches for; the next answer starts from the model with it."""
 PARTLY: Final = 0.5
-"""Share of the held-out error of the model in use that one may leave whose verdict is `unknown`."""
+"""Largest share of the present held-out error that a model with the verdict `unknown` may have."""
+STEP_M: Final = 1e-3
+"""Length of wall over which the residual counts as one value."""
+LEAST: Final = 20  # readings that make such a value
 
 
 @dataclass(frozen=True)
 class LearningQuestion:
-    """The `columns` of a run of `rig`: rows from `broken_from` on to learn from, those from `held_from` on held out;
-    the `values` in use, whose base is known where `base_holds`.
+    """The `columns` of a run of `rig`: rows from `broken_from` on to learn from, those from `held_from` on held out.
+    The base of the `values` in use is known where `base_holds`.
     """
 
     rig: Rig
@@ -69,8 +75,8 @@ class LearningQuestion:
 
 @dataclass(frozen=True)
 class LearningAnswer:
-    """What was found: `values` (empty where none passed the gate), `effects`, `verdict`, why in a sentence, what to
-    drive next (`wanted`, `motion`). `searched` is False where whoever was asked is dead.
+    """What was found: `values` (empty where none passed the acceptance test), `effects`, `verdict`, the reason in a
+    sentence, and the next experiment (`wanted`, `motion`). `searched` is False where the process died.
     """
 
     values: Theta
@@ -91,20 +97,19 @@ Ask = Callable[[LearningQuestion], "Future[LearningAnswer]"]
 
 
 def answer(question: LearningQuestion) -> LearningAnswer:
-    """Identify on the first rows, judge on those held out. Never raises: what cannot be used is an answer too."""
+    """Identify on the first rows, judge on the held-out rows. Never raises: a failure is an answer, too."""
     try:
         return _answer(question)
     except Exception as error:  # noqa: BLE001 - records of a running rig may be unusable in many ways
-        words = " ".join(str(error).split())[:300] or type(error).__name__
-        return LearningAnswer(Theta(), (), "none", f"nothing could be identified: {words}")
+        return LearningAnswer(Theta(), (), "none", TEXT("failed", why=error_text(error, 300)))
 
 
 def at_once(work: Callable[[], T]) -> Future[T]:
-    """What `work` returns or raises, where simulated time waits for it."""
+    """The result of `work`, for which simulated time waits."""
     done: Future[T] = Future()
     try:
         done.set_result(work())
-    except Exception as error:  # noqa: BLE001 - told where the result is asked for, as of another thread's
+    except Exception as error:  # noqa: BLE001 - raised where the result is asked for, as from another thread
         done.set_exception(error)
     return done
 
@@ -114,7 +119,7 @@ def answer_at_once(question: LearningQuestion) -> Future[LearningAnswer]:
 
 
 def _answer(question: LearningQuestion) -> LearningAnswer:
-    cut, (rig, before, columns) = question.held_from, _as_it_held(question)
+    cut, (rig, before, columns) = question.held_from, _before_the_break(question)
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
@@ -131,18 +136,16 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
     if unfounded or not verdict.passed:
         wanted = finding.next_experiment or ""
         motion = motion_of(finding.proposal)
-        why = "no effect was found, and the base held until the model broke" if unfounded else verdict.sentence
+        why = TEXT("unfounded") if unfounded else verdict.sentence
         return LearningAnswer(Theta(), effects, finding.verdict, why, wanted, finding.seconds, motion)
     held_out = finding.error["holdout"][stage]
-    said = (
-        f"held-out error {quantity(held_out, finding.unit)} against {quantity(error, finding.unit)} of the model in use"
-    )
+    said = TEXT("better", error=Quantity(held_out, finding.unit), present=Quantity(error, finding.unit))
     return LearningAnswer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
-    """The model as fitted to what was measured while it held, the columns less what that leaves (`LeftOver`), and the
-    rig with the rest as noise; all as they are where the prediction drifts or the time was short.
+def _before_the_break(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Array]]:
+    """The model fitted to what was measured while it held, the columns less the `WallResidual` of that fit, and the rig
+    with the rest as noise. Without change where the prediction drifts or the time was short.
     """
     rig, columns, end = question.rig, question.columns, question.broken_from
     times = columns[TIME]
@@ -152,18 +155,54 @@ def _as_it_held(question: LearningQuestion) -> tuple[Rig, Theta, Mapping[str, Ar
     driven, measured = SOURCES[rig.kind].driven.column, SOURCES[rig.kind].measured.column
     before = ready(_part("before", rig, columns, begin, end), rig)
     whole = ready(_part("whole", rig, columns, begin, None), rig)
-    held = _held(rig, before, question.in_use)
+    refitted = _refitted(rig, before, question.in_use)
     kind = kind_for(rig, [before])
-    left = LeftOver.of(kind, before, held, driven)
+    uneven = WallResidual.of(kind, before, refitted, driven)
     predicted = np.zeros(times.size)
-    predicted[times.size - len(whole) :] = kind.predict(whole, held)
-    less = {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
-    return _as_noisy(rig, ready(_part("before", rig, less, begin, end), rig), held), held, less
+    predicted[times.size - len(whole) :] = kind.predict(whole, refitted)
+    less = {**columns, measured: columns[measured] - uneven.at(predicted, columns[driven])}
+    return _as_noisy(rig, ready(_part("before", rig, less, begin, end), rig), refitted), refitted, less
+
+
+def motion_of(proposal: Proposal | None) -> Motion:
+    """The motion, from 0 on, that a search proposes to separate effects; two empty tuples where it proposes none."""
+    if proposal is None or not proposal.separations:
+        return (), ()
+    times, places = proposal.times_s - proposal.times_s[0], proposal.places_m - proposal.places_m[0]
+    return tuple(times.tolist()), tuple(places.tolist())
+
+
+@dataclass(frozen=True)
+class WallResidual:
+    """The residual of a model before it broke, by position and direction, so that an uneven gut does not count as the
+    cause: median of measured less predicted about `positions_m` (n,), led `forth` and `back`; 0 with too few readings.
+    """
+
+    positions_m: Array
+    forth: Array
+    back: Array
+
+    @classmethod
+    def of(cls, kind: Kind, record: Record, theta: Theta, driven: str) -> Self:
+        """The residual of `record` under the model `theta`; the column `driven` leads the capsule."""
+        predicted = np.asarray(kind.predict(record, theta))
+        residual, rows = kind.measured(record) - predicted, counted(record)
+        forth = record[driven] >= predicted
+        cells = np.round(predicted / STEP_M).astype(int)
+        found = np.arange(cells[rows].min(), cells[rows].max() + 1)
+        here = [[rows & (forth == sense) & (cells == cell) for cell in found] for sense in (True, False)]
+        medians = [[float(np.median(residual[at])) if at.sum() >= LEAST else 0.0 for at in cell] for cell in here]
+        return cls(found * STEP_M, *(np.array(values) for values in medians))
+
+    def at(self, predicted: Array, led_to: Array) -> Array:
+        """Its value at each of the `predicted` positions (n,) of a capsule that is led to `led_to` (n,)."""
+        values = (np.interp(predicted, self.positions_m, one, 0.0, 0.0) for one in (self.forth, self.back))
+        return np.where(led_to >= predicted, *values)
 
 
 def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
-    """What a search starts from: the base known to the share `base` of each value (inf: as the rig file has it),
-    effects to the share `effects` (of a phase or a zero: of the range).
+    """Priors of a search: the base with the relative standard deviation `base` (inf: as in the rig file), effects with
+    `effects` (for a phase or a zero: relative to the range).
     """
     fitted = [(p, values.get(p.name, p.value)) for p in kind.base if p.fit]
     known: dict[Name, tuple[float, float]]
@@ -175,9 +214,9 @@ def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
     return known
 
 
-def _held(rig: Rig, before: Record, in_use: Theta) -> Theta:
-    """The parameters `in_use` with a base fitted to the record `before`, known by `BELIEVED`: an uneven wall must not
-    bend it.
+def _refitted(rig: Rig, before: Record, in_use: Theta) -> Theta:
+    """The parameters `in_use` with a base fitted to the record `before`, within `BELIEVED`, so that an uneven wall does
+    not distort it.
     """
     plain = kind_for(rig, [before])
     kind = kind_for(rig, [before], _known(plain, in_use, np.inf, BELIEVED))
@@ -188,14 +227,14 @@ def _held(rig: Rig, before: Record, in_use: Theta) -> Theta:
 
 
 def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
-    """`rig` with so much noise that the model leaves no more than that of `record`, found in a few rounds, as the means
-    over which noise is judged grow with it.
+    """`rig` with its noise raised to the residual of `record`, in a few rounds, as the averages that judge noise grow
+    with it.
     """
     for _ in range(_ROUNDS):
         kind = kind_for(rig, [record])
         assert isinstance(kind, SeriesKind)
-        left = evaluate(kind, [record], theta, kind.free_run)
-        ratio = float(np.sqrt(left @ left / left.size))
+        residual = evaluate(kind, [record], theta, kind.free_run)
+        ratio = float(np.sqrt(residual @ residual / residual.size))
         if ratio <= _AS_STATED:
             break
         rig = replace(rig, noise=rig.noise.model_copy(update={"position_std_m": ratio * kind.noise_std}))
@@ -203,7 +242,7 @@ def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
 
 
 def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: int | None) -> Record:
-    """Rows from `begin` to before `end` count; those of `LEAD_S` before tell the state at `begin`."""
+    """Rows from `begin` to before `end` count; those of `LEAD_S` before give the state at `begin`."""
     times = columns[TIME]
     first = int(np.searchsorted(times, times[begin] - LEAD_S))
     part = {key: np.asarray(values[first:end]) for key, values in columns.items()}

@@ -1,4 +1,4 @@
-"""The node's clock, a bus that stamps with it, a grid of ticks, and how late things were."""
+"""The clock of a node, a bus that stamps with it, a grid of ticks, and histograms of lateness."""
 
 import contextlib
 import time
@@ -28,8 +28,8 @@ class Clock:
 
 
 class ClockedBus(WrappingBus):
-    """Another bus whose frames carry times of `clock`: the driver's stamp where at most `oldest_s` old by the calendar,
-    else the moment of reading. Everything counts as received, also from this machine's other processes.
+    """Another bus whose frames carry times of `clock`: the driver's stamp where it is at most `oldest_s` old, else the
+    moment of reading. All frames count as received, also those of other processes on this machine.
     """
 
     def __init__(self, inner: can.BusABC, clock: Clock, oldest_s: float = OLDEST_S) -> None:
@@ -48,7 +48,7 @@ class ClockedBus(WrappingBus):
         return message
 
     def shutdown(self) -> None:
-        """Close both; an interface that raises is done with, too."""
+        """Close both, also where the interface raises."""
         with contextlib.suppress(Exception):  # drivers of many makers raise whatever they like
             super().shutdown()
 
@@ -78,8 +78,8 @@ class Histogram:
 
 @dataclass
 class Grid:
-    """Ticks every `tick_s`. One that begins a period late skips the points between, which are `missed`; `late` says how
-    late.
+    """Ticks every `tick_s`. A tick that begins a period or more late skips the points between (`missed`); `late` counts
+    how late ticks begin.
     """
 
     clock: Clock

@@ -1,4 +1,4 @@
-"""The controller's task that the record beside a log describes."""
+"""The task of the controller as the record beside a log describes it."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from controller.excursion import Experiment
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
-from hil.app.scenario.model_offer import Offered, offer_of
+from hil.app.scenario.model_use import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
 from hil.nodes.controller.node import Task
 from models.effects import CATALOGUE, Catalogue
@@ -49,7 +49,7 @@ class _Record(_Stated):
 
 
 def checked(record: Mapping[str, Any]) -> None:
-    """Raises ValueError for a key of a log's record that holds what no run writes there."""
+    """Raises ValueError for a key of a log's record with a value that no run writes."""
     try:
         _Record.model_validate(dict(record))
     except ValidationError as error:

@@ -1,29 +1,27 @@
-"""A controller node in real time: listens, starts, leads, and stops in a controlled way, whoever asks for it."""
+"""A controller node in real time: it listens, starts, leads, and stops in a controlled way."""
 
 from __future__ import annotations
 
-import ctypes
-import gc
 import math
-import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
-from hil.app.run.give_up import why_not_enabled
 from hil.log.recorder import Recorder
 from hil.nodes.controller.lateness import paused
 from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
-from hil.nodes.frame_map import FAULT, MOVING
+from hil.nodes.frame_map import BOOT, FAULT, MOVING, SELF_TEST, STANDBY, STOPPING, WAITING
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 LISTEN_S: Final = 2.0  # at most, before a run begins
 LEAST_S: Final = 0.3  # at least
 REST_S: Final = 0.2  # for which the drive must rest
@@ -32,15 +30,17 @@ GIVE_UP_S: Final = 5.0  # in which the drive must be enabled
 RESET_S: Final = 1.0  # in which a fault must be reset
 RECENT: Final = 25  # ticks whose lateness is remembered
 AWAY_S: Final = 4e-3
-"""By so much a tick may come late without being named beside the reason of a stop: a coil's command lives for 6 ms."""
+"""A tick that is later than this is named beside the reason of a stop; a coil's command is valid for 6 ms."""
 _LATE: Final = ("controller late", "drive fault", "drive left operation", "feedback lost", "drive not enabled")
-"""Reasons that a controller which does not get the processor brings about."""
-_MCL_CURRENT_AND_FUTURE: Final = 3  # of mlockall(2)
+"""Reasons of a stop that a controller causes when it does not get the processor."""
+_STATES: Final = {
+    BOOT: "boot", SELF_TEST: "self_test", STANDBY: "standby", WAITING: "ready", STOPPING: "quick_stop", FAULT: "fault",
+}  # fmt: skip
 
 
 @dataclass
 class StopSignals:
-    """`wanted` names the first Ctrl-C, SIGTERM or SIGHUP; a second one ends the program; what was ignored stays so."""
+    """`wanted` names the first Ctrl-C, SIGTERM or SIGHUP; a second one ends the program. Ignored ones stay so."""
 
     wanted: str = ""
 
@@ -66,8 +66,8 @@ class StopSignals:
 
 @dataclass
 class Outcome:
-    """How a run ended: `end` (of `RUN_ENDS`) and in words; plans `cut`; whether the drive was asked to move (`led`) and
-    the estimate `lost`; `away_s`: how late the newest ticks were done.
+    """How a run ended: by id (`end`) and in words; plans `cut`; whether the drive was asked to move (`led`) and the
+    estimate is `lost`; `away_s` is how late the newest ticks were done.
     """
 
     grid: Grid
@@ -90,9 +90,9 @@ def lead(
     give_up_s: float = GIVE_UP_S,
     learner: Learner | None = None,
 ) -> Outcome:
-    """Listen (at most 2 s), start, lead for `duration_s` from when the drive is enabled and the probe is over, stop,
-    tick on until it rests; given up where it is not enabled within `give_up_s`. Ticks missed are skipped; a `learner`
-    looks on.
+    """Listen (at most 2 s), start, lead for `duration_s` once the drive is enabled and the probe is over, stop, tick on
+    until it rests. Give up where it is not enabled within `give_up_s`. Missed ticks are skipped; a `learner`
+    watches.
     """
     outcome = Outcome(Grid(clock, node.tick_s))
     now = _listen(node, outcome, recorder, signals)
@@ -119,7 +119,7 @@ def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: StopS
     now = _listen(node, outcome, recorder, signals, faulty=True)
     fault = node.receiver.fault
     if _ready(node, now, outcome, signals) and not fault:
-        outcome.end, outcome.ended = "reset", "the drive has no fault to acknowledge"
+        outcome.end, outcome.ended = "reset", TEXT("reset.none")
     elif outcome.end == "drive_fault" and fault:
         recorder.acknowledge(now)
         node.acknowledge()
@@ -128,8 +128,7 @@ def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: StopS
             now = _tick(node, outcome, recorder)
         stays = node.receiver.state == FAULT
         outcome.end = "not_reset" if stays else "reset"
-        told = "stays: its cause is still there" if stays else "is acknowledged; the drive stands by"
-        outcome.ended = f"drive fault {fault} {told}"
+        outcome.ended = TEXT("reset.stays" if stays else "reset.done", fault=fault)
     _come_to_rest(node, outcome, recorder, now)
     return outcome
 
@@ -152,55 +151,59 @@ def _listen(
 
 def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: StopSignals) -> bool:
     """Whether there is a drive to lead; else why not, in `outcome`."""
-    doubt = _doubt(node, now)
+    doubt, why = _doubt(node, now), ""
     if signals.wanted:
-        outcome.end, outcome.ended = "cancelled", f"{signals.wanted} before the drive was enabled"
-    elif other := _stranger(node):
-        outcome.end, outcome.ended = "other_controller", f"nothing to lead: {other}"
+        outcome.end, outcome.ended = "cancelled", TEXT("end.cancelled", signal=signals.wanted)
+    elif why := _stranger(node):
+        outcome.end = "other_controller"
     elif doubt.startswith("drive fault"):
-        outcome.end = "drive_fault"
-        outcome.ended = f"nothing to lead: {doubt}; 'capsule run RIG.toml reset' acknowledges it"
-    elif unrest := _unrest(node, now):
-        outcome.end, outcome.ended = "no_rest", f"nothing to lead: {unrest}"
+        outcome.end, why = "drive_fault", TEXT("end.drive_fault", fault=doubt)
+    elif why := _unrest(node, now):
+        outcome.end = "no_rest"
     elif not _fit(node, now):
         fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
-        silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
-        refused = f"; {words}" if not doubt and (words := node.receiver.refused_words) else ""
-        outcome.ended = f"nothing to lead: {doubt or silent}{refused}{node.receiver.error_words}"
+        why = doubt or TEXT("end.no_heartbeat" if fed else "end.no_feedback") + _refused(node)
+        why += node.receiver.error_words
     else:
         return True
+    outcome.ended = TEXT("end.no_lead", why=why) if why else outcome.ended
     return False
+
+
+def _refused(node: ControllerNode) -> str:
+    return f"; {words}" if (words := node.receiver.refused_words) else ""
 
 
 def _ended(
     node: ControllerNode, now: float, outcome: Outcome, signals: StopSignals, enabled: bool, give_up_s: float
 ) -> tuple[str, str]:
-    """How a run ended that had a drive to lead, and in words."""
+    """The end of a run that had a drive to lead, and its sentence."""
     if node.state == FAULTY:
         other = node.reason == node.receiver.other_controller
         deaf = f"; {node.receiver.refused_words}" if node.receiver.deaf else ""
         return "other_controller" if other else node.end, _reason(node, outcome) + deaf
     if signals.wanted:
-        return ("operator", signals.wanted) if node.leads else ("cancelled", f"{signals.wanted} before it was enabled")
+        cancelled = "cancelled", TEXT("end.cancelled", signal=signals.wanted)
+        return ("operator", signals.wanted) if node.leads else cancelled
     if enabled:
         doubt = node.answer.not_led(node.wanted, node.estimator.health)
         return ("not_led", doubt) if doubt else ("done", DONE)
     missing = why_not_enabled(node, now, outcome.lost)
-    return "gave_up", f"gave up: the drive was not enabled within {give_up_s:g} s: {missing}"
+    return "gave_up", TEXT("end.gave_up", seconds=give_up_s, why=missing)
 
 
 def _reason(node: ControllerNode, outcome: Outcome) -> str:
-    """Why the node stopped, in the light of this loop's clock, which never jumps: a step of it is a pause."""
+    """Why the node stopped. The clock of this loop never jumps, so a step of it is a pause."""
     away_s = max(outcome.away_s)
     if node.reason == "clock jumped" and away_s > node.tick_s:
-        return f"{paused(away_s)}, in which nothing was heard"
+        return TEXT("end.paused", pause=paused(away_s))
     if away_s > AWAY_S and node.reason.startswith(_LATE):
-        return f"{node.reason}; the controller itself was late by {1e3 * away_s:.0f} ms"
+        return TEXT("end.late", reason=node.reason, ms=1e3 * away_s)
     return node.reason
 
 
 def _cause(node: ControllerNode, now: float, outcome: Outcome) -> None:
-    """Put the cause first that became known only while the drive came to rest, or from the clock of this loop."""
+    """Put a cause first that became known only while the drive came to rest."""
     twins = node.receiver.twins(now)
     if twins and twins not in outcome.ended and outcome.end in ("stopped", "gave_up", "no_drive", "sensor_or_drive"):
         outcome.end = "stopped" if outcome.end == "sensor_or_drive" else outcome.end
@@ -208,19 +211,19 @@ def _cause(node: ControllerNode, now: float, outcome: Outcome) -> None:
 
 
 def _stranger(node: ControllerNode) -> str:
-    """That another controller speaks, where that matters: to one that only listens it does not."""
+    """That another controller sends, unless this one only listens."""
     return "" if node.guard.dry else node.receiver.other_controller
 
 
 def _doubt(node: ControllerNode, now: float) -> str:
-    """Why the drive is not to be led, "" where it is."""
+    """Why the drive must not be led, "" where it may."""
     return node.receiver.doubt(now) or (
         "drive fault" if node.receiver.state == FAULT and not node.receiver.fault else ""
     )
 
 
 def _unrest(node: ControllerNode, now: float) -> str:
-    """That the drive does not rest, "" where two of a kind make it seem so."""
+    """That the drive moves, "" where two drives of a kind only look like it."""
     return "" if node.receiver.twins(now) else node.answer.unrest
 
 
@@ -229,7 +232,7 @@ def _fit(node: ControllerNode, now: float) -> bool:
 
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> float:
-    """Command off until the drive has long enough said that it does not move; the time then."""
+    """Command off until the drive has reported rest for long enough; the time then."""
     recorder.stop(now)
     node.stop()
     since, rested = now, now
@@ -239,7 +242,7 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
             rested = now
     unrest = _unrest(node, now)
     if unrest and unrest not in outcome.ended:
-        outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {unrest}"
+        outcome.end, outcome.ended = "no_rest", TEXT("end.then", ended=outcome.ended, unrest=unrest)
     return now
 
 
@@ -259,31 +262,22 @@ def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder, learner: L
     return now
 
 
-def _lock_memory() -> None:
-    """Keep all pages of this process in memory, those to come too."""
-    if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE):
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))
+def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
+    """What was missing at `now`; `lost`: the estimate. Refused frames are named where they are the cause."""
+    receiver, fence, refused = node.receiver, node.guard.fence, _refused(node)
+    seen = receiver.evidence(now)
+    if seen.localisation_s == math.inf:
+        return TEXT("missing.localisation") + refused
+    if seen.localisation_s > fence.stop_s:
+        stamped = receiver.told_s > fence.stop_s
+        age = {"age": _time(receiver.told_s if stamped else seen.localisation_s), "most": _time(fence.stop_s)}
+        return TEXT("missing.stamped" if stamped else "missing.newest", **age) + refused
+    if seen.feedback_s > fence.feedback_s:
+        return TEXT("missing.feedback", age=_time(seen.feedback_s)) + refused
+    if lost:
+        return TEXT("missing.estimate", **asdict(node.estimator.counts))
+    return TEXT(f"state.{_STATES.get(seen.state, 'other')}") + refused
 
 
-def prepare_process(priority: int, core: int) -> list[str]:
-    """Freeze the heap, take one `core` and SCHED_FIFO of `priority`; a sentence for each that is not allowed."""
-    gc.collect()
-    gc.freeze()
-    refused: list[str] = []
-    wishes: list[tuple[str, Callable[[], Any]]] = []
-    if core >= 0:
-        wishes.append((f"core {core}", lambda: os.sched_setaffinity(0, {core})))
-    if priority > 0:
-        wishes.append(("memory that stays", _lock_memory))
-        wishes.append(
-            (f"priority {priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority)))
-        )
-    for what, wish in wishes:
-        try:
-            wish()
-        except OSError as error:
-            refused.append(f"{what} is not to be had: {error.strerror or error}")
-        except AttributeError:
-            refused.append(f"{what} is not to be had on this system")
-    return refused
+def _time(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"

@@ -1,10 +1,11 @@
-"""`capsule replay`: the controller once more on what a log heard, its frames compared bit by bit with the log."""
+"""`capsule replay`: the controller runs again on what a log received, and its frames are compared bit by bit."""
 
 import math
 import struct
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -21,12 +22,14 @@ from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
 from models.files.toml import shown
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 _SHOWN: Final = 5  # differences on the terminal
 
 
 class Tape(can.BusABC):
-    """A bus that gives what a log holds, at the times that the log holds, and keeps what is sent."""
+    """A bus that delivers what a log holds, at the log's times, and keeps what is sent."""
 
     def __init__(self) -> None:
         super().__init__(channel="tape")
@@ -42,7 +45,7 @@ class Tape(can.BusABC):
 
 @dataclass
 class TickOfLog:
-    """A tick of the log: time, frames in and out, whether solved, after how many steps the clock cut it."""
+    """A tick of the log: time, frames sent and received, whether solved, after how many steps the plan was cut."""
 
     time_s: float
     sent: list[tuple[int, bytes]] = field(default_factory=list)
@@ -52,8 +55,8 @@ class TickOfLog:
 
 
 @dataclass(frozen=True)
-class Word:
-    """An operator's word between ticks."""
+class Order:
+    """An order of the operator between ticks, `code` as the recorder notes it."""
 
     code: int
     time_s: float
@@ -62,7 +65,7 @@ class Word:
 
 @dataclass(frozen=True)
 class Difference:
-    """A tick whose frames are not those of the log: (identifier, data) as logged and as computed."""
+    """A tick whose frames differ: (identifier, data) as logged and as computed."""
 
     tick: int
     time_s: float
@@ -72,26 +75,20 @@ class Difference:
     def words(self, catalogue: FrameCatalogue) -> str:
         names = catalogue.by_id()
 
-        def shown(frames: tuple[tuple[int, bytes], ...], k: int) -> str:
-            if k >= len(frames):
+        def shown(frame: tuple[int, bytes] | None) -> str:
+            if frame is None:
                 return "nothing"
-            number, data = frames[k]
+            number, data = frame
             return f"{names[number].name if number in names else hex(number)} {data.hex()}"
 
-        k = next(
-            k
-            for k in range(max(len(self.logged), len(self.computed)))
-            if self.logged[k : k + 1] != self.computed[k : k + 1]
-        )
-        return (
-            f"tick {self.tick} at {self.time_s:.6f} s: logged {shown(self.logged, k)}, computed"
-            f" {shown(self.computed, k)}"
-        )
+        logged, computed = next(pair for pair in zip_longest(self.logged, self.computed) if pair[0] != pair[1])
+        both = {"logged": shown(logged), "computed": shown(computed)}
+        return TEXT("replay.tick", tick=self.tick, time=self.time_s, **both)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay found; plans of `cut` ticks were cut short by the clock then, and now again."""
+    """What a replay found; the plans of `cut` ticks were cut short by the clock, and again in the replay."""
 
     ticks: int
     frames: int
@@ -111,11 +108,11 @@ def replay(
     effects: OwnEffects,
     controllers: OwnControllers,
 ) -> int:
-    """Run the controller of a log again; 0 where all frames of a whole log are the same, else 1."""
+    """Run the controller of a log again; 0 where the log is complete and all its frames are the same, else 1."""
     if path.suffix.lower() != ".blf":
         raise ValueError(
-            f"{path}: log must be the .blf file that a run wrote: other formats keep neither times to the ns nor the"
-            " notes that a replay needs"
+            f"{path}: log must be the .blf file that a run wrote, as other formats keep neither times to the ns nor"
+            " notes"
         )
     known = models.effects.Catalogue.read(effects)
     record, catalogue = read_log_record(path), load_catalogue()
@@ -136,22 +133,22 @@ def replay(
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
     if not found.ticks:
         raise ValueError(
-            f"{path}: log must hold ticks that its controller led through, each begun by a SYNC that it sent; got none:"
-            " an empty log, or a recording of what another node heard"
+            f"{path}: log must hold ticks of its controller, each begun by a SYNC that it sent; got none: it is empty"
+            " or recorded by another node"
         )
     cut_off = _cut_off(held, record.get("entries"))
-    _say(path, found, catalogue, cut_off, (str(record.get("code", "unknown")), code_version()), json_output)
+    _print(path, found, catalogue, cut_off, (str(record.get("code", "unknown")), code_version()), json_output)
     return 0 if found.identical and not cut_off else 1
 
 
 def _cut_off(held: int, entries: int | None) -> str:
-    """Why a log that holds so many frames and notes is not the whole log of its run, "" where it is."""
+    """Why a log of `held` frames and notes is not the whole log of its run, "" where it is."""
     if entries is None:
-        return "its record does not say where the log ends: its run was killed, goes on, or was an earlier version's"
-    return "" if held == entries else f"the log is cut off or another one: {held} of {entries} frames and notes"
+        return TEXT("replay.no_end")
+    return "" if held == entries else TEXT("replay.incomplete", held=held, entries=entries)
 
 
-def _say(
+def _print(
     path: Path, found: Replay, catalogue: FrameCatalogue, cut_off: str, code: tuple[str, str], json_output: bool
 ) -> None:
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
@@ -166,23 +163,22 @@ def _say(
         "differences": lines,
         "code": list(code),
     }
-    same = f"as logged, as far as they go; {cut_off}" if cut_off else "identical"
-    differs = f"{len(found.differences)} ticks differ" + (f"; {cut_off}" if cut_off else "")
     if not found.identical and code[0] != code[1]:
-        lines = [*lines, f"code: log {code[0]}, now {code[1]}"]
-    said = same if found.identical else differs
-    answer(json_output, document, f"{found.ticks} ticks, {found.frames} frames: {said}", *lines)
+        lines = [*lines, TEXT("replay.code", log=code[0], now=code[1])]
+    result = "different" if not found.identical else "as_far" if cut_off else "identical"
+    said = TEXT(f"result.{result}", count=len(found.differences)) + (f"; {cut_off}" if cut_off else "")
+    answer(json_output, document, TEXT("replay.found", ticks=found.ticks, frames=found.frames, result=said), *lines)
 
 
 def _fits(record: Mapping[str, Any], catalogue: FrameCatalogue) -> None:
-    """Raises ValueError for a record of another format, and for frames of another DBC."""
+    """Raises ValueError for a record of another format and for frames of another DBC."""
     for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
         if record.get(key) != own:
-            raise ValueError(f"{key} must be {own}, as this program has it; got {shown(record.get(key))}")
+            raise ValueError(f"{key} must be {own}, as in this program; got {shown(record.get(key))}")
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: FrameCatalogue, dry_run: bool = False) -> Replay:
-    """The controller of `task` on the `frames` of a log; of a last tick cut off the begin is compared."""
+    """The controller of `task` on the `frames` of a log; the last tick is compared as far as the log holds it."""
     tape = Tape()
     sent: list[tuple[int, bytes]] = tape.sent
 
@@ -195,13 +191,13 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: FrameCatalogue, dr
         return _compared(node, tape, list(ticks_of(frames, catalogue["Sync"].id)))
 
 
-def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) -> Replay:
+def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Order]) -> Replay:
     sent = tape.sent
     ticks = count = cut = 0
     differences: list[Difference] = []
     last = next((k for k in range(len(events) - 1, -1, -1) if isinstance(events[k], TickOfLog)), -1)
     for k, event in enumerate(events):
-        if isinstance(event, Word):
+        if isinstance(event, Order):
             if event.code == START:
                 node.start(event.time_s, None if math.isnan(event.value) else event.value)
             elif event.code == STOP:
@@ -221,9 +217,9 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) 
     return Replay(ticks, count, cut, tuple(differences))
 
 
-def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
-    """Ticks and operator's words of a log in order; a tick heard what stands before its SYNC, back to the one before,
-    and what a note says. Raises ValueError where frames are missing.
+def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Order]:
+    """Ticks and orders of a log in order. A tick received the frames from the SYNC before to its own and those with a
+    note. Raises ValueError where frames are missing.
     """
     tick: TickOfLog | None = None
     exact: float | None = None
@@ -244,7 +240,7 @@ def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
             if tick is not None:
                 yield tick
             tick = None
-            yield Word(logged.id, time_s, struct.unpack("<d", logged.data)[0])
+            yield Order(logged.id, time_s, struct.unpack("<d", logged.data)[0])
         elif logged.way == RECEIVED:
             message = can.Message(time_s, logged.id, False, data=logged.data, is_rx=True)
             (waiting if tick is None or not heard_before else tick.heard).append(message)

@@ -1,4 +1,4 @@
-"""`capsule plant`: the simulated drive side alone, in real time on a deployment's bus, where no rig is at hand."""
+"""`capsule plant`: the simulated drive side alone, in real time on the bus of a deployment."""
 
 import math
 import sys
@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
-from hil.app.run.loop import StopSignals, prepare_process
-from hil.app.run.run import open_bus
+from hil.app.run.loop import StopSignals
+from hil.app.run.machine import open_bus, prepare_process
 from hil.app.scenario.deployment import DeployedPlant, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.shared_options import Json, argument, option, several
@@ -24,20 +24,19 @@ from plant.session import Session
 def plant(
     path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file whose [plant] names a scenario.")],
     *,
-    seconds: Annotated[float | None, option("--seconds", "S", "For how long; else until Ctrl-C.")] = None,
+    seconds: Annotated[float | None, option("--seconds", "S", "How long; else until Ctrl-C.")] = None,
     lies: Annotated[
-        list[str],
-        several("--lie", "KIND[:TARGET][=VALUE][@S]", "What its localiser or drive lies about, and from when."),
+        list[str], several("--lie", "KIND[:TARGET][=VALUE][@S]", "A lie of its localiser or drive, and from when.")
     ],
     json_output: Json = False,
 ) -> None:
-    """Put the plant on its bus and print "ready" (to standard error with `--json`); at the end, what became of it."""
+    """Put the plant on its bus and print "ready" (to standard error with `--json`); at the end print the counts."""
     if seconds is not None and not 0 < seconds <= 1e6:
         raise ValueError(f"--seconds must be more than 0 and at most 1e6; got {seconds:g}")
-    deployed, told_lies = read_plant(path), [read_lie(text) for text in lies]
-    told = sys.stderr if json_output else sys.stdout
+    deployed, faults = read_plant(path), [read_lie(text) for text in lies]
+    stream = sys.stderr if json_output else sys.stdout
     with output_to_notes(), in_file(path):
-        found = run_plant(deployed, seconds or math.inf, told_lies, lambda: print("ready", file=told, flush=True))
+        found = run_plant(deployed, seconds or math.inf, faults, lambda: print("ready", file=stream, flush=True))
     if json_output:
         print_json(found)
 
@@ -45,7 +44,7 @@ def plant(
 def run_plant(
     deployed: DeployedPlant, seconds: float, lies: Sequence[Fault] = (), ready: Callable[[], None] = lambda: None
 ) -> dict[str, Any]:
-    """Put a plant on its bus for `seconds` or until a signal; what became of it. Late slots are made up."""
+    """Run a plant on its bus for `seconds` or until a signal; its counts. Late slots are caught up."""
     scenario, drive = load_track_scenario(deployed.scenario), deployed.drive
     for fault in lies:
         fault.check_rig(scenario.kind)

@@ -1,6 +1,7 @@
 """SCENARIO.toml on the bus: a closed loop with bus, faults, operator, and another maker's drive."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -11,15 +12,14 @@ import can
 from hil.app.scenario.deployment import (
     KEY_FILE,
     DataBitRate,
-    Pace,
+    LearningTable,
     check_key,
     check_no_key,
     check_tick,
     operator_limits,
 )
-from hil.app.scenario.jog_script import Step, steps
 from hil.app.scenario.reference import with_reference
-from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
+from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, check_tables, parse_track_scenario
 from hil.bus.authenticated import authenticator
 from hil.bus.key import read_key
 from hil.bus.local import LocalBus
@@ -31,17 +31,16 @@ from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.simulated.fmu_plant import read_fmu
 from hil.simulated.plant_node import SLOT_S
 from models.files.toml import check_word, in_file, read_toml, toml_text
-from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
 
 class SimulatedBusTable(NamedTable):
-    """`[bus]` of a scenario: every node begins with the same epoch, which is not kept."""
+    """`[bus]` of a scenario; all nodes begin with the same epoch, which is not stored."""
 
     where = "bus"
-    force_sensor: bool = key("whether the force sensor speaks, too", False)
+    force_sensor: bool = key("whether the force sensor sends, too", False)
     longest_s_per_s: float = key(
-        "wall clock that a simulated second may take before the run is failed; a run has 60 s at least", 60.0
+        "longest wall clock of a simulated second before the run fails; a run has at least 60 s", 60.0
     )
     fd: bool = key("opens the interface for CAN FD", False)
     data_bitrate: DataBitRate = key("bit rate of the data of CAN FD frames", 5_000_000)
@@ -54,10 +53,46 @@ class SimulatedBusTable(NamedTable):
 
 
 class FmuTable(NamedTable):
-    """`[plant]` of a scenario: what is sensed and how, and what hides in the sensors, stays the scenario's."""
+    """`[plant]` of a scenario; instruments and hidden effects of sensors are still the scenario's."""
 
     where = "plant"
-    fmu: str = key("FMU that stands in for the simulated plant, relative to the scenario; `capsule sil` alone reads it")
+    fmu: str = key("FMU in place of the simulated plant, relative to the scenario; only `capsule sil` reads it")
+
+
+_NUMBERS: Final = {"speed": ("MM_S", "SECONDS"), "position": ("MM", "SECONDS"), "release": ("SECONDS",)}
+_LONGEST_S: Final = 86400.0  # a day
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One line: `mode` speed, position or release, its value in m/s or m, and how long it is sent."""
+
+    mode: str
+    value: float
+    seconds: float
+
+
+def steps(lines: Iterable[str], name: str) -> Iterator[Step]:
+    """The steps of a script, empty lines and comments from `#` on left out. Raises ValueError naming the line."""
+    for number, line in enumerate(lines, 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        where = f"{name} line {number}"
+        wanted = _NUMBERS[check_word(words[0][:40], f"{where}: step", _NUMBERS)]
+        values = [_number(word) for word in words[1:]]
+        if len(values) != len(wanted) or not all(map(math.isfinite, values)):
+            raise ValueError(f"{where}: step must be '{words[0]} {' '.join(wanted)}'; got {line.strip()[:60]!r}")
+        if not 0 < values[-1] <= _LONGEST_S:
+            raise ValueError(f"{where}: seconds must lie above 0 and at most {_LONGEST_S:g}; got {values[-1]:g}")
+        yield Step(words[0], 1e-3 * values[0] if len(values) == 2 else 0.0, values[-1])
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
 
 
 class JogTable(NamedTable):
@@ -65,26 +100,24 @@ class JogTable(NamedTable):
 
     where = "jog"
     script: Words = key(
-        "what an operator does from the run's begin on, in lines as `capsule jog --script` reads them: `speed MM_S"
-        " SECONDS`, `position MM SECONDS`, `release SECONDS`, which comes first; released after them"
+        "what an operator does from the start of the run, in lines as for `capsule jog --script`: `speed MM_S SECONDS`,"
+        " `position MM SECONDS`, `release SECONDS`, which comes first; released after the last line"
     )
     source: str = key("who steers, by the names of `OperatorSetpoint`", "script")
-    life_ms: float = key(
-        "how long each setpoint counts, from its arrival less what it was held back on the way", 100.0, 1, 200
-    )
+    life_ms: float = key("how long each setpoint is valid after its arrival, less its delay on the bus", 100.0, 1, 200)
 
     def model_post_init(self, _: Any) -> None:
         check_word(self.source, "jog.source", list(frames()[SETPOINT].field("Source").names.values()))
 
     def planned(self) -> tuple[Step, ...]:
-        """What is sent, one after the other. Raises ValueError for a line that says nothing."""
+        """The steps, one after the other. Raises ValueError for a line that cannot be read."""
         return tuple(steps(self.script, "jog.script"))
 
 
 @dataclass(frozen=True)
 class SilScenario:
-    """A closed `loop` over the bus and what goes wrong in it; its tick is the command frame's cycle where the file
-    names none; `drive` is another maker's, set up already.
+    """A closed `loop` over the bus with its faults. Its tick is the cycle of the command frame where the file states
+    none; `drive` is another maker's, already set up.
     """
 
     loop: TrackScenario
@@ -94,7 +127,7 @@ class SilScenario:
     plant: FmuTable | None = None
     operator: OperatorLimits | None = None
     jog: JogTable | None = None
-    pace: Pace = Pace()
+    learning: LearningTable = LearningTable()
 
 
 def watched_bus(channel: str) -> LocalBus:
@@ -116,7 +149,7 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
 
 
 def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
-    """The scenario with the paths of its FMU and its key as they count from here, both of which can be used."""
+    """The scenario with the paths of its FMU and its key relative to the current folder, both checked."""
     if scenario.plant is not None:
         path = folder / scenario.plant.fmu
         read_fmu(path, scenario.loop.truth)
@@ -131,10 +164,7 @@ def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
     own = (*BUS_TABLES, *ACTUATORS)
-    known = (*TABLES, *own)
-    for name in raw:
-        if name not in known:
-            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
+    check_tables(raw, (*TABLES, *own))
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in own})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s
@@ -152,23 +182,23 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if jog is not None:
         jog.planned()
         if not (operator and operator.accept):
-            raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
-    _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
+            raise ValueError("operator.accept must be true with [jog], or no setpoints are accepted; got false")
+    _check_faults({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
-    return SilScenario(loop, bus, faults, drive, plant, held, jog, Pace.read(raw))
+    return SilScenario(loop, bus, faults, drive, plant, held, jog, LearningTable.read(raw))
 
 
 _MISSING: Final[Mapping[str, str]] = MappingProxyType(
     {
-        MAKER: f"with one of [{'], ['.join(ACTUATORS)}], whose it is",
+        MAKER: f"with one of [{'], ['.join(ACTUATORS)}], the drive that it concerns",
         OPERATOR: "with the table [jog], the operator",
-        KEY: "with bus.key_file, whose frames it spoils",
+        KEY: "with bus.key_file, the key of the frames that it corrupts",
     }
 )
 
 
-def _there(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
-    """Refuse a fault of what the scenario has not."""
+def _check_faults(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
+    """Refuse a fault of something that the scenario does not have."""
     for fault in faults:
         fault.check_rig(kind)
         if fault.needs and not has[fault.needs]:

@@ -1,4 +1,4 @@
-"""The table `[checks]`: what a closed-loop run is held to, for all controllers or, as `[checks.mpc]`, for one."""
+"""The table `[checks]`: limits of a closed-loop run for all controllers or, as `[checks.mpc]`, for one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from controller.registry import CONTROLLERS, leads
 from controller.trajectory import STEP_S, Trajectory
-from models.parameter import nearest
+from models.files.toml import check_word
 from models.rigs.schema import NamedTable
 from plant.session import Instruments
 
@@ -24,14 +24,14 @@ Bound = Annotated[float, Field(ge=0)] | None
 
 
 class TrackChecks(NamedTable):
-    """Upper limits on what `capsule track` finds, None: not judged. Errors are those of the true position, judged as
-    `[control]` says.
+    """Upper limits of the score of `capsule track`; None: not judged. Errors are those of the true position from
+    `[control] judged_from_s` on.
 
-    `drift_mm` is the way between the outermost positions from `drift_from_s` on (else from `judged_from_s`).
-    `recovered_within_s` after the last drop-out or NaN the error must have come below `recovered_mm` and stay there for
-    a second, `settled_within_s` after each arrival of the reference below `settled_mm` and stay there.
-    `speed_error_percent` is how far the mean speed is off from `speed_after_s` after each change of the reference's
-    speed on. `failed_ticks` are those late, failed or stopped, `lost_ticks` those without an estimate.
+    `drift_mm`: distance of the outermost positions from `drift_from_s` on (else from `judged_from_s`).
+    `recovered_within_s`: time after the last drop-out or NaN until the error stays below `recovered_mm` for a second.
+    `settled_within_s`: time after each arrival of the reference until the error stays below `settled_mm`.
+    `speed_error_percent`: error of the mean speed from `speed_after_s` after each change of the reference's speed on.
+    `failed_ticks`: ticks late, failed or stopped; `lost_ticks`: ticks without an estimate.
     """
 
     where = "checks"
@@ -54,7 +54,7 @@ class TrackChecks(NamedTable):
 
 @dataclass(frozen=True)
 class CheckTable:
-    """`common` limits hold for a controller without a table of its `own`, which has them in it."""
+    """`common` limits hold for controllers without a table of their `own`, which includes the common ones."""
 
     common: TrackChecks = TrackChecks()
     own: Mapping[str, TrackChecks] = field(default_factory=dict)
@@ -66,15 +66,12 @@ class CheckTable:
 def read_checks(
     table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
 ) -> CheckTable:
-    """`[checks]` of a scenario. Raises ValueError for what is unknown and what the run cannot be judged by."""
+    """`[checks]` of a scenario. Raises ValueError for unknown keys and for checks that this run cannot decide."""
     able = [name for name in CONTROLLERS if kind in leads(name)]
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     for name in tables:
-        if name not in able:
-            raise ValueError(
-                f"tables of [checks] must be controllers of a {kind} rig; got {name!r}; {nearest(name, able)}"
-            )
+        check_word(name, f"table of [checks] for a {kind} rig", able)
 
     def read(numbers: Table, where: str) -> TrackChecks:
         try:
@@ -97,13 +94,13 @@ def last_fault_s(instruments: Instruments) -> float | None:
 
 
 def rests(reference: Trajectory, duration_s: float) -> list[Span]:
-    """From when to when in s the reference rests after it moved."""
+    """Intervals in s in which the reference rests after it moved."""
     still = np.abs(_speeds(reference, duration_s)) < _AT_REST
     return [span for span, rest in _stretches(still) if rest and span[0] > 0]
 
 
 def legs(reference: Trajectory, duration_s: float) -> list[tuple[Span, float]]:
-    """From when to when in s the reference moves at one speed, and this in m/s."""
+    """Intervals in s in which the reference moves at one speed, and the speed in m/s."""
     speed = _speeds(reference, duration_s)
     even = np.append(np.abs(np.diff(speed)) < _AT_REST, True)
     return [
@@ -130,29 +127,21 @@ def _judgeable(
     judged_from_s: float,
     duration_s: float,
 ) -> None:
+    """Raises ValueError for a check that this run cannot decide."""
     for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
         if (getattr(checks, within) is None) != (getattr(checks, size) is None):
             raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")
-    if checks.recovered_within_s is not None and not (
-        fault_s is not None and fault_s + checks.recovered_within_s < duration_s
+    recovered = fault_s is not None and fault_s + (checks.recovered_within_s or 0.0) < duration_s
+    fault = "none" if fault_s is None else f"{fault_s:g} s"
+    begin, after = checks.drift_from_s, checks.speed_after_s
+    begin = judged_from_s if begin is None else begin
+    still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
+    even = any(end - start > after for (start, end), _ in legs(reference, duration_s))
+    for name, good, needed, got in (
+        ("recovered_within_s", recovered, "the end of a drop-out or NaN early enough in the run", fault),
+        ("settled_within_s", bool(rests(reference, duration_s)), "a reference that comes to rest", "one that does not"),
+        ("drift_mm", still.size and still.all(), f"a reference at rest from {begin:g} s to the end", "one that moves"),
+        ("speed_error_percent", even, f"a reference at one speed for over {after:g} s", "none"),
     ):
-        got = "none" if fault_s is None else f"{fault_s:g} s"
-        raise ValueError(
-            f"{where}.recovered_within_s must have the end of a drop-out or NaN early enough in the run; got {got}"
-        )
-    if checks.settled_within_s is not None and not rests(reference, duration_s):
-        raise ValueError(f"{where}.settled_within_s must have a reference that comes to rest; got one that does not")
-    if checks.drift_mm is not None:
-        begin = judged_from_s if checks.drift_from_s is None else checks.drift_from_s
-        still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
-        if not still.size or not still.all():
-            raise ValueError(
-                f"{where}.drift_mm must have a reference at rest from {begin:g} s to the end; got one that moves"
-            )
-    if checks.speed_error_percent is not None and not [
-        leg for (begin, end), leg in legs(reference, duration_s) if end - begin > checks.speed_after_s
-    ]:
-        raise ValueError(
-            f"{where}.speed_error_percent must have a reference at one speed for over {checks.speed_after_s:g} s; got"
-            " none"
-        )
+        if getattr(checks, name) is not None and not good:
+            raise ValueError(f"{where}.{name} must have {needed}; got {got}")

@@ -1,4 +1,4 @@
-"""RIG.toml of a deployment: the rig file's tables, and those of bus, controller, reference and limits."""
+"""RIG.toml of a deployment: the tables of the rig file, and those of bus, controller, reference and limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,9 +13,9 @@ from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.acceptance import Acceptance, judge
 from controller.trajectory import Trajectory
-from hil.app.scenario.model_offer import ModelTable, Offered, OfferTable, offer_of, read_offer
+from hil.app.scenario.model_use import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
-from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator
+from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator, check_tables
 from hil.bus.catalogue import load_catalogue
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
@@ -25,16 +25,13 @@ from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.model import read_model, read_report
-from models.parameter import nearest
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, from_table, key
 from models.theta import Theta
 
 PLANNING: Final = 0.4
-"""Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
-of it.
-"""
+"""Share of a tick for the plan. At 1 kHz receiving, estimate, limits and sending take a quarter of a tick."""
 OWN_TABLES: Final = (
     "bus", *ACTUATORS, "control", "reference", "limits", "model", "offer", "operator", "learning", "plant",
 )  # fmt: skip
@@ -70,7 +67,7 @@ class BusTable(NamedTable):
             self.timing()
 
     def timing(self) -> can.BitTimingFd:
-        """The bit timing of CAN FD by a clock of 80 MHz. Raises ValueError where that cannot make it."""
+        """The bit timing of CAN FD with a clock of 80 MHz. Raises ValueError where that is not possible."""
         rates = f"{self.bitrate} and {self.data_bitrate} bit/s at {self.sample_point:g} and {self.data_sample_point:g}"
         try:
             found = can.BitTimingFd.from_sample_point(
@@ -88,11 +85,11 @@ class BusTable(NamedTable):
 
 
 NEAR_POINT: Final = 0.05
-"""By how much a sample point may be off what is asked for."""
+"""Largest difference of a sample point from the one asked for."""
 
 
 class ControlTable(NamedTable):
-    """`[control]`: which controller at which tick, and for how long from the drive's being enabled on."""
+    """`[control]`: the controller, its tick, and how long it leads once the drive is enabled."""
 
     where = "control"
     controller: Annotated[str, Among(CONTROLLERS)] = key("name of the controller", "feedforward")
@@ -103,7 +100,7 @@ class ControlTable(NamedTable):
     )
     duration_s: float = key("how long to run", 10.0, 0.01, 86400.0)
     give_up_s: float = key(
-        "how long the drive may take to be enabled, localisation included, before the run is given up", 5.0, 0.5, 3600.0
+        "longest time until the drive is enabled, localisation included, before the run is given up", 5.0, 0.5, 3600.0
     )
     priority: Priority = key("1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not", 0)
     core: int = key("processor core to run on, -1 for any", -1, -1, 4095)
@@ -112,7 +109,7 @@ class ControlTable(NamedTable):
 
 
 class PlantTable(NamedTable):
-    """`[plant]`: what `capsule plant` simulates where no rig is at hand; the controller never reads that scenario."""
+    """`[plant]`: the scenario that `capsule plant` simulates in place of a rig; the controller never reads it."""
 
     where = "plant"
     scenario: str = key(
@@ -121,37 +118,35 @@ class PlantTable(NamedTable):
     priority: Priority = key("1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not", 0)
 
 
-class Pace(NamedTable):
-    """`[learning]`: an `answer_s` that is infinite waits for no answer: it comes when it comes."""
+class LearningTable(NamedTable):
+    """`[learning]`; with an infinite `answer_s` no tick waits for the answer."""
 
     where = "learning"
     gathered_s: float = key(
-        "how much of what is measured since the model broke is asked about, with `--learn`", 75.0, 10.0, 240.0
+        "seconds of measurements after the model broke that are identified, with `--learn`", 75.0, 10.0, 240.0
     )
-    held_out_share: float = key("share of it, at its end, on which what was found is judged", 0.2, 0.1, 0.5)
-    answer_s: float = key(
-        "how long simulated time waits for an answer; on a real bus it comes when it comes", 60.0, 1.0
-    )
-    trial_s: float = key("how long a model that was taken is on trial", 60.0, 5.0, 600.0)
+    held_out_share: float = key("share at their end that is held out to judge the found model", 0.2, 0.1, 0.5)
+    answer_s: float = key("how long simulated time waits for an answer; on a real bus nothing waits", 60.0, 1.0)
+    trial_s: float = key("how long a new model is on trial", 60.0, 5.0, 600.0)
     worse: float = key(
-        "it is taken back where its tracking error is this many times that of as long before", 1.0, 0.5, 2.0
+        "the new model is taken back where its tracking error exceeds this many times that before", 1.0, 0.5, 2.0
     )
     experiment_mm: float = key(
-        "how far to either side of where the reference rests an experiment may lead the capsule that the search asks"
-        " for; 0: none is driven",
+        "how far an experiment that the search proposes may lead the capsule to either side of the resting reference;"
+        " 0: none is driven",
         0.0,
         0.0,
         50.0,
     )
     experiment_mm_s: float = key(
-        "speed of an experiment's own strokes, which go at half and twice of it, too", 2.0, 0.1, 50.0
+        "speed of an experiment's strokes, some of which have half and twice of it", 2.0, 0.1, 50.0
     )
-    experiment_s: float = key("how long an experiment lasts at most, the way back apart", 20.0, 4.0, 60.0)
+    experiment_s: float = key("longest duration of an experiment, without the return", 20.0, 4.0, 60.0)
 
 
 @dataclass(frozen=True)
 class DeployedPlant:
-    """The drive side that a deployment file names: a scenario's plant on a bus; `drive` where it is another maker's."""
+    """The simulated drive side of a deployment: a scenario's plant on a bus; `drive` where it is another maker's."""
 
     scenario: Path
     bus: BusTable
@@ -162,8 +157,8 @@ class DeployedPlant:
 
 @dataclass(frozen=True)
 class Deployment:
-    """A controller to run on a bus: `values` of a learned model, the gate's `verdict`, the `drive` where another
-    maker's, what setpoints are held to (`operator`), the `pace` of learning.
+    """A controller to run on a bus: `values` of a learned model, the `verdict` of its acceptance test, another maker's
+    `drive`, the limits of setpoints (`operator`), and the table `learning`.
     """
 
     name: str
@@ -178,16 +173,18 @@ class Deployment:
     drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
-    pace: Pace = Pace()
+    learning: LearningTable = LearningTable()
 
     def task(self) -> Task:
-        """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
+        """The task of the controller node. Raises ValueError for a rig that cannot be controlled."""
         control, offer = self.control, offer_of(self.offered, self.believed)
-        told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
         return Task(
             self.believed(self.values),
             control.controller,
-            *told,
+            self.reference,
+            self.limits,
+            control.seen_noise_m,
+            PLANNING * control.tick_s,
             resolution_m=control.resolution_m,
             offer=offer,
             estimator=control.estimator,
@@ -227,9 +224,7 @@ def read_plant(path: Path) -> DeployedPlant:
     with in_file(path):
         _check_tables(raw)
         if "plant" not in raw:
-            raise ValueError(
-                "table [plant] must be there with the key 'scenario', whose plant is simulated; it is missing"
-            )
+            raise ValueError("table [plant] must have the key 'scenario', the plant to simulate; it is missing")
         table = PlantTable.read(raw)
         bus = BusTable.read(raw)
         drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
@@ -250,31 +245,28 @@ def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Accep
     bus = BusTable.read(raw)
     reference = read_reference(raw.get("reference", {}), control.duration_s)
     drive, operator = _drive(raw, rig.kind, bus, limits), operator_limits(raw, limits)
-    told = (name, text, rig, bus, control, reference, limits, values, verdict, drive)
-    return Deployment(*told, operator=operator, pace=Pace.read(raw))
+    stated = (name, text, rig, bus, control, reference, limits, values, verdict, drive)
+    return Deployment(*stated, operator=operator, learning=LearningTable.read(raw))
 
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
-    """`[operator]`: what setpoints of an operator are held to, within `limits`. Raises ValueError of one sentence."""
+    """`[operator]`: the limits of an operator's setpoints, within `limits`. Raises ValueError of one sentence."""
     operator = OperatorLimits.read(raw)
     operator.check_sources()
     if not operator.accept:
         return operator
     fastest, farthest = min(limits.speed_m_s, limits.carriage_speed_m_s), limits.travel_m
     if operator.speed_m_s > fastest:
-        raise ValueError(
-            f"operator.speed_m_s must be at most {fastest:g}, as [limits] have it; got {operator.speed_m_s:g}"
-        )
+        raise ValueError(f"operator.speed_m_s must be at most {fastest:g}, as in [limits]; got {operator.speed_m_s:g}")
     for name in ("lowest_m", "highest_m"):
-        if abs(getattr(operator, name)) > farthest:
-            raise ValueError(
-                f"operator.{name} must lie within limits.travel_m, {farthest:g} m; got {getattr(operator, name):g}"
-            )
+        end = getattr(operator, name)
+        if abs(end) > farthest:
+            raise ValueError(f"operator.{name} must lie within limits.travel_m, {farthest:g} m; got {end:g}")
     return operator
 
 
 def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
-    """The bus of a deployment file and what setpoints are held to; ValueError where none are accepted."""
+    """The bus of a deployment file and the limits of setpoints; ValueError where none are accepted."""
     raw, _ = read_toml(path, "deployment file")
     with in_file(path):
         _check_tables(raw)
@@ -285,10 +277,8 @@ def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
 
 
 def _check_tables(raw: Mapping[str, Any]) -> None:
-    known = (*table_names(), *OWN_TABLES)
+    check_tables(raw, (*table_names(), *OWN_TABLES))
     for table, content in raw.items():
-        if table not in known:
-            raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")
         if not isinstance(content, dict):
             raise ValueError(f"{table} must be a table; got {content!r}")
     if "plant" in raw:
@@ -296,9 +286,9 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
 
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
-    """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    wiring = frame_map_of(kind)
-    longest = min(1e-3 * wiring.life_ms(limits.carriage_speed_m_s), wiring.feedback_s)
+    """A tick must be shorter than the life of a command and the timeout of feedback, or the drive is never led."""
+    frame_map = frame_map_of(kind)
+    longest = min(1e-3 * frame_map.life_ms(limits.carriage_speed_m_s), frame_map.feedback_s)
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"
@@ -307,7 +297,7 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
 
 
 def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> ActuatorTable | None:
-    """The drive that the file names, on a bus that carries its frames."""
+    """Another maker's drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind, limits)
     check_no_key(table, bus.key_file)
     if table is not None and table.fd and not bus.fd:
@@ -318,9 +308,7 @@ def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> 
 def check_key(key_file: str, fd: bool) -> None:
     """Refuse a key on a classic bus. Raises ValueError."""
     if key_file and not fd:
-        raise ValueError(
-            "bus.fd must be true with bus.key_file: classic CAN has no room for an authenticator; got false"
-        )
+        raise ValueError("bus.fd must be true with bus.key_file, as an authenticator needs CAN FD; got false")
 
 
 def check_no_key(drive: ActuatorTable | None, key_file: str) -> None:
@@ -334,7 +322,7 @@ def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
 
 
 def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Theta, Acceptance | None]:
-    """Values of the model that the file names and what the gate says of them."""
+    """Values of the model that the file names, and their acceptance test."""
     if not isinstance(raw.get("model"), dict):
         return Theta(), None
     table, rig = ModelTable.read(raw), known.given_to(_rig(raw))

@@ -1,24 +1,95 @@
-"""Which model a run uses, what it is made of, and what the monitor says of it."""
+"""Models that close-loop wrote: the one that leads first, the one on offer, and the health that the monitor reports."""
+
+from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Final
 
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
+from controller.supervision.acceptance import Acceptance, judge
+from controller.supervision.model_switch import Offer
 from hil.app.console import note
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import check_word
 from models.identification.finding import STAGES
-from models.identification.model import read_model
+from models.identification.model import read_model, read_report
+from models.rigs.rig import Rig
+from models.rigs.schema import Among, NamedTable, key
 from models.theta import Theta
 from models.words.quantities import DASH, quantity
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+
+
+class ModelTable(NamedTable):
+    """`[model]`: a model that close-loop wrote and that leads from the start."""
+
+    where = "model"
+    file: str = key("`model.toml` that `capsule close-loop` wrote, relative to this file")
+    report: str = key("the `report.json` beside it")
+    stage: Annotated[str, Among(STAGES)] = key("`nominal`, `calibrated` or `augmented`", "augmented")
+
+
+class OfferTable(ModelTable):
+    """`[offer]`: a model that takes over later."""
+
+    where = "offer"
+    at_s: float = key("time from which the model is offered; it takes over at the next rest", 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Offered:
+    """An offer that passed the acceptance test: the parameter `values` of its model, and its time."""
+
+    values: Theta
+    at_s: float
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Offered:
+        return cls(Theta.read(document["values"]), float(document["at_s"]))
+
+    def document(self) -> dict[str, Any]:
+        return {"values": self.values.spelled(), "at_s": self.at_s}
+
+
+def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) -> Offered | None:
+    """The offered model, which must pass the acceptance test against the one in use. Raises ValueError."""
+    if table is None:
+        return None
+    model = read_model(folder / table.file, rig.kind, catalogue=Catalogue.of(rig))
+    report = read_report(folder / table.report)
+    used = next((stage for stage in STAGES if model.believed(stage) == values), "" if values else STAGES[0])
+    verdict = judge(report, model, rig, stage=table.stage, current=used or math.nan)
+    if not verdict.passed:
+        raise ValueError(f"{folder / table.file}: offered model must pass the acceptance test; got: {verdict.sentence}")
+    return Offered(model.believed(table.stage), table.at_s)
+
+
+def offer_of(offered: Offered | None, believed: Callable[[Theta], ControlModel]) -> Offer | None:
+    """The offer for a controller; `believed` makes models from values."""
+    return None if offered is None else Offer(believed(offered.values), Acceptance(), offered.at_s)
+
+
+def offer_document(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:
+    """The key `offer` of a run's JSON object; `taken_at_s` is in s of the reference, nan where it was not taken."""
+    if offered is None:
+        return {}
+    return {"offer": {"at_s": offered.at_s, "taken_at_s": None if math.isnan(taken_at_s) else taken_at_s}}
+
+
+def offer_words(found: Mapping[str, Any]) -> str:
+    offer = found.get("offer")
+    return "" if offer is None else TEXT("offer.not_taken" if offer["taken_at_s"] is None else "offer.taken", **offer)
 
 
 def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue = CATALOGUE) -> tuple[Theta, str]:
-    """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
+    """The believed parameters of a rig of `kind`, and the name of their stage. Raises ValueError."""
     if stage is not None:
         check_word(stage, "--stage", STAGES)
     if model is None:
@@ -33,7 +104,7 @@ def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue
 
 
 def model_facts(model: ControlModel) -> dict[str, Any]:
-    """Effects and parameters that differ from the rig file's, as words and numbers."""
+    """Effects and parameters that differ from the rig file, as words and numbers."""
     effects, rows = list(model.theta.effects), list[list[str]]()
     for p, value in zip(model.symbols.parameters, model.values.tolist(), strict=True):
         if p.effect or value != p.value:  # the rig file has no number of an effect
@@ -44,7 +115,7 @@ def model_facts(model: ControlModel) -> dict[str, Any]:
 
 
 def health_of(health: Health, origin_s: float = 0.0) -> dict[str, Any]:
-    """The object `monitor` of a run's JSON object; times in s of the reference's time, which began at `origin_s`."""
+    """The key `monitor` of a run's JSON object; times in s of the reference, which began at `origin_s`."""
     since = health.since_s - origin_s if math.isfinite(origin_s) else 0.0
     return {
         "state": health.state,
@@ -57,9 +128,4 @@ def health_of(health: Health, origin_s: float = 0.0) -> dict[str, Any]:
 
 def health_words(found: Mapping[str, Any]) -> str:
     monitor = found["monitor"]
-    state, since = monitor["state"], monitor["since_s"]
-    if state == "not watched":
-        return "model: not watched, as the controller uses none"
-    if state != "broken":
-        return f"model {'holds' if state == 'holds' else 'doubtful'} ({100 * monitor['evidence']:.0f} % of an alarm)"
-    return f"model broken since {since:.1f} s, a {monitor['change']} change"
+    return TEXT(f"health.{monitor['state'].replace(' ', '_')}", **monitor)

@@ -1,4 +1,4 @@
-"""The table `[reference]`: where the capsule shall go, in mm and mm/s."""
+"""The table `[reference]`: the wanted motion of the capsule, in mm and mm/s."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +14,7 @@ from models.rigs.schema import NamedTable, Numbers, key
 
 MM: Final = 1e-3  # in metres
 FARTHEST: Final = 1e6
-"""Largest number in mm and mm/s that is read at all, so that nothing overflows; what a rig can do are its limits."""
+"""Largest number in mm and mm/s that is read, so that nothing overflows; `[limits]` are narrower."""
 FASTEST_HZ: Final = 0.1 / STEP_S  # ten steps of a trajectory in a period
 
 
@@ -29,7 +29,7 @@ class ReferenceTable(NamedTable):
     where = "reference"
 
     def trajectory(self, duration_s: float) -> Trajectory:
-        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
+        """The reference over `duration_s`; ValueError where it does not fit."""
         raise NotImplementedError
 
 
@@ -52,15 +52,13 @@ class Sine(ReferenceTable):
 
     def trajectory(self, duration_s: float) -> Trajectory:
         if not 0 < self.frequency_Hz <= FASTEST_HZ:
-            raise ValueError(
-                f"reference.frequency_Hz must be positive and at most {FASTEST_HZ:g}; got {self.frequency_Hz:g}"
-            )
+            raise ValueError(f"reference.frequency_Hz must lie in (0, {FASTEST_HZ:g}]; got {self.frequency_Hz:g}")
         t = np.maximum(STEP_S * np.arange(round(duration_s / STEP_S) + 2) - self.start_s, 0.0)
         return Trajectory(0.5 * self.amplitude_mm * MM * (1 - np.cos(2 * np.pi * self.frequency_Hz * t)))
 
 
 class Steps(ReferenceTable):
-    """To one of `positions_mm` after the other at `speed_mm_s`, a rest of `dwell_s` at each."""
+    """To `positions_mm` one after the other at `speed_mm_s`, with a rest of `dwell_s` at each."""
 
     positions_mm: Places = key("positions to visit in turn")
     speed_mm_s: Mm = key("speed of the move")
@@ -127,8 +125,8 @@ def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits |
 
 
 def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dict[str, Any]:
-    """The tables `raw` with the [reference] of `file`, as close-loop writes it; the run (`duration_s` of `table`) lasts
-    until its last waypoint, checks are left out. Raises ValueError of one sentence.
+    """The tables `raw` with the [reference] of `file`, as close-loop writes it. The run (`duration_s` of `table`) lasts
+    until the last waypoint, and checks are left out. Raises ValueError of one sentence.
     """
     if file is None:
         return dict(raw)
@@ -154,25 +152,22 @@ def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dic
 def _in_time(
     positions_mm: tuple[float, ...], speed_mm_s: float, start_s: float, dwell_s: float, duration_s: float
 ) -> None:
-    """Refuse moves of which the last does not arrive within the run."""
+    """Refuse moves that do not arrive within the run."""
     if not speed_mm_s > 0:
         raise ValueError(f"reference.speed_mm_s must be positive; got {speed_mm_s:g}")
-    way = float(np.sum(np.abs(np.diff([0.0, *positions_mm]))))
-    arrives = start_s + way / speed_mm_s + dwell_s * (len(positions_mm) - 1) if way else 0.0
+    travel_mm = float(np.sum(np.abs(np.diff([0.0, *positions_mm]))))
+    arrives = start_s + travel_mm / speed_mm_s + dwell_s * (len(positions_mm) - 1) if travel_mm else 0.0
     if arrives > min(duration_s, LONGEST_S) + STEP_S:
         raise ValueError(f"reference must arrive within the run of {duration_s:g} s; got {arrives:g} s until it does")
 
 
 def _within(trajectory: Trajectory, duration_s: float, limits: Limits) -> None:
-    """Refuse what no rig within `limits` can follow within the run."""
+    """Refuse a reference beyond `limits`."""
     speed = float(np.max(np.abs(np.diff(trajectory.places)))) / STEP_S
     farthest = float(np.max(np.abs(trajectory.places[: round(duration_s / STEP_S) + 1])))
     if speed > limits.speed_m_s * (1 + 1e-9):
-        raise ValueError(
-            f"reference must be no faster than limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s; got {speed / MM:.4g}"
-            " mm/s"
-        )
+        limit = f"limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s"
+        raise ValueError(f"reference must be no faster than {limit}; got {speed / MM:.4g} mm/s")
     if farthest > limits.travel_m:
-        raise ValueError(
-            f"reference must stay within limits.travel_m, {limits.travel_m / MM:g} mm; got {farthest / MM:.6g} mm"
-        )
+        limit = f"limits.travel_m, {limits.travel_m / MM:g} mm"
+        raise ValueError(f"reference must stay within {limit}; got {farthest / MM:.6g} mm")

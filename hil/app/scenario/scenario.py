@@ -1,6 +1,6 @@
-"""SCENARIO.toml of a closed loop: true plant, instruments, reference, and what the controller believes."""
+"""SCENARIO.toml of a closed loop: true plant, instruments, reference, and the controller's belief."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -10,10 +10,10 @@ from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS, leads
 from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
-from hil.app.scenario.model_offer import OfferTable
+from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
-from models.files.toml import converted, in_file, read_toml
+from models.files.toml import check_word, converted, in_file, read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.kinds import KINDS
@@ -31,7 +31,7 @@ TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
 BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
-"""Tables that a scenario on the bus may have beside these."""
+"""Further tables of a scenario on the bus."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""
 _CAPSULE: Final = asdict(Capsule())
@@ -41,18 +41,16 @@ _PLATE: Final = Plate(0.0)
 
 Estimator = Annotated[str, Among(ESTIMATORS)]
 ESTIMATOR: Final = (
-    "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as costly, to"
-    " compare with"
+    "`default` fits the controller; `ukf` is filterpy's unscented Kalman filter for comparison, ten times as costly"
 )
 PROBE: Final = (
-    "whether a short motion to and fro (5 mm behind a magnet, 3 mm else) shows that the capsule answers the drive"
-    " before the reference begins, unless setpoints of an operator are taken; over a simulated bus the reference then"
-    " begins where the capsule is"
+    "whether a short motion to and fro (5 mm behind a magnet, else 3 mm) first shows that the capsule follows the"
+    " drive; not with setpoints of an operator; over a simulated bus the reference then begins at the capsule"
 )
 
 
 class Control(NamedTable):
-    """`[control]` of a scenario; which controller leads where nothing is said goes with the rig."""
+    """`[control]` of a scenario; the default controller depends on the rig."""
 
     where = "control"
     tick_s: float = key("period of the control loop", 1e-3, 1e-4, 0.02)
@@ -64,7 +62,7 @@ class Control(NamedTable):
 
 @dataclass(frozen=True)
 class TrackScenario:
-    """A closed loop: `truth` and `instruments` of the plant; `belief` is all that the controller is told."""
+    """A closed loop: `truth` and `instruments` of the plant; `belief` is all that the controller knows."""
 
     name: str
     duration_s: float
@@ -80,7 +78,7 @@ class TrackScenario:
     offer: OfferTable | None = None
 
     def knowing(self, effects: Catalogue) -> Self:
-        """With the `effects` of a catalogue in what is believed."""
+        """With the `effects` of a catalogue in the belief."""
         return replace(self, belief=effects.given_to(self.belief))
 
 
@@ -97,8 +95,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     for name, table in raw.items():
         if name in BUS_TABLES:
             raise ValueError(f"tables must be those of a loop without a bus; got [{name}], which `capsule sil` reads")
-        if name not in TABLES:
-            raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
+        check_tables([name], TABLES)
         if not isinstance(table, Mapping):
             raise ValueError(f"{name} must be a table; got {table!r}")
     seed = raw.get("anatomy", {}).get("seed", 0)
@@ -136,23 +133,24 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     )
 
 
+def check_tables(names: Iterable[str], known: tuple[str, ...]) -> None:
+    for name in names:
+        if name not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
+
+
 def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
-    """The rig file that the experimenter would have written: `[belief.*]` over nominal values. Raises ValueError."""
+    """The rig file of the experimenter: `[belief.*]` over nominal values. Raises ValueError."""
     for name, content in table.items():
-        if name not in table_names():
-            raise ValueError(
-                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, table_names())}"
-            )
+        check_word(name, "table of [belief]", table_names())
         if not isinstance(content, Mapping):
             raise ValueError(f"belief.{name} must be a table; got {content!r}")
     if "noise" in table:
-        raise ValueError(
-            "belief must have no table [belief.noise]: the filter has the noise it counts on from its drive"
-        )
+        raise ValueError("belief must have no table [belief.noise], as the drive sets the noise of the filter")
     own = KINDS[kind]
-    told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
+    stated = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
     nominal: dict[str, Table] = {**own.nominal, "capsule": {**_CAPSULE, **own.nominal.get("capsule", {})}}
-    nominal["rig"] = {"kind": kind, **(own.nominal.get("rig", {}) if told is None else {"magnet": told})}
+    nominal["rig"] = {"kind": kind, **(own.nominal.get("rig", {}) if stated is None else {"magnet": stated})}
     if surface == "gut":
         nominal["tissue"] = _TISSUE
     else:
@@ -168,16 +166,15 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
 
 
 def _buildable(truth: Truth, raw: Table) -> None:
-    """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
+    """Build the plant once, so that its errors name the table of the file in which the number stands."""
     for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
         for name, value in vars(record).items():
             if isinstance(value, str):
                 continue
             may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
             if not (value > 0 or (may_be_zero and value == 0)):
-                raise ValueError(
-                    f"{where}.{name} must be {'zero or more' if may_be_zero else 'positive'}; got {value:g}"
-                )
+                least = "zero or more" if may_be_zero else "positive"
+                raise ValueError(f"{where}.{name} must be {least}; got {value:g}")
     try:
         Plant(truth)
     except ValueError as error:
@@ -190,15 +187,10 @@ def _buildable(truth: Truth, raw: Table) -> None:
 def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Control:
     control = Control.read({"control": {"controller": DRIVES[kind].leading, **table}})
     name, able = control.controller, [name for name in CONTROLLERS if kind in leads(name)]
-    if name not in able:
-        raise ValueError(
-            f"control.controller must be one of {', '.join(able)} for a {kind} rig; got {name!r}; {nearest(name, able)}"
-        )
+    check_word(name, f"control.controller of a {kind} rig", able)
     ratio, ticks = control.tick_s / step_s, round(duration_s / control.tick_s)
     if abs(ratio - round(ratio)) > 1e-6:
-        raise ValueError(
-            f"control.tick_s must be a multiple of the plant's step of {step_s:g} s; got {control.tick_s:g}"
-        )
+        raise ValueError(f"control.tick_s must be a multiple of the plant's step {step_s:g} s; got {control.tick_s:g}")
     if ticks < 1:
         raise ValueError(f"scenario.duration_s must be a tick of {control.tick_s:g} s or more; got {duration_s:g}")
     latest = ticks * control.tick_s - 2 * SAMPLE_STEPS * step_s

@@ -1,30 +1,41 @@
-"""What came of each fault: how long until the drive was in its safe state, and whether that was safe."""
+"""The outcome of each fault: the time until the drive was in its safe state, and whether that was safe."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from controller.drives import DRIVES
 from controller.limits import Limits
 from hil.app.scenario.bus_scenario import JogTable, SilScenario
-from hil.app.sil.lie_outcomes import lied
 from hil.app.sil.loop import SilTrace
-from hil.app.track.score import violations
+from hil.app.track.score import shares, violations
 from hil.drives.table import ActuatorTable
 from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
-from hil.nodes.frame_map import CARRIAGE_MAP, frame_map_of
+from hil.nodes.frame_map import CARRIAGE_MAP, QUICK_STOP_M_S2, frame_map_of
 from hil.nodes.operator_sender import CYCLE_S
-from hil.simulated.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
+from hil.simulated.faults.table import DRIVE, KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
+from plant.drives.kinds import Carriage
 
+Array = NDArray[np.float64]
+TICKS: Final = 2
+"""Ticks from the first contradiction to the brake of the drive."""
+NOT_AT_REST: Final = "does not rest"
+"""Words of the reason where a drive moves by itself."""
+_ADDED: Final = ("drift", "jumped", "sway", "scaled")
+"""Lies that add an offset or a scale to the true motion. Where the drive does not show the position, nothing
+contradicts a slow one.
+"""
 WANTED, SOURCE, _, PRESSED = range(4)
 """Columns of `SilTrace.steered`."""
-BUS_S: Final = 0.02  # to the safe state where the bus itself is hit
-STUCK_S: Final = 0.05  # the same where a value is stuck
+BUS_S: Final = 0.02  # to the safe state after a fault of the bus itself
+STUCK_S: Final = 0.05  # the same for a stuck value
 PLACE_S: Final = 0.155
-"""150 ms without localisation, and the next tick's way to the drive."""
+"""150 ms without localisation, and the delay of the next tick to the drive."""
 _RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
 _OWN_S: Final[Mapping[str, float]] = {
@@ -39,11 +50,11 @@ _OWN_S: Final[Mapping[str, float]] = {
 
 
 def limit_s(rig: str, fault: Fault) -> float:
-    """The longest time in s from the begin of a fault (none of an operator) to the safe state, inf where the loop may
-    ride through.
+    """Longest time in s from the begin of a fault (not an operator's) to the safe state; inf: the loop may ride
+    through.
     """
-    kind, target, wiring = fault.kind, fault.target, frame_map_of(rig)
-    unseen = (kind == "biased" and not wiring.drive.placed) or (kind == "stuck" and wiring.drive.shaken)
+    kind, target, frame_map = fault.kind, fault.target, frame_map_of(rig)
+    unseen = (kind == "biased" and not frame_map.drive.placed) or (kind == "stuck" and frame_map.drive.shaken)
     if kind in _RIDDEN or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
         return math.inf
     if abs(fault.amount) < KINDS[kind].value:
@@ -53,19 +64,19 @@ def limit_s(rig: str, fault: Fault) -> float:
     if kind in ("killed", "frozen") or (
         (kind in ("drop", "delay", "corrupt", "retyped") or KINDS[kind].needs == KEY) and target in ("commands", "all")
     ):
-        return wiring.stops_s
+        return frame_map.stops_s
     if kind == "unreadable":
-        return wiring.seen_s if target == "controller" else wiring.stops_s
+        return frame_map.seen_s if target == "controller" else frame_map.stops_s
     if kind == "bus_off" and target in ("controller", "drive"):
         return BUS_S
     if kind == "stuck" or (kind, target) == ("biased", "feedback"):
         return STUCK_S
-    return wiring.seen_s if target == "feedback" else PLACE_S
+    return frame_map.seen_s if target == "feedback" else PLACE_S
 
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
-    """The same for another maker's carriage, which comes to rest as its table states; what has no counter or CRC of our
-    own there, such as flipped bits, may be ridden through.
+    """The same for another maker's carriage, which stops as its table states. Its frames have no counter or CRC of
+    ours, so the loop may ride through flipped bits.
     """
     unseen = fault.kind == "corrupt" and fault.target in ("commands", "all")
     if unseen or math.isinf(limit_s(CARRIAGE_MAP.drive.name, fault)):
@@ -75,7 +86,7 @@ def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
 
 
 def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
-    """The longest time in s from an operator's fault until the reference is held; inf where it may go on."""
+    """Longest time in s from an operator's fault until the reference stands still; inf where it may go on."""
     if fault.kind in _RIDDEN or abs(fault.amount) < KINDS[fault.kind].value:
         return math.inf
     life_s = 1e-3 * jog.life_ms
@@ -87,7 +98,7 @@ def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
 
 
 def operator_limit_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
-    """The longest time in s from the begin of an operator's fault until the drive is in its safe state."""
+    """Longest time in s from the begin of an operator's fault until the drive is in its safe state."""
     return hold_s(jog, operator, fault) + operator.stop_after_s + BUS_S
 
 
@@ -96,9 +107,9 @@ ROUNDING_S: Final = 1e-9  # of simulated time
 
 @dataclass(frozen=True)
 class FaultOutcome:
-    """What came of `faults` that began within a tick: s from the first's begin, and from the last good command, to the
-    safe state (nan: ridden through); `unsafe`: a limit broke, or the drive stopped too late, or moved again. Of lies,
-    the largest distance from the wanted place, and `why` it was unsafe.
+    """The outcome of `faults` that began within a tick: s to the safe state (nan: ridden through) from the first begin
+    and from the last good command. `unsafe`: a limit was broken, or the drive stopped too late or moved again. Lies
+    also have the largest distance from the reference, and `why` they were unsafe.
     """
 
     faults: tuple[Fault, ...]
@@ -113,7 +124,7 @@ class FaultOutcome:
         return self.faults[0]
 
     def document(self) -> dict[str, Any]:
-        """The entry of the JSON's `faults`; `safe_after_ms` is null where no safe state was called for."""
+        """The entry of the JSON's `faults`; `safe_after_ms` is null where no safe state was needed."""
         safe = None if math.isnan(self.safe_after_s) else 1e3 * self.safe_after_s
         name = " + ".join(fault.name for fault in self.faults)
         found = {"fault": name, "at_s": self.fault.at_s, "safe_after_ms": safe, "unsafe": self.unsafe}
@@ -133,7 +144,7 @@ def outcomes(scenario: SilScenario, trace: SilTrace) -> list[FaultOutcome]:
 
 
 def limit_of(scenario: SilScenario, fault: Fault) -> float:
-    """The longest time in s from a fault to the safe state, inf where it may ride through."""
+    """Longest time in s from a fault to the safe state; inf: the loop may ride through."""
     if fault.needs == OPERATOR and scenario.jog is not None and scenario.operator is not None:
         return operator_limit_s(scenario.jog, scenario.operator, fault)
     if fault.kind in _STRANGERS and scenario.bus.key_file:
@@ -151,7 +162,7 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))
-    if reached.size and _by_hand(scenario, trace, faults, float(t[reached[0]])):
+    if reached.size and _released(scenario, trace, faults, float(t[reached[0]])):
         reached = reached[:0]
     first = int(reached[0]) if reached.size else -1
     after_s = float(t[first] - fault.at_s) if reached.size else math.nan
@@ -173,14 +184,14 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
 
 
 def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
-    """`limit_of`; a fault of an operator who is not in charge calls for nothing."""
+    """`limit_of`; a fault of an operator who does not steer needs no safe state."""
     if fault.needs == OPERATOR and not trace.steered[_tick(scenario, trace, fault.at_s), SOURCE]:
         return math.inf
     return limit_of(scenario, fault)
 
 
 def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -> bool:
-    """Whether from an operator's fault on the reference broke `[operator]`, its charge, or its hold."""
+    """Whether after an operator's fault the reference left `[operator]`, followed another source, or moved on."""
     operator, jog, tick_s = scenario.operator, scenario.jog, scenario.loop.control.tick_s
     assert operator is not None
     assert jog is not None
@@ -200,18 +211,90 @@ def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float
     return bool(np.ptp(trace.steered[math.ceil(held / tick_s) : math.floor(last / tick_s), WANTED]) > 0)
 
 
-def _by_hand(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], time_s: float) -> bool:
-    """Whether the drive rests at `time_s` because an operator has let go, not because of `faults`, which are over."""
+def _released(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], time_s: float) -> bool:
+    """Whether the drive rests at `time_s` because the operator released the switch, after the end of `faults`."""
     if scenario.jog is None or any(f.needs == OPERATOR or f.end_s >= time_s for f in faults):
         return False
     return not trace.steered[_tick(scenario, trace, time_s - scenario.loop.control.tick_s), SOURCE]
 
 
 def _pressed_after(scenario: SilScenario, trace: SilTrace, time_s: float) -> bool:
-    """Whether an operator has pressed after `time_s`, and so asked for the drive again."""
+    """Whether an operator pressed the switch after `time_s`, which enables the drive again."""
     return bool(trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, time_s), PRESSED])
 
 
 def _tick(scenario: SilScenario, trace: SilTrace, time_s: float) -> int:
-    """The tick within which `time_s` lies, at most the last."""
+    """The tick that contains `time_s`, at most the last."""
     return min(math.floor(time_s / scenario.loop.control.tick_s + ROUNDING_S), len(trace.steered) - 1)
+
+
+def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> tuple[float, float, str]:
+    """The outcome of lies that began together, up to `end`: s until the drive was safe (nan: led to the end, 0: not
+    led), the largest distance in m of the true capsule from the reference until then, and why it was unsafe ("": safe).
+    """
+    begin = faults[0].at_s
+    t, safe, _ = trace.slots.T
+    within = (t > begin) & (t <= end)
+    moved = np.flatnonzero(within & (safe == 0))
+    first = int(moved[0]) if moved.size else int(np.argmax(within))
+    rests = np.flatnonzero(within & (safe > 0) & (np.arange(t.size) >= first))
+    if not moved.size:
+        after_s = 0.0
+    else:
+        after_s = float(t[rests[0]] - begin) if rests.size else math.nan
+    until = min(end, math.inf if not moved.size or math.isnan(after_s) else begin + after_s)
+    rows = trace.rows[(trace.rows[:, at.O_T] >= begin) & (trace.rows[:, at.O_T] <= until)]
+    if not moved.size:
+        distance = np.abs(rows[:, at.O_X] - rows[:1, at.O_X])
+    else:
+        ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
+        distance = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
+    again = bool(rests.size and moved.size and not safe[rests[0] :][within[rests[0] :]].all() and scenario.jog is None)
+    if any(f.kind == "restless" for f in faults):
+        why = "" if NOT_AT_REST in trace.stopped_because and trace.led_at <= begin else "led, or not reported"
+    elif np.any(distance > allowed_m(scenario, trace, faults, rows)):
+        why = "too far"
+    else:
+        why = _broken(scenario, rows) or ("moved again" if again else "")
+    return after_s, float(np.max(distance, initial=0.0)), why
+
+
+def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], rows: Array) -> Array:
+    """Allowed distance in m of the true capsule from the reference at the times of `rows`: behind a magnet its gap and
+    the braking distance, else the envelope. Where no measurement contradicts the lie, also the size of the lie.
+    """
+    limits, drive, driven = scenario.loop.limits, scenario.loop.truth.drive, DRIVES[scenario.loop.kind]
+    if isinstance(drive, Carriage):
+        speed = limits.carriage_speed_m_s
+        ahead = speed * TICKS * scenario.loop.control.tick_s + speed**2 / (2 * QUICK_STOP_M_S2)
+        allowed = np.full(len(rows), limits.gap_share * drive.gap_limit_m + ahead)
+        believed = False
+    else:
+        around_m = (limits.envelope_m or driven.around_m) + driven.goes_on_m
+        foreign_m = max((2 * f.amount + driven.tracked_m for f in faults if f.kind == "foreign"), default=0.0)
+        allowed = np.full(len(rows), max(around_m, foreign_m))
+        believed = all(f.kind in _ADDED for f in faults)
+    if believed or {DRIVE, "localisation"} <= {f.target for f in faults if f.kind in LIES}:
+        allowed = np.maximum(allowed, _size(trace, rows) + driven.tracked_m)
+    return allowed
+
+
+def _size(trace: SilTrace, rows: Array) -> Array:
+    """The largest difference in m so far of reported and true position, at the times of `rows`."""
+    reported = trace.reported[np.isfinite(trace.reported[:, 1])]
+    if not reported.size:
+        return np.zeros(len(rows))
+    true = np.interp(reported[:, 0], trace.rows[:, at.O_T], trace.rows[:, at.O_X])
+    largest = np.concatenate([[0.0], np.maximum.accumulate(np.abs(reported[:, 1] - true))])
+    return np.asarray(largest[np.searchsorted(reported[:, 0], rows[:, at.O_T], side="right")])
+
+
+def _broken(scenario: SilScenario, rows: Array) -> str:
+    """The limit that the true state broke, "" for none; a magnet that lost the capsule breaks none."""
+    truth, limits = scenario.loop.truth, scenario.loop.limits
+    if len(rows) < 2:
+        return ""
+    used = {name: share for name, share in shares(truth, limits, rows).items() if name != "gap"}
+    if truth.drive.straight:
+        used["travel"] = np.abs(rows[:, at.O_DRIVE]) / limits.travel_m
+    return next((name for name, share in used.items() if np.any(share > 1 + 1e-9)), "")

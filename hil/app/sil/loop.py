@@ -1,4 +1,4 @@
-"""One closed loop over the simulated bus: what it leaves to be judged."""
+"""One closed loop over the simulated bus, and its trace."""
 
 import math
 import signal
@@ -21,7 +21,7 @@ from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.scenario.model_offer import Offered
+from hil.app.scenario.model_use import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.track.loop import Array, LoopTrace, Progress
@@ -30,38 +30,41 @@ from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
 from hil.simulated.plant_node import SLOT_S
 from models.theta import Theta
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 _REPORTS: Final = 50  # of the progress
 LEAST_S: Final = 60.0
-"""A run may take so long by the wall clock however short it is: compilers and busy machines."""
+"""Wall clock that even the shortest run may take, for compilers and busy machines."""
 LEARNING_S: Final = 7200.0
-"""So much longer where it waits for what is learned."""
+"""Wall clock that a run with learning may take beyond that."""
 Learning = Callable[[ControllerNode], Learner]
 
 
 def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
-    """What makes the learner of a run of `scenario` that begins with the `values` of a model's parameters."""
+    """Makes the learner of a run of `scenario` that begins with the parameter `values`."""
     return lambda node: Learner(
         node.estimator,
         scenario.loop.belief,
         values,
         partial(believed_on_bus, scenario),
         ask,
-        scenario.pace,
+        scenario.learning,
         drive=node.drive,
     )
 
 
 @dataclass
 class SilTrace(LoopTrace):
-    """What a run over the bus leaves beside `Trace`: `slots` (n, 3): end of each drive slot in s, whether safe, when
-    the last good command had come; `steered` (ticks, 4) is `Bench.steered`; `led_at` the last tick led, in s (-inf:
-    none); `experiments_at` in s of the reference; `learned` as a log's record has it.
+    """The trace of a run over the bus. `slots` (n, 3): end of each drive slot in s, whether safe, time of the last good
+    command. `steered` (ticks, 4) is `Bench.steered`; `reported` (n, 2) time and position that the localiser sent;
+    `led_at` the last tick led, in s (-inf: none); `experiments_at` in s of the reference; `learned` as in a log's
+    record.
     """
 
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
     steered: Array = field(default_factory=lambda: np.zeros((0, 4)))
-    told: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    reported: Array = field(default_factory=lambda: np.zeros((0, 2)))
     led_at: float = -math.inf
     unauthenticated: dict[str, int] = field(default_factory=dict)
     operator: dict[str, object] | None = None
@@ -78,13 +81,13 @@ class SilTrace(LoopTrace):
 
     @property
     def in_force(self) -> Trajectory:
-        """The reference that was in force at each time, with an operator in charge or without."""
+        """The reference in force at each time, an operator's or the scenario's."""
         ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
         return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
 
 
 def judged_loop(scenario: SilScenario, trace: SilTrace) -> TrackScenario:
-    """The loop with the reference that was in force, where an operator or an experiment changed it."""
+    """The loop with the reference in force, where an operator, an experiment or a probe changed it."""
     if scenario.operator is None and not trace.experiments_at and not scenario.loop.control.probe:
         return scenario.loop
     return replace(scenario.loop, reference=trace.in_force)
@@ -103,7 +106,7 @@ def run_sil(
     shown: Callable[[can.Message], None] | None = None,
 ) -> SilTrace:
     """Run `scenario` over the simulated bus; `recorder` writes the log, `learning` makes the learner, `shown` gets
-    every frame. Raises ValueError for a controller that cannot lead, and where `[bus]` allows no more wall clock.
+    every frame. Raises ValueError for a controller that cannot lead, and beyond the wall clock that `[bus]` allows.
     """
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
     bench.show(shown)
@@ -113,7 +116,7 @@ def run_sil(
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
     learner = None if learning is None else learning(bench.node)
     sentence = (
-        f"run must take at most {longest_s:g} s by the wall clock (bus.longest_s_per_s, and at least {LEAST_S:g} s); it"
+        f"run must take at most {longest_s:g} s by the wall clock (bus.longest_s_per_s, at least {LEAST_S:g} s); it"
         " took longer"
     )
     began = time.perf_counter()
@@ -134,7 +137,7 @@ def _ticks(
     look: Callable[[], None],
     learner: Learner | None = None,
 ) -> list[int]:
-    """Fill `trace`, `look` after every tick; the ticks in which the controller led the drive."""
+    """Fill `trace` and call `look` after every tick; the ticks in which the controller led the drive."""
     states = bench.node.task.model.states
     wall = bench.node.task.model.index("u") if "u" in states else None
     ticks, led = len(trace.slots) // bench.slots, []
@@ -163,14 +166,14 @@ def _ticks(
 
 
 def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
-    """What the bench knows at the end; step times count while the controller leads the drive."""
+    """Take over what the bench knows at the end; solve times count while the controller leads the drive."""
     trace.rows = np.concatenate(bench.plant.session.rows)
     trace.events = list(bench.node.supervisor.events)
     estimator = bench.node.estimator
     trace.experiments_at = bench.node.experiments_at
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
-    trace.told = np.array(sorted(bench.plant.told)).reshape(-1, 2)
+    trace.reported = np.array(sorted(bench.plant.told)).reshape(-1, 2)
     trace.unauthenticated = dict(bench.unauthenticated)
     trace.operator = None if bench.node.operator is None else bench.node.operator.document()
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
@@ -178,7 +181,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
         trace.stopped_because += f"; {bench.carriage.trouble}"
     answer = bench.node.answer
     if answer.unrest and answer.unrest not in trace.stopped_because:
-        trace.stopped_because = f"{trace.stopped_because or DONE}; then {answer.unrest}"
+        trace.stopped_because = TEXT("then", ended=trace.stopped_because or DONE, unrest=answer.unrest)
     trace.led_share = shares(answer.led)
     trace.led_at = led[-1] * bench.tick_s if led else -math.inf
     doubt = answer.not_led(bench.node.wanted, estimator.health)
@@ -188,10 +191,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
 
 def _never_led(bench: Bench, trace: SilTrace) -> str:
     """Why the drive was not led at all."""
-    doubt = bench.node.receiver.doubt(bench.time_s) or (
-        "estimate lost" if trace.lost[-1] else "it did not get ready in time"
-    )
-    return f"the drive was never led: {doubt}"
+    doubt = bench.node.receiver.doubt(bench.time_s)
+    return TEXT("never_led", why=doubt or TEXT("estimate_lost" if trace.lost[-1] else "not_ready"))
 
 
 _AGAIN_S: Final = 1.0  # between further alarms
@@ -199,7 +200,7 @@ _AGAIN_S: Final = 1.0  # between further alarms
 
 @contextmanager
 def at_most(longest_s: float, sentence: str) -> Iterator[Callable[[], None]]:
-    """Raise ValueError(`sentence`) after `longest_s` s: by a timer, outside the main thread when looked."""
+    """Raise ValueError(`sentence`) after `longest_s` s: by a timer; outside the main thread in `look`."""
     end = time.monotonic() + longest_s
 
     def look() -> None:

@@ -1,43 +1,28 @@
-"""`capsule sil`: a closed loop over the simulated CAN bus, controller and plant as nodes, in lockstep."""
-
-from __future__ import annotations
+"""`capsule sil`: a closed loop over the simulated CAN bus, with controller and plant as nodes in lockstep."""
 
 import contextlib
 import math
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final, Self
 
 import can
 
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE
+from hil.app import shared_options as options
 from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
-from hil.app.scenario.model_use import health_words, values_of
-from hil.app.shared_options import (
-    ControllerName,
-    Json,
-    Learn,
-    LearnedModel,
-    McapFile,
-    OwnControllers,
-    OwnEffects,
-    ReferenceFile,
-    RunSeed,
-    StageOrScenario,
-    argument,
-    option,
-)
+from hil.app.scenario.model_use import health_words, offer_document, offer_of, offer_words, read_offer, values_of
+from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
+from hil.app.sil.learning_page import learning_files
 from hil.app.sil.loop import SilTrace, judged_loop, learning_of, run_sil
-from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import document, score
 from hil.app.write import check_mcap, own_folder, write_files
@@ -46,28 +31,30 @@ from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
 from models.effects import Catalogue
-from models.theta import Theta
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 def sil(
     path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].")],
     *,
-    controller: ControllerName = None,
-    model: LearnedModel = None,
-    stage: StageOrScenario = None,
-    seed: RunSeed = None,
-    reference: ReferenceFile = None,
+    controller: options.ControllerName = None,
+    model: options.LearnedModel = None,
+    stage: options.StageOrScenario = None,
+    seed: options.RunSeed = None,
+    reference: options.ReferenceFile = None,
     out: Annotated[Path | None, option("--out", "DIR", "Folder for sil.json and the log frames.blf.")] = None,
-    learn: Learn = False,
-    mcap: McapFile = None,
+    learn: options.Learn = False,
+    mcap: options.McapFile = None,
     watch: Annotated[
-        str | None, option("--watch", "CHANNEL", "In real time, its frames on this local bus: for cockpit.")
+        str | None, option("--watch", "CHANNEL", "Run in real time and put its frames on this local bus, for cockpit.")
     ] = None,
-    json_output: Json = False,
-    effects: OwnEffects,
-    controllers: OwnControllers,
+    json_output: options.Json = False,
+    effects: options.OwnEffects,
+    controllers: options.OwnControllers,
 ) -> int:
-    """Run a scenario over the bus; 1 where it ended early or was not led as asked. Raises ValueError."""
+    """Run a scenario over the bus: 1 where it ended early or another controller led. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario, text = load_sil_scenario(path, reference)
@@ -79,56 +66,34 @@ def sil(
         number = scenario.loop.seed if seed is None else seed
         if mcap is not None:
             if out is None:
-                raise ValueError(f"--mcap must go with --out, where the log goes; got --mcap {mcap} alone")
+                raise ValueError(f"--mcap must go with --out, the folder of the log; got --mcap {mcap} alone")
             check_mcap(mcap, [path])
         with output_to_notes():
             believed = believed_on_bus(scenario, values)
             offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
             offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
+            stated = {"seed": number, "offered": offered and offered.document()}
+            record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), **stated)
+            shown_too = None if mcap is None else McapLog(mcap)
             with (
                 nullcontext() if watch is None else Watched(watch) as shown,
                 progress_bar(scenario.loop.name, even=True) as report,
-                _log(out, mcap, scenario, text, name, values, number, offered) as log,
+                nullcontext() if out is None else LockstepLog(out / "frames.blf", record, mcap=shown_too) as log,
                 Background() if learn else nullcontext() as background,
             ):
                 learning = None if background is None else learning_of(scenario, values, background)
                 more = {"offer": offer, "recorder": None if log is None else Recorder(log), "shown": shown}
                 found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
-                found |= told(offered, trace.taken_at)
+                found |= offer_document(offered, trace.taken_at)
                 if learn:
                     found["learned"] = [lesson.document() for lesson in trace.lessons]
             if log is not None and out is not None:
                 found["log"] = str(log.path)
                 log.add_to_record(trace.learned)
-                pages = story_files(out, scenario, found, trace) if learn else {}
+                pages = learning_files(out, scenario, found, trace) if learn else {}
                 write_files({out / "sil.json": json_text(found), **pages})
     answer(json_output, found, *_lines(scenario, found, trace))
     return int(found["ended"] != DONE)
-
-
-def _log(
-    out: Path | None,
-    mcap: Path | None,
-    scenario: SilScenario,
-    text: str,
-    name: str,
-    values: Theta,
-    seed: int,
-    offered: Offered | None,
-) -> AbstractContextManager[LockstepLog | None]:
-    """The log `frames.blf` in the folder `out`, with what a replay needs beside it; `mcap` gets its frames, too."""
-    if out is None:
-        return nullcontext()
-    record = log_record(
-        {"scenario": text},
-        name,
-        values,
-        scenario.loop.limits,
-        frames(),
-        seed=seed,
-        offered=offered and offered.document(),
-    )
-    return LockstepLog(out / "frames.blf", record, mcap=None if mcap is None else McapLog(mcap))
 
 
 def judged(
@@ -140,7 +105,7 @@ def judged(
     report: Any = None,
     **more: Any,
 ) -> tuple[dict[str, Any], SilTrace]:
-    """One run and its JSON object, judged by the reference in force; `more` goes to `run_sil`."""
+    """One run and its JSON object, scored against the reference in force; `more` goes to `run_sil`."""
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
     loop = judged_loop(scenario, trace)
@@ -156,35 +121,28 @@ def judged(
 
 
 def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Iterator[str]:
-    loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
-    run = f"{loop.duration_s:g} s, seed {found['seed']}, {found['model']} model"
-    yield f"{loop.name}: {loop.kind} rig on the bus, {run}"
-    yield (
-        f"{found['controller']}: rmse {1e3 * found['tracking_rmse_m']:.3f} mm, max {1e3 * found['tracking_max_m']:.3f}"
-        f" mm, {found['hard_violations']} violations, solve {solve['median']:.3f} ms (p99 {solve['p99']:.3f}),"
-        f" {found['real_time_factor']:.1f} x real time"
-    )
-    yield f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected"
+    loop, bus = scenario.loop, found["bus"]
+    yield TEXT("run", name=loop.name, kind=loop.kind, seconds=loop.duration_s, seed=found["seed"], model=found["model"])
+    yield TEXT("tracked", **found)
+    yield TEXT("bus", **bus)
     if kinds := bus.get("unauthenticated"):
-        yield f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}"
-    if told := found.get("operator"):
-        yield f"operator: {told['presses']} presses, {told['expired']} late, {told['accepted']} setpoints taken"
+        yield TEXT("not_authentic", counts=[f"{count} {kind}" for kind, count in sorted(kinds.items())])
+    if operator := found.get("operator"):
+        yield TEXT("operator", **operator)
     for fault in found["faults"]:
-        after = fault["safe_after_ms"]
-        came = "rode through" if after is None else f"safe after {after:.1f} ms"
-        if "distance_mm" in fault:
-            came += f", at most {fault['distance_mm']:.1f} mm from the wanted place"
-        yield f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}"
+        outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
+        outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
+        yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
     yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons)))
     if trace.ended != DONE:
         yield f"ended: {trace.ended}"
 
 
 class Watched:
-    """Passes every frame on to the local bus `channel` by the wall clock; one that is full costs nothing."""
+    """Sends every frame to the local bus `channel` in real time; frames for a full queue are dropped."""
 
     def __init__(self, channel: str) -> None:
-        """Raises ValueError where there can be no such bus."""
+        """Raises ValueError where the bus cannot be opened."""
         self._bus = watched_bus(channel)
         self._zero_s = math.nan
 
@@ -196,7 +154,7 @@ class Watched:
         with contextlib.suppress(can.CanError):
             self._bus.send(message)
 
-    def __enter__(self) -> Watched:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: Any) -> None:

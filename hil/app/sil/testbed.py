@@ -1,4 +1,4 @@
-"""Controller and plant as nodes on one simulated bus: time moves when everybody has done the present slot."""
+"""Controller and plant as nodes on one simulated bus; time moves on once every node has done its slot."""
 
 import math
 import random
@@ -14,7 +14,7 @@ import can
 from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.sil.hand import Hand, SecondOperator, Stranger
+from hil.app.sil.senders import FalseController, ScriptedOperator, SecondOperator
 from hil.bus.authenticated import AuthenticatedBus, inside
 from hil.bus.key import read_key
 from hil.drives.carriage_bus import CarriageBus
@@ -32,29 +32,26 @@ from models.theta import Theta
 from plant.session import Session
 
 PHASE_S = 0.2e-3
-"""The drives' firmware runs this long after the tick's begin: SYNC has arrived by then, the tick's own command has not.
-"""
+"""The drives' firmware runs this long after the begin of a tick: SYNC has arrived, the tick's command has not."""
 _BABBLE = 0  # identifier that wins every arbitration
-_EPOCH = 2
-"""Of every node's start on an authenticated bus; a fault goes back from it."""
-_ERRORS = 15
-"""Errors by which a receiver gets passive: 8 counts each to 128."""
+_EPOCH = 2  # of every node on an authenticated bus; faults use an earlier one
+_ERRORS = 15  # until a receiver is error passive: 8 counts each to 128
 
 
 def believed_on_bus(scenario: SilScenario, values: Theta) -> ControlModel:
-    """The control model of what the scenario's controller believes; on the bus a coil is commanded by its current."""
+    """The control model that the controller believes in; on the bus a coil is commanded by its current."""
     return control_model(scenario.loop.belief, values, scenario.loop.control.tick_s)
 
 
 def task_on_bus(scenario: SilScenario, model: ControlModel, controller: str, **more: Any) -> Task:
-    """The task of the controller node of a scenario, and what is `more` in it."""
+    """The task of the controller node of a scenario; `more` are further fields."""
     loop, seen = scenario.loop, scenario.loop.instruments.localisation
     more |= {"resolution_m": seen.quantum, "estimator": loop.control.estimator, "probe": loop.control.probe}
     return Task(model, controller, loop.reference, loop.limits, seen.std, operator=scenario.operator, **more)
 
 
 class Bench:
-    """All nodes of a scenario and the wire between them, a tick at a time. Nothing waits for a frame."""
+    """All nodes of a scenario and the wire between them, a tick at a time."""
 
     def __init__(
         self,
@@ -69,7 +66,7 @@ class Bench:
         """Raises ValueError for a controller that cannot lead this rig."""
         self._recorder, self._seed = recorder, seed
         loop, self.scenario = scenario.loop, scenario
-        self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
+        self.tick_s, self.frame_map = loop.control.tick_s, frame_map_of(loop.kind)
         bus = scenario.bus
         fd = bus.fd or (scenario.drive is not None and scenario.drive.fd)
         self.medium = Medium(frames().bit_rate, data_bit_rate=bus.data_bitrate if fd else 0)
@@ -78,14 +75,14 @@ class Bench:
         self._kinds = {f.kind for f in scenario.faults}
         self._babbler = SimulatedBus(self.medium, "babbler") if "babbling" in self._kinds else None
         self.links: dict[str, FaultInjection] = {}
-        self._stranger = Stranger(self.medium, self.wiring, self.tick_s, self._kinds)
+        self._false = FalseController(self.medium, self.frame_map, self.tick_s, self._kinds)
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0, plant)
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
-            drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
+            drive.configure(self.frame_map.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = carriage_bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         task = task_on_bus(scenario, model, controller, offer=offer)
@@ -102,11 +99,12 @@ class Bench:
         )
         self.ends = ends
         jog = scenario.jog
-        self.hand = None if jog is None else Hand(self._authentic(SimulatedBus(self.medium, "operator")), jog)
-        self.second = None
-        if jog is not None and "second_operator" in self._kinds:
-            second = self._authentic(SimulatedBus(self.medium, "second operator"))
-            self.second = SecondOperator(second, jog, frames())
+        self.operator = self.second = None
+        if jog is not None:
+            self.operator = ScriptedOperator(self._authentic(SimulatedBus(self.medium, "operator")), jog)
+            if "second_operator" in self._kinds:
+                second = self._authentic(SimulatedBus(self.medium, "second operator"))
+                self.second = SecondOperator(second, jog, frames())
         self.ticks = 0
         self._active: list[Fault] = []
         self._due = list(scenario.faults)
@@ -121,19 +119,19 @@ class Bench:
 
     @property
     def rejected(self) -> int:
-        """Frames that controller and drive refused so far."""
+        """Frames that controller and drive have refused."""
         return self.node.receiver.rejected + self.plant.drive.rejected
 
     @property
     def unauthenticated(self) -> Counter[str]:
-        """Frames that controller and drive did not take because of their authenticator, so far, by reason."""
+        """Frames that controller and drive refused for their authenticator, by reason."""
         refused = (end.refused for end in self.ends.values() if isinstance(end, AuthenticatedBus))
         return sum(refused, Counter())
 
     @property
     def steered(self) -> tuple[float, float, float, float]:
-        """Reference in m, source in charge, how often one took charge, how often an operator pressed."""
-        pressed = (0 if self.hand is None else self.hand.presses) + (0 if self.second is None else self.second.presses)
+        """Reference in m, source that steers, how often one began to steer, how often an operator pressed."""
+        pressed = sum(one.presses for one in (self.operator, self.second) if one is not None)
         operator = self.node.operator
         source, presses = (0, 0) if operator is None else (operator.source, operator.presses)
         return self.node.wanted_m(self.time_s), source, presses, pressed
@@ -143,7 +141,7 @@ class Bench:
         self.medium.shown = shown if shown is None or not self._key else lambda wire: shown(inside(wire))
 
     def start(self) -> None:
-        """The operator's word, with the reference beginning at 0; with a probe, where the capsule is after it."""
+        """Start the node with the reference at 0; with a probe, where the capsule is after it."""
         here = self.scenario.loop.control.probe
         if self._recorder is not None:
             self._recorder.start(self.time_s, math.nan if here else 0.0)
@@ -170,12 +168,12 @@ class Bench:
         at = self.time_s + PHASE_S + number * SLOT_S
         self._change(at)
         if number == self.slots - 1:
-            self._stranger.speak(at, {fault.kind for fault in self._active})
-        if self.hand is not None:
-            self.hand.speak(at)
+            self._false.send(at, {fault.kind for fault in self._active})
+        if self.operator is not None:
+            self.operator.send(at)
         for fault in self._active:
             if self.second is not None and fault.kind == "second_operator":
-                self.second.speak(at, fault.target)
+                self.second.send(at, fault.target)
         if (port := self._babbler) is not None and any(f.kind == "babbling" for f in self._active):
             while len(port.waiting) < 16:
                 port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
@@ -193,7 +191,7 @@ class Bench:
         return self.plant.slots
 
     def _bus(self, name: str, seed: int) -> can.BusABC:
-        """The bus of a node: its port, behind a link where a fault of the scenario tampers with what it receives."""
+        """The bus of a node: its port, behind a link where a fault tampers with what it receives."""
         if not self._kinds & {*TAMPERING, "unreadable"}:
             return self._authentic(self.ports[name])
         self.links[name] = FaultInjection(self.ports[name], lambda: self.medium.now_s, seed, self._key)
@@ -204,7 +202,7 @@ class Bench:
         return AuthenticatedBus(wire, self._key, _EPOCH) if self._key else wire
 
     def _change(self, now: float) -> None:
-        """Let the wire run until `now`; faults begin and end on it at their own times."""
+        """Let the wire run until `now`; faults begin and end at their own times."""
         ends = [(f.end_s, False, f) for f in self._active if f.end_s <= now + 1e-9 and f.kind != "killed"]
         begins = [(f.at_s, True, f) for f in self._due if f.at_s <= now + 1e-9]
         self._due = self._due[len(begins) :]
@@ -229,8 +227,8 @@ class Bench:
             drive.heated_to_C = fault.amount if on else -math.inf
         elif fault.kind == "drive_reset" and on:
             drive.boot(self.medium.now_s)
-        elif fault.kind == "released" and self.hand is not None:
-            self.hand.let_go = True
+        elif fault.kind == "released" and self.operator is not None:
+            self.operator.let_go = True
         elif fault.kind == "encoder_error":
             drive.broken = on
         elif fault.kind == "wrong_node":
@@ -240,13 +238,13 @@ class Bench:
             (self.medium.leave if on else self.medium.recover)(self.ports["drive"])
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
-        """The links that a fault tampers with, and the identifiers there."""
-        known, own = frames(), self.wiring
-        told, says = frozenset[int](), frozenset[int]()
+        """The links that a fault tampers with, and the identifiers."""
+        known, own = frames(), self.frame_map
+        commands, reports = frozenset[int](), frozenset[int]()
         if self.scenario.drive is not None:
-            told, says = self.scenario.drive.identifiers()
+            commands, reports = self.scenario.drive.identifiers()
             if fault.target in ("commands", "feedback"):
-                link, hit_by = ("drive", told) if fault.target == "commands" else ("controller", says)
+                link, hit_by = ("drive", commands) if fault.target == "commands" else ("controller", reports)
                 return [(self.links[link], (fault, hit_by))]
         to_drive = {
             "commands": (own.command,),
@@ -260,7 +258,7 @@ class Bench:
             "all": (*back, "CapsuleLocalisation"),
         }
         hit = []
-        for node, names, more in (("drive", to_drive, told), ("controller", to_controller, says)):
+        for node, names, more in (("drive", to_drive, commands), ("controller", to_controller, reports)):
             if fault.target in names:
                 numbers = frozenset(known[n].id for n in names[fault.target])
                 hit.append((self.links[node], (fault, numbers | more if fault.target == "all" else numbers)))
@@ -268,7 +266,7 @@ class Bench:
 
 
 class _Burst:
-    """What a node at another bit rate does to the others' frames: each one is an error until it is passive."""
+    """A node at another bit rate: it destroys every frame until it is error passive."""
 
     def __init__(self) -> None:
         self._left = _ERRORS

@@ -37,8 +37,8 @@ _REPORTS = 50  # of the progress
 
 @dataclass
 class LoopTrace:
-    """What a run leaves, an entry a tick; `rows` is the truth (`plant.layout`), `health` the monitor's last word,
-    `truth` the rig that it was, `halted` why the supervisor stopped, `first` who was to lead.
+    """The trace of a run, one entry for each tick. `rows` is the true state (`plant.layout`), `health` the last state
+    of the monitor, `truth` the true rig, `halted` why the supervisor stopped, `first` the controller asked for.
     """
 
     time_s: Array
@@ -64,12 +64,12 @@ class LoopTrace:
 
     @property
     def led(self) -> Counter[str]:
-        """Ticks by who led, from the first that was led on."""
+        """Ticks by who led, from the first that was led."""
         return Counter(dropwhile(lambda name: name == "stop", self.active))
 
     @classmethod
     def empty(cls, ticks: int, **more: Any) -> Self:
-        """Room for `ticks` entries, and what is `more`."""
+        """Room for `ticks` entries; `more` are further fields."""
         a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
         return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, **more)
 
@@ -94,7 +94,7 @@ def _contradiction(
     scenario: TrackScenario,
     trace: LoopTrace,
 ) -> str:
-    """Why sensor and drive cannot both be right at `now`, from what has arrived and the commands so far."""
+    """Why sensor and drive contradict each other at `now`, from measurements that arrived and commands so far."""
     tick_s, reference = scenario.control.tick_s, scenario.reference
     reason = watch.drove(command, float(reference.position(np.array([now]))[0]), tick_s)
     for m in arrived:
@@ -107,7 +107,7 @@ def _contradiction(
 
 
 def believed_model(scenario: TrackScenario, values: Theta, before: ControlModel | None = None) -> ControlModel:
-    """The control model of what is believed, with `values` of a stage of a model file."""
+    """The control model of the believed rig, with the `values` of a stage of a model file."""
     drive = DRIVES[scenario.kind]
     belief, numbers = in_time(scenario.belief, values) if drive.shaken else (scenario.belief, values)
     height = _height_m(scenario, numbers, before)
@@ -117,7 +117,7 @@ def believed_model(scenario: TrackScenario, values: Theta, before: ControlModel 
 
 
 def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | None) -> float | None:
-    """The height in m that is asked for where it is a command: that of the model `before`, else a new choice."""
+    """The magnet's height in m where it is commanded: that of the model `before`, else chosen anew."""
     if before is not None and before.rig.magnets is not None:
         return before.rig.magnets.height_m
     chosen = choose_height(scenario.belief, values, _fastest(scenario))
@@ -125,17 +125,17 @@ def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | Non
 
 
 def _fastest(scenario: TrackScenario) -> float:
-    """The greatest speed in m/s that the reference asks for."""
+    """The largest speed of the reference in m/s."""
     times = np.arange(0.0, scenario.duration_s, scenario.control.tick_s)
     return float(np.max(np.abs(scenario.reference.speed(times))))
 
 
 def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
-    """The true rig with its magnet lifted by as much as the controller asked for."""
-    drive, told, asked = scenario.truth.drive, scenario.belief.magnets, model.rig.magnets
-    if not isinstance(drive, TrueMagnetPair) or told is None or asked is None:
+    """The true rig with its magnet lifted as the controller asked."""
+    drive, stated, asked = scenario.truth.drive, scenario.belief.magnets, model.rig.magnets
+    if not isinstance(drive, TrueMagnetPair) or stated is None or asked is None:
         return scenario.truth
-    return replace(scenario.truth, drive=replace(drive, height_m=drive.height_m + asked.height_m - told.height_m))
+    return replace(scenario.truth, drive=replace(drive, height_m=drive.height_m + asked.height_m - stated.height_m))
 
 
 def run_loop(
@@ -147,8 +147,8 @@ def run_loop(
     *,
     offer: Offer | None = None,
 ) -> LoopTrace:
-    """Run `scenario`: each tick estimate, command through supervisor and limits, plant. A model on `offer` takes over
-    at a rest. Raises ValueError for a controller that cannot lead this rig.
+    """Run `scenario`: in each tick estimate, command through supervisor and limits, plant. The model on `offer` takes
+    over at a rest. Raises ValueError for a controller that cannot lead this rig.
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)

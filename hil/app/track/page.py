@@ -1,30 +1,38 @@
-"""The report of a closed-loop run: one page with the path, the error, the command and what the estimator believed."""
+"""The results of closed-loop runs: tables on the terminal, and a page with path, error, command and estimate."""
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from controller.drives import DRIVES
+from controller.supervision.fallback import DONE
+from hil.app import console
+from hil.app.scenario.model_use import health_words, offer_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import LoopTrace
-from hil.app.track.summary import not_ok, times, tracking, verdict
+from hil.app.track.score import HARD
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, POINTS, Array, axes, line, line_look, styled, thinned
-from models.words.quantities import fixed, quantity
+from models.words.quantities import fixed, number, quantity
+from models.words.sentences import Sentences
 from plant import layout as at
 
 Found = dict[str, Any]
 Run = tuple[Found, LoopTrace]
+_WORDS: Final = ("controller", "check", "ticks not ok", "most of a hard limit")
+"""Columns that hold words."""
+TEXT: Final = Sentences(__file__)
 ACROSS = 2
 """Small multiples side by side."""
 
 
 def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
-    """One self-contained page for the runs of a scenario, one a controller."""
+    """One self-contained page for the runs of a scenario, one for each controller."""
     found = [one for one, _ in runs]
     return page(
         "track.html.j2",
@@ -38,7 +46,7 @@ def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
 
 
 def _numbers(found: Found) -> Found:
-    """A run's JSON object, with its numbers as the tables have them."""
+    """The JSON object of a run, with its numbers as in the tables."""
     *lengths, _, wall, effort, violations = tracking(found)
     uses = {name: fixed(100 * share, 1) for name, share in found["limit_use"].items()}
     return found | {
@@ -54,7 +62,7 @@ def _error_mm(scenario: TrackScenario, trace: LoopTrace) -> Array:
 
 
 def _path(scenario: TrackScenario, found: Found, trace: LoopTrace) -> go.Figure:
-    """The path of one run over its reference, and its error."""
+    """The path of one run with its reference, and its error."""
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
     figure = axes("time in s", ("position in mm", "error in mm"), 620)
     line(figure, t, 1e3 * scenario.reference.position(t), "reference", {"color": MUTED, "width": 3.0})
@@ -64,7 +72,7 @@ def _path(scenario: TrackScenario, found: Found, trace: LoopTrace) -> go.Figure:
 
 
 def _errors(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
-    """The errors of many runs in small multiples, in each those of the others behind."""
+    """The errors of many runs in small multiples, each with those of the others behind."""
     t, rows = runs[0][1].rows[:, at.O_T], math.ceil(len(runs) / ACROSS)
     errors = [_error_mm(scenario, trace) for _, trace in runs]
     titles = [f"{found['controller']}: {quantity(found['tracking_rmse_m'], 'm')} rms" for found, _ in runs]
@@ -72,13 +80,13 @@ def _errors(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
     shared: dict[str, Any] = {"shared_xaxes": "all", "shared_yaxes": "all", "subplot_titles": titles}
     shared |= {"horizontal_spacing": 0.04, "vertical_spacing": 44 / height}
     figure = make_subplots(rows=rows, cols=ACROSS, **shared)
-    for place, (found, _) in enumerate(runs):
-        here: dict[str, Any] = {"row": place // ACROSS + 1, "col": place % ACROSS + 1}
-        for error in (other for k, other in enumerate(errors) if k != place):
+    for panel, (found, _) in enumerate(runs):
+        here: dict[str, Any] = {"row": panel // ACROSS + 1, "col": panel % ACROSS + 1}
+        for error in (other for k, other in enumerate(errors) if k != panel):
             x, y = thinned(t, error, POINTS // 8)
             look = {"color": "#c6ced6", "width": 0.8}
             figure.add_scatter(x=x, y=y, mode="lines", line=look, hoverinfo="skip", **here)
-        line(figure, t, errors[place], found["controller"], {"color": INK}, **here)
+        line(figure, t, errors[panel], found["controller"], {"color": INK}, **here)
     for col in range(1, ACROSS + 1):
         figure.update_xaxes(title_text="time in s", row=rows, col=col)
     largest = float(np.quantile(np.abs(np.concatenate(errors)), 0.995))
@@ -87,7 +95,7 @@ def _errors(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
 
 
 def _inside(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
-    """Command, error of the estimate and disturbance; of several runs one shows, the legend brings in the others."""
+    """Command, error of the estimate and disturbance; of several runs the best is shown, the others from the legend."""
     drive = DRIVES[scenario.kind]
     titles = (drive.shown[-1], "estimate less truth in mm", "disturbance in mN")
     figure = axes("time in s", titles, 760, spacing=0.05)
@@ -100,3 +108,63 @@ def _inside(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
         for row, values in enumerate(beliefs, start=1):
             line(figure, trace.time_s, values, found["controller"], line_look(k), row, visible=shown)
     return figure
+
+
+def say(scenario: TrackScenario, found: Sequence[Mapping[str, Any]], out: Path | None) -> None:
+    """Print the JSON objects of a scenario's runs as tables, and where the report is."""
+    first, run = found[0], {"name": scenario.name, "kind": scenario.kind, "seconds": scenario.duration_s}
+    console.say(TEXT("run", seed=first["seed"], model=first["model"], **run))
+    heads = ("rmse mm", "max mm", "final mm", "mean mm/s", "wall mN", "effort mN", "violations")
+    _print(heads, [[one["controller"], *tracking(one)] for one in found])
+    _print(_WORDS[2:], [[one["controller"], not_ok(one), most_used(one)] for one in found])
+    steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
+    _print(steps, [[one["controller"], *times(one)] for one in found])
+    checks = [
+        [one["controller"], check["check"], number(check["value"]), number(check["limit"]), verdict(check)]
+        for one in found
+        for check in one["checks"]
+    ]
+    if checks:
+        _print(("check", "value", "at most", "verdict"), checks)
+    for one in found:
+        ended = "" if one["ended"] == DONE else f"ended: {one['ended']}"
+        changes = [TEXT("stays" if e["after"] == e["before"] else "change", **e) for e in one["events"]]
+        lines = filter(None, (*changes, ended, health_words(one), offer_words(one)))
+        console.say(*(f"{one['controller']}: {words}" for words in lines))
+    if out is not None:
+        console.say(f"report: {out / 'track.html'}")
+
+
+def not_ok(found: Mapping[str, Any]) -> str:
+    """Ticks by status, without those that are ok: "lost 5000, limited 12"."""
+    return ", ".join(f"{name} {n}" for name, n in found["ticks"].items() if n and name != "ok") or "none"
+
+
+def most_used(found: Mapping[str, Any]) -> str:
+    """The limit of the true state that was used most: "gap 83 %"."""
+    share, name = max((share, name) for name, share in found["limit_use"].items() if name in HARD)
+    return f"{name} {100 * share:.0f} %"
+
+
+def times(found: Mapping[str, Any]) -> list[str]:
+    """Median, 99th percentile and maximum of the controller's and the estimator's time for a tick, in ms."""
+    return [fixed(found[what][key], 3) for what in ("solve_ms", "estimate_ms") for key in ("median", "p99", "max")]
+
+
+def verdict(check: Mapping[str, Any]) -> str:
+    return "passed" if check["passed"] else "FAILED"
+
+
+def tracking(one: Mapping[str, Any]) -> list[str]:
+    """Errors in mm, mean speed in mm/s, forces in mN, and violations."""
+    lengths = ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
+    numbers = [fixed(1e3 * one[key], 3) for key in lengths]
+    numbers += [fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")]
+    return [*numbers, str(one["hard_violations"])]
+
+
+def _print(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    table = console.text_table("", ("controller", *heads), _WORDS, bare=True)
+    for row in rows:
+        table.add_row(*row)
+    console.summary().print(table)

@@ -1,7 +1,8 @@
-"""What a closed-loop run is worth, judged on the plant's truth: tracking, effort, forces, limits, times."""
+"""The score of a closed-loop run on the true state, and whether it passes the `[checks]` of its scenario."""
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Final, get_args
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from controller.limits import Limits
 from controller.signals import Status
+from hil.app.scenario.checks import TrackChecks, last_fault_s, legs, rests
 from hil.app.scenario.model_use import health_of
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import LoopTrace
@@ -19,15 +21,17 @@ from plant.rig import Truth
 
 Array = NDArray[np.float64]
 HARD: Final = ("speed", "force", "gap", "current")
-"""Limits of the true state, those of `shares`; the other limits are the command's."""
-_SELDOM = 100  # rows between those at which a magnet's attraction is looked at
+"""Limits of the true state, those of `shares`; the others limit the command."""
+STAYING_S: Final = 1.0
+"""For so long an error must stay small to count as recovered: later slip events do not belong to the drop-out."""
+_SELDOM = 100  # rows between those at which a magnet's attraction is evaluated
 
 
 @dataclass(frozen=True)
 class Score:
-    """SI. `effort`: rms of the drive's force; `hard_violations`: ticks in which the truth broke a limit, `limit_use`
-    the largest share of each; `ticks` by status, `estimator` what became of measurements, `events` change-overs,
-    `monitor` the model's health.
+    """SI. `effort`: rms of the drive's force; `hard_violations`: ticks in which the true state broke a limit;
+    `limit_use`: largest share of each limit; `ticks` by status; `estimator`: measurements accepted and refused;
+    `events`: changes of the controller; `monitor`: health of the model.
     """
 
     tracking_rmse_m: float
@@ -49,7 +53,7 @@ class Score:
 
 
 def score(scenario: TrackScenario, trace: LoopTrace) -> Score:
-    """The numbers of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
+    """The score of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
     rows, truth = trace.rows, trace.truth or scenario.truth
     t, x = rows[:, at.O_T], rows[:, at.O_X]
     judged = t >= scenario.control.judged_from_s
@@ -78,7 +82,7 @@ def score(scenario: TrackScenario, trace: LoopTrace) -> Score:
 
 
 def wall_force(truth: Truth, rows: Array) -> Array:
-    """Force in N on the lumen, (rows - 1,): the drive's less what accelerates the masses."""
+    """Force in N on the lumen, (rows - 1,): the drive's force less the inertia of the masses."""
     dt = np.diff(rows[:, at.O_T])
     pushed = rows[:-1, at.O_FORCE] - truth.capsule.mass_kg * np.diff(rows[:, at.O_V]) / dt
     if isinstance(truth.drive, TrueVibro):
@@ -96,7 +100,7 @@ def violations(truth: Truth, limits: Limits, rows: Array, tick_s: float) -> int:
 
 
 def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
-    """The true state as a share of each limit, a value a row; for the force one less."""
+    """The true state as a share of each limit, one value for each row; for the force one value less."""
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
@@ -108,7 +112,7 @@ def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
 
 
 def limit_use(scenario: TrackScenario, trace: LoopTrace) -> dict[str, float]:
-    """The largest of `shares`; a carriage's speed, acceleration and travel beside them, as commanded."""
+    """The largest of `shares`, and those of a carriage's commanded speed, acceleration and travel."""
     limits, tick, truth = scenario.limits, scenario.control.tick_s, trace.truth or scenario.truth
     used = {name: float(np.max(share)) for name, share in shares(truth, limits, trace.rows).items()}
     magnets = scenario.belief.magnets
@@ -126,7 +130,7 @@ def limit_use(scenario: TrackScenario, trace: LoopTrace) -> dict[str, float]:
 
 
 def _times(seconds: Array) -> dict[str, float]:
-    """Median, 99th percentile and maximum in ms; of those that were measured."""
+    """Median, 99th percentile and maximum in ms of the finite ones."""
     ms = 1e3 * seconds[np.isfinite(seconds)]
     if not ms.size:
         return dict.fromkeys(("median", "p99", "max"), math.nan)
@@ -145,3 +149,79 @@ def document(
         **{key: getattr(result, key) for key in Score.__dataclass_fields__},
         "log": log,
     }
+
+
+def verdicts(scenario: TrackScenario, controller: str, trace: LoopTrace, found: Score) -> list[dict[str, Any]]:
+    """Each check of `controller`: name, `value` in its unit (inf: never), `limit`, whether passed."""
+    checks = scenario.checks.of(controller)
+    values = dict(_scored(found)) | dict(_traced(scenario, checks, trace))
+    limits = {name: getattr(checks, name) for name in values}
+    return [
+        {"check": name, "value": value, "limit": limits[name], "passed": bool(value <= limits[name])}
+        for name, value in values.items()
+        if limits[name] is not None
+    ]
+
+
+def _scored(found: Score) -> Iterator[tuple[str, float]]:
+    yield "rmse_mm", 1e3 * found.tracking_rmse_m
+    yield "worst_mm", 1e3 * found.tracking_max_m
+    yield "final_mm", 1e3 * abs(found.final_error_m)
+    yield "wall_force_mN", 1e3 * found.wall_force_max_N
+    yield "hard_violations", found.hard_violations
+    yield "lost_ticks", found.ticks["lost"]
+    yield "failed_ticks", found.solve_ms["failed"]
+
+
+def _traced(scenario: TrackScenario, checks: TrackChecks, trace: LoopTrace) -> Iterator[tuple[str, float]]:
+    t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
+    error = 1e3 * np.abs(x - scenario.reference.position(t))
+    reference, duration = scenario.reference, scenario.duration_s
+    if checks.drift_mm is not None:
+        begin = scenario.control.judged_from_s if checks.drift_from_s is None else checks.drift_from_s
+        yield "drift_mm", 1e3 * float(np.ptp(x[t >= begin]))
+    fault = last_fault_s(scenario.instruments)
+    if checks.recovered_mm is not None and fault is not None:
+        yield "recovered_within_s", _back_below(t, error, checks.recovered_mm, fault)
+    if checks.settled_mm is not None:
+        times = [_below_for_good(t, error, checks.settled_mm, *span) for span in rests(reference, duration)]
+        yield "settled_within_s", max(times, default=math.inf)
+    if checks.speed_error_percent is not None:
+        after = checks.speed_after_s
+        yield (
+            "speed_error_percent",
+            max(
+                100 * abs(_mean_speed(t, x, begin + after, end) / speed - 1)
+                for (begin, end), speed in legs(reference, duration)
+                if end - begin > after
+            ),
+        )
+
+
+def _below_for_good(t: Array, error: Array, bound: float, begin: float, end: float) -> float:
+    """Seconds after `begin` from which on `error` stays below `bound` until `end`; inf where it does not."""
+    inside = (t >= begin) & (t < end)
+    above = np.flatnonzero(~(error[inside] < bound))
+    if not above.size:
+        return 0.0
+    last = int(above[-1])
+    return math.inf if last == np.count_nonzero(inside) - 1 else float(t[inside][last + 1] - begin)
+
+
+def _back_below(t: Array, error: Array, bound: float, begin: float) -> float:
+    """Seconds after `begin` until `error` stays below `bound` for `STAYING_S`; inf: never."""
+    later = t >= begin
+    times, above = t[later], np.flatnonzero(~(error[later] < bound))
+    starts = [0, *(above + 1)]
+    ends = [*times[above], math.inf]
+    for start, end in zip(starts, ends, strict=True):
+        if start < times.size and end >= times[start] + STAYING_S:
+            return float(times[start] - begin) if start else 0.0
+    return math.inf
+
+
+def _mean_speed(t: Array, x: Array, begin: float, end: float) -> float:
+    """Slope of the line through the positions: the ends alone would fall somewhere into a swing."""
+    inside = (t >= begin) & (t < end)
+    late = t[inside] - np.mean(t[inside])
+    return float(np.sum(late * x[inside]) / np.sum(late**2))

@@ -1,58 +1,42 @@
 """`capsule track`: a closed loop in simulation, without a bus."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
+from hil.app import shared_options as options
 from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
-from hil.app.scenario.model_offer import offer_of, read_offer, told
-from hil.app.scenario.model_use import values_of
+from hil.app.scenario.model_use import offer_document, offer_of, read_offer, values_of
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
-from hil.app.shared_options import (
-    ControllerName,
-    Json,
-    LearnedModel,
-    OwnControllers,
-    OwnEffects,
-    ReferenceFile,
-    RunSeed,
-    StageOrScenario,
-    argument,
-    option,
-)
-from hil.app.track.loop import LoopTrace, Progress, believed_model, run_loop
-from hil.app.track.page import page_html
-from hil.app.track.score import document, score
-from hil.app.track.summary import say
-from hil.app.track.verdicts import verdicts
+from hil.app.shared_options import argument, option
+from hil.app.track.loop import LoopTrace, believed_model, run_loop
+from hil.app.track.page import page_html, say
+from hil.app.track.score import document, score, verdicts
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
 from models.theta import Theta
+from models.words.sentences import Sentences
 
-
-def _part(report: Progress, number: int, count: int, stage: str, share: float) -> None:
-    """Progress of run `number` of `count`."""
-    report(stage, (number + share) / count)
+TEXT: Final = Sentences(__file__)
 
 
 def track(
     path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and what is believed.")],
     *,
-    controller: ControllerName = None,
-    model: LearnedModel = None,
-    stage: StageOrScenario = None,
-    seed: RunSeed = None,
-    reference: ReferenceFile = None,
+    controller: options.ControllerName = None,
+    model: options.LearnedModel = None,
+    stage: options.StageOrScenario = None,
+    seed: options.RunSeed = None,
+    reference: options.ReferenceFile = None,
     compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
     out: Annotated[Path | None, option("--out", "DIR", "Folder for track.html and track.json.")] = None,
-    json_output: Json = False,
-    effects: OwnEffects,
-    controllers: OwnControllers,
+    json_output: options.Json = False,
+    effects: options.OwnEffects,
+    controllers: options.OwnControllers,
 ) -> int:
     """Run a scenario in closed loop: 1 where a run fails a check of the scenario. Raises ValueError."""
     with own_folder(out, "--out"):
@@ -60,9 +44,7 @@ def track(
         scenario = load_track_scenario(path, reference).knowing(known)
         values, used = values_of(model, stage, scenario.kind, known)
         if compare and controller is not None:
-            raise ValueError(
-                f"--compare must stand without --controller, as it runs them all; got --controller {controller}"
-            )
+            raise ValueError(f"--compare runs all controllers, so it must stand without --controller; got {controller}")
         able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
         names = able if compare else [scenario.control.controller if controller is None else controller]
         with output_to_notes():
@@ -80,20 +62,24 @@ def track(
 def _runs(
     scenario: TrackScenario, folder: Path, values: Theta, used: str, names: Sequence[str], seed: int, out: Path | None
 ) -> list[tuple[dict[str, Any], LoopTrace]]:
-    """A run under each of the controllers `names`: its JSON object and its trace."""
+    """A run with each of the controllers `names`: its JSON object and its trace."""
     believed = believed_model(scenario, values)
     offered = read_offer(scenario.offer, folder, scenario.belief, values)
     offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
     late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
     if late >= latest:
-        note(f"localisation comes {late:g} s late and is not used: limits.age_s is {latest:g} s")
+        note(TEXT("late", seconds=late, limit=latest))
     runs: list[tuple[dict[str, Any], LoopTrace]] = []
     with progress_bar(scenario.name, even=True) as report:
         for k, name in enumerate(names):
-            trace = run_loop(scenario, believed, name, seed, partial(_part, report, k, len(names)), offer=offer)
+
+            def part(stage: str, share: float, done: int = k) -> None:
+                report(stage, (done + share) / len(names))
+
+            trace = run_loop(scenario, believed, name, seed, part, offer=offer)
             worth = score(scenario, trace)
             found = document(scenario, name, seed, used, worth, None if out is None else str(out / "track.json"))
-            found |= told(offered, trace.taken_at)
+            found |= offer_document(offered, trace.taken_at)
             found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
             found["led_share"] = shares(trace.led)
             if believed.rig.magnets is not None:

@@ -1,5 +1,5 @@
-"""Every end that `hil.app.ends` declares is brought about by running its command: status and sentence are as the
-documentation's table has them. An end without a case fails, and so does a case without an end.
+"""Every end that `tests.hil.app.docs.ends` declares is brought about by its command: status and sentence are those of
+its row. An end without a case fails, and so does a case without an end.
 """
 
 import json
@@ -24,7 +24,6 @@ import pytest
 
 from controller.feedforward import Feedforward
 from controller.signals import Action
-from hil.app.ends import ENDS, End, table
 from hil.app.main import run
 from hil.app.run import check
 from hil.app.run import run as run_module
@@ -38,6 +37,7 @@ from hil.log.place import record_path
 from hil.log.reader import read_frames
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLED, FAULT
+from tests.hil.app.docs.ends import ENDS, End, table
 from tests.hil.app.run.deployments import PLANT, deployment, rig_file
 from tests.hil.app.run.forked import Forked
 from tests.hil.app.run.plant_process import plant_on

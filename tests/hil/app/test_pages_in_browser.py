@@ -23,7 +23,7 @@ from hil.app.demo.loop import LOOPS
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import Mission, StoryResult
 from hil.app.papers.seeds import write_page
-from hil.app.sil.story import PAGE
+from hil.app.sil.learning_page import PAGE
 from hil.report.closed_loop import report_html
 from tests.bench.vibro_sweep import vibro_sweep
 from tests.conftest import RIG

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.app.shortage import LEAST_FILES, LEAST_MEMORY, shortage
+from hil.app.system import LEAST_FILES, LEAST_MEMORY, shortage
 from hil.app.write import file_trouble
 from tests.places import ROOT
 

@@ -9,7 +9,7 @@ from typing import Final
 
 import pytest
 
-from hil.app.streams import UNWRITTEN
+from hil.app.system import UNWRITTEN
 from tests.hil.app.run.deployments import PLANT, deployment
 from tests.hil.app.run.forked import LONGEST_S, SERVER
 

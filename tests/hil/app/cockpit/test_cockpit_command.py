@@ -63,8 +63,8 @@ def test_a_log_with_its_record_says_what_the_model_is_made_of(tmp_path: Path) ->
     record = log_record({"deployment": text}, "feedforward", values, parsed.limits, frames())
     with LockstepLog(tmp_path / "run.blf", record) as log:
         log.put(story(1.0))
-    with module._source(tmp_path / "run.blf") as (source, hands):
-        assert hands is None
+    with module._source(tmp_path / "run.blf") as (source, operator):
+        assert operator is None
         assert isinstance(source, LogSource)
         model = source.facts.models[0]
     assert model["made"] == "base + fold_periodic"

@@ -16,7 +16,7 @@ import tornado.httpclient  # noqa: E402
 import tornado.httpserver  # noqa: E402
 import tornado.websocket  # noqa: E402
 
-from hil.app.cockpit.hands import Hands  # noqa: E402
+from hil.app.cockpit.operator_panel import OperatorPanel  # noqa: E402
 from hil.app.cockpit.panels import Facts  # noqa: E402
 from hil.app.cockpit.server import OPERATORS, WATCHERS, Cockpit, bind  # noqa: E402
 from hil.app.cockpit.source import BusSource, LogSource  # noqa: E402
@@ -132,7 +132,7 @@ def test_a_bus_is_watched_and_a_picture_is_small(channel: str) -> None:
 
     async def talk(cockpit: Cockpit, where: str) -> None:
         page, hello = await come(f"ws://{where}/socket?token={cockpit.token}")
-        assert hello["commands"] is False  # there are no hands
+        assert hello["commands"] is False  # there are no operator
         sizes, states, bins = [], [], 0
         for _ in range(30):
             cockpit.picture()
@@ -169,16 +169,16 @@ def test_only_the_right_token_commands(channel: str) -> None:
             await page.write_message(json.dumps({"ask": "arm", "on": True}))
             await page.write_message(json.dumps({"ask": "hold", "mode": "speed", "value": 1e-3}))
             await asyncio.sleep(0.1)
-            assert cockpit.hands is not None
-            cockpit.hands.cycle()
+            assert cockpit.operator is not None
+            cockpit.operator.cycle()
             await left(page)
         return found
 
     setpoint = CATALOGUE["OperatorSetpoint"].id
     with LocalBus(channel) as bus, LocalBus(channel) as ear:
         source = BusSource(bus, Clock(), FACTS)
-        hands = Hands(source, Path("x.toml"), OperatorLimits(accept=True))
-        assert served(Cockpit(source, hands=hands), talk) == [False, False, True]
+        operator = OperatorPanel(source, Path("x.toml"), OperatorLimits(accept=True))
+        assert served(Cockpit(source, operator=operator), talk) == [False, False, True]
         heard = list(iter(lambda: ear.recv(0), None))
         assert [message.arbitration_id for message in heard] == [setpoint]
 
@@ -199,8 +199,8 @@ def test_those_without_the_token_leave_the_operators_places(channel: str) -> Non
         await operators[0][0].write_message(json.dumps({"ask": "arm", "on": True}))
         await operators[-1][0].write_message(json.dumps({"ask": "safe_stop"}))
         await asyncio.sleep(0.1)
-        assert cockpit.hands is not None
-        cockpit.hands.cycle()
+        assert cockpit.operator is not None
+        cockpit.operator.cycle()
         late, hello = await come(f"ws://{where}/socket?token={cockpit.token}")
         assert hello["commands"]
         gone = operators[1][0]
@@ -213,7 +213,7 @@ def test_those_without_the_token_leave_the_operators_places(channel: str) -> Non
 
     with LocalBus(channel) as bus, LocalBus(channel) as ear:
         source = BusSource(bus, Clock(), FACTS)
-        served(Cockpit(source, hands=Hands(source, Path("x.toml"), OperatorLimits(accept=True))), talk)
+        served(Cockpit(source, operator=OperatorPanel(source, Path("x.toml"), OperatorLimits(accept=True))), talk)
         heard = {message.arbitration_id for message in iter(lambda: ear.recv(0), None)}
         assert CATALOGUE["SafeStop"].id in heard
 
@@ -284,7 +284,7 @@ def test_no_message_and_no_request_is_a_traceback(
     if live:
         with LocalBus(channel) as bus:
             source = BusSource(bus, Clock(), FACTS)
-            served(Cockpit(source, hands=Hands(source, Path("x.toml"), OperatorLimits(accept=True))), talk)
+            served(Cockpit(source, operator=OperatorPanel(source, Path("x.toml"), OperatorLimits(accept=True))), talk)
     else:
         served(Cockpit(log), talk)
     assert [record for record in caplog.records if record.exc_info] == []

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from hil.app.scenario.bus_scenario import FmuTable, JogTable, SimulatedBusTable
-from hil.app.scenario.deployment import BusTable, ControlTable, Pace, PlantTable
-from hil.app.scenario.model_offer import ModelTable, OfferTable
+from hil.app.scenario.deployment import BusTable, ControlTable, LearningTable, PlantTable
+from hil.app.scenario.model_use import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.drives.makers import ACTUATORS
@@ -62,7 +62,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, type[NamedTable]]] = {
     "[offer]": OfferTable,
     "[operator]": OperatorLimits,
     "[jog] of a scenario": JogTable,
-    "[learning]": Pace,
+    "[learning]": LearningTable,
     **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
     "[plant] of a scenario": FmuTable,

@@ -9,8 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from hil.app import ends
-from tests.hil.app.docs import api, effects, keys, settings
+from tests.hil.app.docs import api, effects, ends, keys, settings
 
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
     {

@@ -38,7 +38,7 @@ def test_the_command_that_it_prints_runs(kind: str, tmp_path: Path, capsys: pyte
 def test_what_stands_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / RECORD).write_text("mine")
     assert run(["init", "pull", str(tmp_path)]) == 2
-    assert "none is overwritten" in capsys.readouterr().err
+    assert "no file is overwritten" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == [RECORD]
     assert (tmp_path / RECORD).read_text() == "mine"
 

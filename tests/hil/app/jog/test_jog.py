@@ -12,7 +12,7 @@ import pytest
 
 from hil.app.jog import keys, raw_terminal
 from hil.app.main import run
-from hil.app.scenario.jog_script import Step, steps
+from hil.app.scenario.bus_scenario import Step, steps
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.local import LocalBus
@@ -73,14 +73,14 @@ def test_a_line_that_is_no_step(line: str, sentence: str) -> None:
     ("more", "words", "sentence"),
     [
         ("", [], "rig.toml: operator.accept must be true"),
-        (OPERATOR, [], "capsule jog must be run in a terminal, for its keys; got another input: --script - reads it"),
+        (OPERATOR, [], "capsule jog must run in a terminal, for its keys; got another input: --script - reads it"),
         (OPERATOR, ["--script", "none.txt"], "none.txt: script must be a text file that can be read"),
         (OPERATOR, ["--script", "-", "--life", "500"], r"life_ms must lie in [1, 200]; got 500"),
         (OPERATOR, ["--script", "-", "--source", "keybord"], "Source must be one of its names; got 'keybord'"),
-        (OPERATOR + 'sources = ["ros"]\n', [], "--source must be among operator.sources, ros; got 'keyboard'"),
+        (OPERATOR + 'sources = ["ros"]\n', [], "--source must be one of ros; got 'keyboard'"),
         (OPERATOR + 'sources = ["rose"]\n', [], "operator.sources must be among keyboard, cockpit"),
         (OPERATOR + "sources = [1]\n", [], "operator.sources must be text"),
-        (OPERATOR + "speed_m_s = 0.35\n", [], "operator.speed_m_s must be at most 0.25, as [limits] have it"),
+        (OPERATOR + "speed_m_s = 0.35\n", [], "operator.speed_m_s must be at most 0.25, as in [limits]"),
         (OPERATOR + "lowest_m = 0.1\n", [], "operator.lowest_m must lie below highest_m"),
         (OPERATOR + "highest_m = 1.05\n", [], "operator.highest_m must lie within limits.travel_m, 1 m"),
         (OPERATOR + "speed = 1\n", [], "did you mean 'speed_m_s'"),

@@ -79,7 +79,7 @@ def test_another_one_steers(tmp_path: Path, channel: str, capsys: pytest.Capture
         assert run(["jog", file, "--script", script, "--source", "script"]) == 1
     assert (found["taken"], found["refused"], found["others"]) == (0, {"busy": 50}, 0)
     assert found["last"]["source"] == "joystick"
-    assert "50 of 50 with the switch held refused (busy 50)" in " ".join(capsys.readouterr().out.split())
+    assert "50 of 50 setpoints with the switch held were refused: busy 50" in " ".join(capsys.readouterr().out.split())
 
 
 def test_nobody_else_steers(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,6 +109,6 @@ def test_another_one_sends_by_the_same_name(
     assert found["sent"] == 0
     assert found["others"] >= 1
     told = " ".join(capsys.readouterr().out.split())
-    assert "another sender is on the bus as script: --source takes another name" in told
+    assert "another sender is on the bus as script: choose another name by --source" in told
     assert answer is not None
     assert answer.source == ("script" if pressed else "nobody")

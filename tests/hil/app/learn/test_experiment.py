@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.excursion import Experiment
-from hil.app.learn.experiment import experiment_of
+from hil.app.learn.learner import experiment_of
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.deployment import Pace
+from hil.app.scenario.deployment import LearningTable
 from hil.app.sil.loop import SilTrace, judged_loop, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.log.log import LockstepLog
@@ -106,8 +106,8 @@ def test_beyond_the_travel_allowed_and_under_way_it_is_not_driven(tmp_path: Path
 )
 def test_an_experiment_stays_within_its_pace(reach: float, speed: float, longest: float, places: list[float]) -> None:
     motion = tuple(float(k) for k in range(len(places) + 1)) if places else (), tuple([0.0, *places] if places else [])
-    pace = Pace(experiment_mm=reach, experiment_mm_s=speed, experiment_s=longest)
-    experiment = experiment_of(motion, pace, 3.0)
+    learning = LearningTable(experiment_mm=reach, experiment_mm_s=speed, experiment_s=longest)
+    experiment = experiment_of(motion, learning, 3.0)
     assert experiment is not None
     assert np.max(np.abs(experiment.path.places)) <= 1e-3 * reach * (1 + 1e-9)
     assert experiment.path.places[-1] == pytest.approx(0.0, abs=1e-9)
@@ -115,4 +115,4 @@ def test_an_experiment_stays_within_its_pace(reach: float, speed: float, longest
 
 
 def test_none_is_made_where_none_is_allowed() -> None:
-    assert experiment_of(((), ()), Pace(), 3.0) is None
+    assert experiment_of(((), ()), LearningTable(), 3.0) is None

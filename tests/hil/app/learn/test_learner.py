@@ -15,7 +15,7 @@ from controller.supervision.history import History
 from controller.supervision.model_switch import Offer, Prepared
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
-from hil.app.learn.learner import Learner, Pace
+from hil.app.learn.learner import Learner, LearningTable
 from models.identification import Model
 from models.identification.kinds import kind_for, ready
 from models.rigs.columns import TIME
@@ -23,7 +23,7 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 from tests.controller.loops import believed, model_of
 
-PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
+PACE = LearningTable(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
 FOUND = LearningAnswer(
     Theta.of({"magnet_stiffness_N_per_m": 24.0}), ("fold_periodic",), "named", "held-out error lower"
 )
@@ -53,7 +53,7 @@ class Story:
     """A learner, and what it asked."""
 
     found: LearningAnswer
-    pace: Pace = PACE
+    learning: LearningTable = PACE
     asked: list[LearningQuestion] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class Story:
             Theta(),
             lambda values: model,
             self.ask,
-            self.pace,
+            self.learning,
             drive=self.driven.append,
         )
 

@@ -8,10 +8,17 @@ from typing import Any
 import can
 import pytest
 
-from hil.app.run import loop
+from hil.app.run import machine
 from hil.app.run.clock import Histogram
-from hil.app.run.loop import prepare_process
-from hil.app.run.machine import lateness, link_advice, link_faults, link_of, priority_words, tick_to_hold
+from hil.app.run.machine import (
+    lateness,
+    link_advice,
+    link_faults,
+    link_of,
+    prepare_process,
+    priority_words,
+    tick_to_hold,
+)
 from hil.app.scenario.deployment import BusTable, ControlTable
 from hil.bus.local import LocalBus
 
@@ -27,8 +34,8 @@ def test_an_interface_as_the_kernel_makes_it_is_told_what_it_lacks() -> None:
     fresh = link(bittiming={"bitrate": 1_000_000}, data_bittiming={"bitrate": 2_000_000}, restart_ms=0)
     assert link_faults(fresh, TABLE) == ["data_bittiming of can0 must be 5000000; got 2000000"]
     assert link_advice(fresh, TABLE) == [
-        "a queue of 10 frames: ip link set can0 txqueuelen 128",
-        "no return after bus-off: ip link set can0 type can restart-ms 100, while it is down",
+        "queue of 10 frames: ip link set can0 txqueuelen 128",
+        "no restart after bus-off: ip link set can0 type can restart-ms 100, while the interface is down",
     ]
     assert link_faults(link(bittiming={"bitrate": 500_000}), BusTable(interface="socketcan", channel="can0")) == [
         "bittiming of can0 must be 1000000; got 500000"
@@ -69,7 +76,7 @@ def test_priority_is_tried_and_given_back(monkeypatch: pytest.MonkeyPatch) -> No
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
-    assert priority_words(ControlTable(priority=20)).startswith("real-time priority 20 is not to be had: ")
+    assert priority_words(ControlTable(priority=20)).startswith("real-time priority 20 is not available")
 
 
 def test_a_system_without_such_sockets_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,8 +88,10 @@ def test_a_system_without_such_sockets_is_one_sentence(monkeypatch: pytest.Monke
 def test_a_system_without_real_time_scheduling_is_told_of_and_led_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
     monkeypatch.delattr(os, "sched_setaffinity")
-    assert priority_words(ControlTable(priority=20)) == "this system has no real-time priority to ask for"
+    assert priority_words(ControlTable(priority=20)) == "this system has no real-time priority"
     assert priority_words(ControlTable()) == ""
-    monkeypatch.setattr(loop, "_lock_memory", lambda: None)
-    monkeypatch.setattr(loop.gc, "freeze", lambda: None)
-    assert prepare_process(20, 0) == [f"{what} is not to be had on this system" for what in ("core 0", "priority 20")]
+    monkeypatch.setattr(machine, "_lock_memory", lambda: None)
+    monkeypatch.setattr(machine.gc, "freeze", lambda: None)
+    assert prepare_process(20, 0) == [
+        f"{what} is not available: this system does not have it" for what in ("core 0", "priority 20")
+    ]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.run.replay import Word, ticks_of
+from hil.app.run.replay import Order, ticks_of
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.sil import testbed as sil_bench
 from hil.bus.catalogue import load_catalogue
@@ -74,7 +74,7 @@ def test_another_controller_is_told_apart(tmp_path: Path, capsys: pytest.Capture
     capsys.readouterr()
     assert run(["replay", str(log)]) == 1
     said = capsys.readouterr().out
-    assert "ticks differ" in said
+    assert "differ" in said
     assert "logged CarriageCommand" in said
 
 
@@ -115,11 +115,11 @@ def test_a_log_that_was_cut_off_is_compared_as_far_as_it_goes_and_is_not_identic
         file.stop()
         found = told()
         assert (found["identical"], found["different_ticks"]) == (False, 0)
-        assert found["cut_off"] == f"the log is cut off or another one: {count} of {len(frames)} frames and notes"
+        assert found["cut_off"] == f"the log is incomplete or another one: {count} of {len(frames)} frames and notes"
     record = json.loads(record_path(log).read_text())
     assert record.pop("entries") == len(frames)
     record_path(log).write_text(json.dumps(record))
-    assert "its record does not say where the log ends" in told()["cut_off"]
+    assert "its record does not state where the log ends" in told()["cut_off"]
 
 
 JUNK: Final[tuple[Any, ...]] = (None, [], {}, "", -1, 1.5, math.nan, 10**400, [1], [None], [{}], {"a": None}, [[]])
@@ -169,9 +169,9 @@ def test_times_are_kept_to_the_last_bit(tmp_path: Path) -> None:
         recorder(can.Message(time_s, 0x200, False, data=b"2", is_rx=True))
         recorder(can.Message(2.5, SYNC, False, data=b"3", is_rx=False))
     word, first, second = ticks_of(read_frames(tmp_path / "a.blf"), SYNC)
-    assert word == Word(START, 0.25, time_s)
-    assert not isinstance(first, Word)
-    assert not isinstance(second, Word)
+    assert word == Order(START, 0.25, time_s)
+    assert not isinstance(first, Order)
+    assert not isinstance(second, Order)
     assert (first.time_s, first.solved, first.sent) == (time_s, False, [(SYNC, b"1")])
     assert [m.timestamp for m in first.heard] == [time_s]
     assert (second.time_s, second.solved) == (2.5, True)
@@ -188,9 +188,9 @@ def test_logs_without_a_task_are_one_sentence(tmp_path: Path, capsys: pytest.Cap
     own = {"format": 2, "catalogue": load_catalogue().fingerprint}
     scenario = {"values": {}, "scenario": SHORT, **own}
     for record, sentence in (
-        ({}, "format must be 2, as this program has it; got None"),
-        ({**own, "format": 1}, "format must be 2, as this program has it; got 1"),
-        ({**own, "catalogue": 7}, f"catalogue must be {own['catalogue']}, as this program has it; got 7"),
+        ({}, "format must be 2, as in this program; got None"),
+        ({**own, "format": 1}, "format must be 2, as in this program; got 1"),
+        ({**own, "catalogue": 7}, f"catalogue must be {own['catalogue']}, as in this program; got 7"),
         (own, "must have controller, values"),
         ({"controller": "pid", "values": {}, "deployment": "x", **own}, "must describe a task"),
         ({"controller": "pid", "values": {}, "scenario": "[rig]", **own}, "must describe a task"),

@@ -75,7 +75,7 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
     assert run(["run", rig_file(tmp_path, text), "check", "--json"]) == 1
     found = {point["what"]: point for point in json.loads(capsys.readouterr().out)["points"]}
     assert not found["bus"]["good"]
-    assert (found["drive Carriage"]["good"], found["drive Carriage"]["words"]) == (False, "nothing heard")
+    assert (found["drive Carriage"]["good"], found["drive Carriage"]["words"]) == (False, "nothing received")
     assert "carriage_speed_m_s must be at most 0.4" in found["limits"]["words"]
     assert found["model"]["good"]
     assert "p99" in found["time"]["words"]
@@ -102,7 +102,7 @@ def test_a_log_never_takes_the_name_of_another_file(
             deployment(interface="socketcan", channel="nocan9"),
             "rig.toml: bus must be one that opens; got socketcan 'nocan9'",
         ),
-        (deployment(interface="socketcan", channel="nocan9"), "brings it up, in a kernel that knows CAN"),
+        (deployment(interface="socketcan", channel="nocan9"), "brings it up, in a kernel with CAN"),
         (deployment(channel="y" * 150), "bus must be one that opens"),
         (deployment(interface="pcan"), "bus must be one that opens; got pcan"),
         (
@@ -160,7 +160,7 @@ def test_a_model_leads_only_through_the_gate(tmp_path: Path, capsys: pytest.Capt
     assert loaded.verdict is not None
     assert not loaded.verdict.passed
     assert run(["run", rig_file(tmp_path, text)]) == 2
-    assert "must pass the gate" in capsys.readouterr().err
+    assert "must pass the acceptance test" in capsys.readouterr().err
     (tmp_path / "report.json").write_text(
         '{"kind": "magnetic", "error": {"holdout": {"calibrated": 1.0, "augmented": 0.5}}}'
     )

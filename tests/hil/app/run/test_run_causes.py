@@ -6,7 +6,6 @@ from typing import Any
 
 import can
 
-from hil.app.ends import RUN_ENDS
 from hil.app.run.loop import StopSignals
 from hil.bus.protection import Sender
 from hil.nodes.controller.receive import FrameReceiver, Twins
@@ -14,6 +13,7 @@ from hil.nodes.frame_map import frame_map_of, frames
 from hil.simulated.medium import SimulatedBus
 from hil.simulated.plant_node import SLOT_S, PlantNode
 from plant.session import Session
+from tests.hil.app.docs.ends import RUN_ENDS
 from tests.hil.app.run.test_run_ends import Rig, led
 from tests.hil.scripted_bus import ScriptedBus
 
@@ -102,8 +102,8 @@ def test_two_of_a_kind_are_named_before_anything_is_led() -> None:
 
 
 def test_a_localisation_that_is_told_as_too_old_is_named(tmp_path: Path) -> None:
-    """Refused frames are not the cause and not told."""
-    words = "localisation is told as 202 ms old, and may be 150 ms old"
+    """Refused frames are not the cause and not named."""
+    words = "the localisation is 202 ms old by its own stamp; at most 150 ms is allowed"
     outcome, _ = led(tmp_path, localisation={"latency_s": 0.2})
     assert (outcome.end, RUN_ENDS[outcome.end].status) == ("gave_up", 1)
     assert outcome.ended == f"gave up: the drive was not enabled within 3 s: {words}"

@@ -15,7 +15,6 @@ import can
 import numpy as np
 import pytest
 
-from hil.app.ends import RUN_ENDS
 from hil.app.main import run
 from hil.app.run.clock import Clock
 from hil.app.run.loop import Outcome, StopSignals, lead, reset
@@ -32,6 +31,7 @@ from hil.nodes.controller.node import ControllerNode, Tick
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
 from plant import layout as at
+from tests.hil.app.docs.ends import RUN_ENDS
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.sil.sil_runs import model_of, scenario_of
 
@@ -181,7 +181,7 @@ def test_a_fault_is_not_led_and_reset_only_resets(tmp_path: Path) -> None:
         states = set[int]()
         node.each = lambda now: states.add(node.receiver.state)
         done = reset(node, clock, recorder, StopSignals())
-        assert (done.end, done.ended) == ("reset", "drive fault 4 is acknowledged; the drive stands by")
+        assert (done.end, done.ended) == ("reset", "drive fault 4 is acknowledged; the drive is in standby")
         assert states <= {FAULT, STANDBY}
         node.bench.plant.drive.heated_to_C = 60.0
         until = node.bench.time_s + 0.5

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.ends import RUN_ENDS
 from plant import layout as at
+from tests.hil.app.docs.ends import RUN_ENDS
 from tests.hil.app.run.test_run_ends import Rig, led
 
 GAP_M = 0.02 / np.sqrt(3)

@@ -5,14 +5,14 @@ import tomllib
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.deployment import Pace
+from hil.app.scenario.deployment import LearningTable
 from tests.hil.app.sil.test_sil import SHORT
 
 
 def test_a_scenario_says_how_long_is_gathered() -> None:
     raw = tomllib.loads(SHORT)
-    assert parse_sil_scenario(raw).pace == Pace()
-    assert parse_sil_scenario({**raw, "learning": {"gathered_s": 30.0}}).pace == Pace(gathered_s=30.0)
+    assert parse_sil_scenario(raw).learning == LearningTable()
+    assert parse_sil_scenario({**raw, "learning": {"gathered_s": 30.0}}).learning == LearningTable(gathered_s=30.0)
 
 
 @pytest.mark.parametrize(
@@ -26,4 +26,4 @@ def test_a_scenario_says_how_long_is_gathered() -> None:
 )
 def test_what_it_cannot_be_is_told(table: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        Pace.read({"learning": table})
+        LearningTable.read({"learning": table})

@@ -14,7 +14,7 @@ from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.main import run
 from hil.app.scenario.deployment import load_deployment
-from hil.app.scenario.model_offer import read_offer
+from hil.app.scenario.model_use import read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import LoopTrace, believed_model, run_loop
 from models.identification import Model
@@ -136,7 +136,10 @@ def test_a_model_in_use_that_its_report_does_not_know_and_a_worse_one_are_refuse
 ) -> None:
     path = offered(tmp_path, STEPS.format(seconds=13.0), better=1.2)
     assert run(["track", str(path)]) == 2
-    assert "offered model must pass the gate; got: held-out error must be at most 0.99" in capsys.readouterr().err
+    assert (
+        "offered model must pass the acceptance test; got: held-out error must be at most 0.99"
+        in capsys.readouterr().err
+    )
     path = offered(tmp_path, STEPS.format(seconds=13.0))
     scenario = load_track_scenario(path)
     base = kind_for(scenario.belief, []).nominal()

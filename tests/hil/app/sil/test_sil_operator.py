@@ -79,7 +79,7 @@ def test_the_summary_tells_of_both(tmp_path: Path, capsys: pytest.CaptureFixture
     fault = '[[faults]]\nkind = "unkeyed"\ntarget = "commands"\nat_s = 0.4\n'
     assert capsule(["sil", str(written(tmp_path, SCENARIO + KEYED + fault))]) == 1
     out = capsys.readouterr().out
-    assert "operator: 1 presses, 0 late, 60 setpoints taken" in out
+    assert "operator: 1 press, 0 late, 60 setpoints taken" in out
     assert "not authentic: 100 classic" in out
     assert "fault unkeyed commands at 0.4 s: safe after" in out
 

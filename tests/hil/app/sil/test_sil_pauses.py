@@ -100,7 +100,7 @@ def test_a_late_tick_is_still_its_own(late_s: float) -> None:
 
 def test_a_fast_carriage_s_command_lives_shorter_by_the_time_to_brake() -> None:
     """The whole way to rest takes 18 ms at most, whatever the speed; what the node rides through follows."""
-    wiring = bench_of("magnetic").wiring
+    wiring = bench_of("magnetic").frame_map
     for speed in np.linspace(-0.25, 0.25, 21):
         assert wiring.life_ms(speed) + 1e3 * abs(speed) / QUICK_STOP_M_S2 <= 18
     assert (wiring.life_ms(0.0), wiring.life_ms(0.25)) == (18, 8)

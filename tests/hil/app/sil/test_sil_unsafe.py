@@ -58,7 +58,7 @@ def test_whatever_the_controller_does_nothing_unsafe_leaves(kind: str) -> None:
 
     wild.act = act  # type: ignore[method-assign]
     wild.active = "wild"  # type: ignore[attr-defined]
-    frame = frames()[bench.wiring.command]
+    frame = frames()[bench.frame_map.command]
     reception, told = Reception([frame]), []
 
     def look(message: can.Message) -> None:
@@ -75,13 +75,13 @@ def test_whatever_the_controller_does_nothing_unsafe_leaves(kind: str) -> None:
     assert states.count(FAULTY) >= 5  # and a wild controller is found out
     fence, moving = node.guard.fence, [v for v in told if isinstance(v, dict)]
     assert len(moving) == len(told) == 500
-    values = np.array([v[bench.wiring.signal] for v in moving])
+    values = np.array([v[bench.frame_map.signal] for v in moving])
     enabled = np.array([v["Mode"] == ENABLE for v in moving])
     assert enabled.sum() > 20
     assert values.min() >= fence.low - 1e-6
     assert values.max() <= fence.high + 1e-6
     steps = np.abs(np.diff(values))[enabled[1:] & enabled[:-1]]
-    assert steps.max() <= fence.rate * bench.tick_s * (1 + 1e-6) + 2 * frame.field(bench.wiring.signal).scale
+    assert steps.max() <= fence.rate * bench.tick_s * (1 + 1e-6) + 2 * frame.field(bench.frame_map.signal).scale
     rows = np.concatenate(bench.plant.session.rows)
     if kind == "coil":
         assert np.abs(rows[:, at.O_CURRENT]).max() <= 1.3

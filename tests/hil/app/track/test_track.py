@@ -11,8 +11,7 @@ from hil.app.main import run
 from hil.app.scenario.model_use import values_of
 from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
-from hil.app.track.score import score
-from hil.app.track.verdicts import verdicts
+from hil.app.track.score import score, verdicts
 from models.theta import Theta
 from tests.hil.app.track.track_texts import SHORT
 from tests.places import CAPSUBOT_MODEL, SCENARIOS
@@ -81,7 +80,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
         (["--stage", "augmented"], "--stage must stand with --model"),
         (["--stage", "agumented"], "did you mean 'augmented'"),
         (["--model", "none.toml"], "model must be a file"),
-        (["--compare", "--controller", "pid"], "--compare must stand without"),
+        (["--compare", "--controller", "pid"], "must stand without --controller"),
     ],
 )
 def test_bad_options_are_one_sentence(

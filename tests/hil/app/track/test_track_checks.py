@@ -10,8 +10,7 @@ import pytest
 from hil.app.main import run
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario, parse_track_scenario
 from hil.app.track.loop import LoopTrace, believed_model, run_loop
-from hil.app.track.score import score
-from hil.app.track.verdicts import verdicts
+from hil.app.track.score import score, verdicts
 from models.theta import Theta
 from plant import layout as at
 from tests.hil.app.track.track_texts import SHORT
@@ -159,7 +158,7 @@ def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]
     assert run(["track", str(short)]) == 1
     said = capsys.readouterr()
     assert "lost 2000" in said.out
-    assert "localisation comes 1 s late and is not used" in said.err
+    assert "localisation is 1 s late and is not used" in said.err
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from tests.hil.app.track.track_texts import SHORT
     [
         ("[checks]\nrms_mm = 1\n", "did you mean 'rmse_mm'"),
         ("[checks.mpcc]\nrmse_mm = 1\n", "did you mean 'mpc'"),
-        ("[checks.vibro]\nrmse_mm = 1\n", "controllers of a magnetic rig"),
+        ("[checks.vibro]\nrmse_mm = 1\n", "table of [checks] for a magnetic rig must be one of"),
         ("[checks]\nrmse_mm = -1\n", "checks.rmse_mm must be zero or more"),
         ("[checks]\nrmse_mm = 'low'\n", "checks.rmse_mm must be a finite number"),
         ("[checks]\nrecovered_within_s = 1\n", "must stand with recovered_mm"),
@@ -58,7 +58,11 @@ def test_checks_that_cannot_be_judged_are_refused(
         ("[reference]", "[bus]\n[reference]", "got [bus], which `capsule sil` reads"),
         ("[reference]", "[effects.stenosis]\nexces = 1.0\n[reference]", "numbers of stenosis must be among"),
         ("[reference]", "[capsule]\nradius_m = -1.0\n[reference]", "capsule.radius_m must be 0.0001 to 0.1 m; got -1"),
-        ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller must be one of pid,"),
+        (
+            "[reference]",
+            "[control]\ncontroller = 'vibro'\n[reference]",
+            "of a magnetic rig must be one of pid,",
+        ),
         (
             "[reference]",
             "[surface]\nkind = 'air'\n[reference]",

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.app.learn.identify import LearningQuestion, _as_it_held
-from hil.app.learn.left_over import LeftOver
+from hil.app.learn.identify import LearningQuestion, WallResidual, _before_the_break
 from models.identification.kinds import kind_for, ready
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -41,7 +40,7 @@ def test_it_tells_the_unevenness_each_way(run: tuple[Record, np.ndarray, np.ndar
     record, predicted, left = run
     rig = believed("magnetic")
     kind = kind_for(rig, [record])
-    found = LeftOver.of(kind, ready(record, rig), kind.nominal(), "carriage_position_m")
+    found = WallResidual.of(kind, ready(record, rig), kind.nominal(), "carriage_position_m")
     told = found.at(predicted, record["carriage_position_m"])
     assert np.sqrt(np.mean((told - left)[1000:] ** 2)) < 0.2 * UNEVEN_M
     assert np.all(found.at(np.array([-1.0, 1.0]), np.zeros(2)) == 0.0), "nothing is known of places never seen"
@@ -52,7 +51,9 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
     rig, broken = believed("magnetic"), len(record) // 2
     shift = np.where(np.arange(len(record)) >= broken, 0.5e-3, 0.0)
     columns = {**record.columns, "position_m": record["position_m"] + shift}
-    _, values, corrected = _as_it_held(LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken))
+    _, values, corrected = _before_the_break(
+        LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken)
+    )
     kind = kind_for(rig, [record])
     left = corrected["position_m"] - kind.predict(record, kind.nominal() | values)
     assert np.median(left[broken:]) == pytest.approx(0.5e-3, abs=0.05e-3)
@@ -62,7 +63,7 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
 def test_too_short_a_time_before_the_break_changes_nothing(run: tuple[Record, np.ndarray, np.ndarray]) -> None:
     record, _, _ = run
     question = LearningQuestion(believed("magnetic"), record.columns, 3000, Theta(), broken_from=500)
-    assert _as_it_held(question) == (believed("magnetic"), Theta(), record.columns)
+    assert _before_the_break(question) == (believed("magnetic"), Theta(), record.columns)
 
 
 def test_what_no_place_tells_counts_as_noise_and_does_not_bend_the_base(
@@ -73,9 +74,9 @@ def test_what_no_place_tells_counts_as_noise_and_does_not_bend_the_base(
     slow = 0.4e-3 * np.sin(2 * np.pi * record[TIME] / 23.0)
     columns = {**record.columns, "position_m": record["position_m"] + slow}
     nominal = kind_for(rig, [record]).nominal()
-    noisy, values, _ = _as_it_held(LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken))
+    noisy, values, _ = _before_the_break(LearningQuestion(rig, columns, 3 * broken // 2, Theta(), broken_from=broken))
     assert noisy.noise.position_std_m is not None
     assert noisy.noise.position_std_m > 0.3e-3
     assert all(abs(values[name] / nominal[name] - 1) < 0.1 for name in values)
-    quiet, _, _ = _as_it_held(LearningQuestion(rig, record.columns, 3 * broken // 2, Theta(), broken_from=broken))
+    quiet, _, _ = _before_the_break(LearningQuestion(rig, record.columns, 3 * broken // 2, Theta(), broken_from=broken))
     assert (quiet.noise.position_std_m or 0.0) < UNEVEN_M

@@ -15,12 +15,12 @@ class End(NamedTuple):
 
 RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
     {
-        "done": End(0, "led for the whole of `duration_s`; with `--dry-run`: would have", "done"),
+        "done": End(0, "led for all of `duration_s`; with `--dry-run` it would have led", "done"),
         "operator": End(0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a controlled stop", "SIG..."),
         "reset": End(
             0,
-            "`reset`: the drive has no latched fault any more, or had none",
-            "drive fault ... is acknowledged; the drive stands by",
+            "`reset`: the drive has no latched fault, or none any more",
+            "drive fault ... is acknowledged; the drive is in standby",
         ),
         "cancelled": End(1, "Ctrl-C, SIGTERM or SIGHUP before the drive was enabled", "SIG... before ... was enabled"),
         "other_controller": End(
@@ -89,13 +89,13 @@ ENDS: Final[Mapping[str, Mapping[str, End]]] = MappingProxyType(
             "different": End(1, "frames differ", "... ticks, ... frames: ... ticks differ..."),
             "cut_off": End(
                 1,
-                "the log does not hold all that its record says, or the record does not say it",
-                "... ticks, ... frames: as logged, as far as they go; ...",
+                "the log holds less than its record states, or the record states nothing",
+                "... ticks, ... frames: identical as far as the log goes; ...",
             ),
         },
         "cockpit": {"closed": End(0, "Ctrl-C, SIGTERM or SIGHUP", "cockpit: http://...")},
         "each of them": {
-            "refused": End(2, "what was given cannot be used", "capsule: ... must ...; got ..."),
+            "refused": End(2, "the input cannot be used", "capsule: ... must ...; got ..."),
             "short": End(
                 2,
                 "too little memory or too few open files are allowed",

@@ -1,4 +1,4 @@
-"""A run that learned, on one page: tracking error over time, what happened when, the models before and after."""
+"""The page of a run that learned: tracking error over time, events, the models before and after."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -17,26 +17,23 @@ from hil.app.sil.testbed import believed_on_bus
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, axes, line, line_colour
 from models.effects import effect_words
-from models.words.sentences import listed
+from models.words.sentences import Sentences, listed
 from plant import layout as at
 
 PAGE: Final = "learning.html"
 NUMBERS: Final = "learning.json"
-WINDOW_S: Final = 60.0  # of the path that is drawn before the end
+TEXT: Final = Sentences(__file__)
+WINDOW_S: Final = 60.0  # before an event, over which the error is averaged
 _HEIGHT: Final = 460  # pixels
 _CLOSE: Final = 0.04
-"""Share of the run within which two numbers would overlap: the later one stands lower."""
-_COLOURS: Final = {  # of marks, by their number in the palette
-    "model broken since": 1,
-    "identification begins": 4,
-    "experiment begins": 5,
-    "offered": 0,
-    "taken": 2,
-    "taken back": 1,
-}
+"""Share of the run within which two numbers would overlap; the later one is drawn lower."""
+_COLOURS: Final = {
+    "broken_at_s": 1, "asked_at_s": 4, "experiment_at_s": 5, "offered_at_s": 0, "taken_at_s": 2, "withdrawn_at_s": 1,
+}  # fmt: skip
+"""Colours of the events of a `Lesson`, by their number in the palette."""
 
 
-def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
+def learning_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
     """The page and its numbers, by the files in `out` to which they go."""
     seconds, errors_m = error_by_second(scenario, trace)
     marks = instants(scenario, trace)
@@ -51,7 +48,7 @@ def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: 
 
 
 def error_by_second(scenario: SilScenario, trace: SilTrace) -> tuple[np.ndarray, np.ndarray]:
-    """Begins of whole seconds (n,) and the rms of the capsule's true place against the reference over each, in m."""
+    """Begins of whole seconds (n,) and the rms error in m of the true position over each."""
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
     squares = (x - judged_loop(scenario, trace).reference.position(t)) ** 2
     second = t.astype(np.int64)
@@ -61,25 +58,18 @@ def error_by_second(scenario: SilScenario, trace: SilTrace) -> tuple[np.ndarray,
 
 
 def instants(scenario: SilScenario, trace: SilTrace) -> list[tuple[float, str]]:
-    """Time in s and what happened, in order of time: when hidden effects begin (the plant's
-    secret, from the scenario file), and what monitor, learner, controller and model switch did.
+    """Time in s and words of each event, in order of time: hidden effects that begin, known from the scenario file, and
+    what monitor, learner, controller and model switch did.
     """
     marks = [
-        (values["onset_s"], f"{effect} begins")
+        (values["onset_s"], TEXT("event.onset", effect=effect))
         for effect, values in scenario.loop.truth.hidden.items()
         if values.get("onset_s", 0.0) > 0
     ]
-    marks += [(begin, "experiment begins") for begin in trace.experiments_at]
-    for one in trace.lessons:
-        told = (
-            (one.broken_at_s, "model broken since"),
-            (one.asked_at_s, "identification begins"),
-            (one.offered_at_s, "offered"),
-            (one.taken_at_s, "taken"),
-            (one.withdrawn_at_s, "taken back"),
-        )
-        marks += [(when, what) for when, what in told if when is not None]
-    return sorted(marks)
+    marks += [(begin, TEXT("event.experiment_at_s")) for begin in trace.experiments_at]
+    steps = [name for name in _COLOURS if name != "experiment_at_s"]
+    times = [(getattr(lesson, name), TEXT(f"event.{name}")) for lesson in trace.lessons for name in steps]
+    return sorted([*marks, *((when, what) for when, what in times if when is not None)])
 
 
 def rms_m(seconds: np.ndarray, errors_m: np.ndarray, begin_s: float, end_s: float) -> float | None:
@@ -92,7 +82,7 @@ def parts(
     seconds: np.ndarray, errors_m: np.ndarray, marks: Sequence[tuple[float, str]]
 ) -> list[dict[str, float | str | None]]:
     """The rms error in m over the last minute, or less, before each instant and before the end."""
-    ends = [*marks, (float(seconds[-1]) + 1.0, "end of the run")]
+    ends = [*marks, (float(seconds[-1]) + 1.0, TEXT("event.end"))]
     rows: list[dict[str, float | str | None]] = []
     for (before, _), (end, what) in pairwise([(0.0, ""), *ends]):
         begin = max(before, end - WINDOW_S)
@@ -118,29 +108,32 @@ def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, num
 
 
 def came_to(lessons: Sequence[Lesson]) -> str:
-    """What came of `lessons`, in words."""
+    """The outcome of `lessons`, in words."""
     taken = [one for one in lessons if one.taken_at_s is not None]
     kept = [one for one in taken if one.withdrawn_at_s is None]
     if not lessons:
-        return "the model held, nothing was learned"
-    names = listed(dict.fromkeys(effect_words(name) for one in kept for name in one.effects)) or "a calibration"
+        return TEXT("came_to.nothing")
+    names = listed(dict.fromkeys(effect_words(name) for one in kept for name in one.effects)) or TEXT(
+        "came_to.calibration"
+    )
     if kept:
-        return f"{names} learned and taken at {kept[0].taken_at_s:.0f} s"
-    return "a learned model was taken back" if taken else "the model broke, and no better one was taken"
+        return TEXT("came_to.taken", names=names, seconds=kept[0].taken_at_s)
+    return TEXT("came_to.withdrawn" if taken else "came_to.none")
 
 
 def error_figure(numbers: Mapping[str, Any]) -> go.Figure:
-    """The error of each second, of the numbers of `story_files`; each instant is a dotted line with the number that it
-    has in the table below.
+    """The error of each second, of the numbers of `learning_files`; each instant is a dotted line with the number that
+    it has in the table below.
     """
     t, error = np.array(numbers["second"]), 1e3 * np.array(numbers["rms_error_m"])
     figure = axes("time in s", ["rms error of each second in mm"], _HEIGHT, showlegend=False)
     line(figure, t + 0.5, error, "error", {"color": INK}, points=len(t) + 1)
+    colours = {TEXT(f"event.{name}"): number for name, number in _COLOURS.items()}
     top, right, level = float(error.max(initial=0.0)) or 1.0, -np.inf, 0
     for number, mark in enumerate(numbers["instants"], start=1):
         level = level + 1 if mark["t_s"] - right < _CLOSE * (t[-1] + 1) else 0
         right = mark["t_s"]
-        colour = line_colour(_COLOURS.get(mark["what"], 3))
+        colour = line_colour(colours.get(mark["what"], 3))
         figure.add_vline(x=mark["t_s"], line={"color": colour, "width": 1.2, "dash": "dot"})
         at = {"x": mark["t_s"], "y": top * (1.42 - 0.1 * (level % 4)), "xanchor": "left"}
         figure.add_annotation(**at, text=str(number), showarrow=False, font={"size": 13, "color": MUTED})

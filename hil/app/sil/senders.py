@@ -1,4 +1,4 @@
-"""Who speaks beside the controller in simulated time: the operator of a scenario's `[jog]`, another one, a stranger."""
+"""Senders beside the controller in simulated time: the operator of `[jog]`, a second operator, a false controller."""
 
 import contextlib
 import itertools
@@ -7,8 +7,7 @@ from typing import Final
 
 import can
 
-from hil.app.scenario.bus_scenario import JogTable
-from hil.app.scenario.jog_script import Step
+from hil.app.scenario.bus_scenario import JogTable, Step
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import SETPOINT
@@ -16,13 +15,13 @@ from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from hil.simulated.medium import Medium, SimulatedBus
 
-_AFTER_S: Final = 7e-3  # by which a person comes later than a node
-_GREETING_S: Final = 2 * CYCLE_S  # for which a release is said first
-_BACK_M_S: Final = -0.4  # speed that the other one asks for
+_AFTER_S: Final = 7e-3  # by which the second operator begins after its fault
+_RELEASED_S: Final = 2 * CYCLE_S  # for which it sends a release first
+_BACK_M_S: Final = -0.4  # speed that it asks for
 
 
-class Hand:
-    """Sends the setpoints of `jog`, one a cycle; `presses` counts presses; once `let_go` it stays released."""
+class ScriptedOperator:
+    """Sends one setpoint of `jog` in each cycle; `presses` counts presses; after `let_go` it stays released."""
 
     def __init__(self, bus: can.BusABC, jog: JogTable) -> None:
         self.let_go, self.presses = False, 0
@@ -32,8 +31,8 @@ class Hand:
         self._ends = list(itertools.accumulate(step.seconds for step in self._steps))
         self._due_s, self._held = 0.0, False
 
-    def speak(self, now: float) -> None:
-        """Its part of the time until `now` in s: a setpoint where one is due."""
+    def send(self, now: float) -> None:
+        """Send the setpoint that is due until `now` in s."""
         if now < self._due_s:
             return
         self._now = now
@@ -50,7 +49,7 @@ class Hand:
 
 
 class SecondOperator:
-    """Another operator: released for two cycles, then as fast backwards as a frame can say."""
+    """A second operator: released for two cycles, then as fast backwards as the frame allows."""
 
     def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: FrameCatalogue) -> None:
         names = catalogue[SETPOINT].field("Source").names.values()
@@ -63,8 +62,8 @@ class SecondOperator:
         self._began_s, self._due_s = math.nan, -math.inf
         self.presses = 0
 
-    def speak(self, now: float, target: str) -> None:
-        """Its part of the time until `now` in s; `target` is "same" or "other"."""
+    def send(self, now: float, target: str) -> None:
+        """Send the setpoint that is due until `now` in s; `target` is "same" or "other"."""
         if math.isnan(self._began_s):
             self._began_s, self._due_s = now, now + _AFTER_S
         if now < self._due_s:
@@ -72,7 +71,7 @@ class SecondOperator:
         self._now = now
         self._due_s += CYCLE_S
         sender = self._senders[target]
-        if now - self._began_s < _AFTER_S + _GREETING_S:
+        if now - self._began_s < _AFTER_S + _RELEASED_S:
             sender.release()
         else:
             self.presses += target == "same" and not self.presses
@@ -80,47 +79,47 @@ class SecondOperator:
         sender.listen()
 
 
-class Stranger:
-    """A node that speaks as a controller, in the last slot of a tick: of its own, or playing what was said."""
+class FalseController:
+    """A node that sends a controller's frames in the last slot of a tick: its own, or recorded ones."""
 
-    def __init__(self, medium: Medium, wiring: FrameMap, tick_s: float, kinds: set[str]) -> None:
+    def __init__(self, medium: Medium, frame_map: FrameMap, tick_s: float, kinds: set[str]) -> None:
         asked = kinds & {"second_master", "player"}
         self._port = SimulatedBus(medium, "stranger") if asked else None
-        self._wiring, self._tick_s = wiring, tick_s
-        self._names = ("Sync", "ControllerHeartbeat", wiring.command)
-        self._mouth = None if self._port is None else FrameTransmitter(self._port, self._names)
-        self._said: list[can.Message] = []
+        self._frame_map, self._tick_s = frame_map, tick_s
+        self._names = ("Sync", "ControllerHeartbeat", frame_map.command)
+        self._transmitter = None if self._port is None else FrameTransmitter(self._port, self._names)
+        self._recorded: list[can.Message] = []
         self._ticks, self._played, self._since = 0, 0, math.nan
 
-    def speak(self, now: float, kinds: set[str]) -> None:
-        """Its part of a tick, at `now`."""
-        if self._port is None or self._mouth is None:
+    def send(self, now: float, kinds: set[str]) -> None:
+        """Send its frames of a tick, at `now`."""
+        if self._port is None or self._transmitter is None:
             return
         own = controllers_frames()
         while (message := self._port.recv(0)) is not None:
             if message.arbitration_id in own and "player" not in kinds:
-                self._said.append(message)
+                self._recorded.append(message)
         if "second_master" in kinds:
-            self._lead(self._mouth)
-        if "player" in kinds and self._said:
+            self._lead(self._transmitter)
+        if "player" in kinds and self._recorded:
             self._play(self._port, now)
 
-    def _lead(self, mouth: FrameTransmitter) -> None:
-        """A tick of a controller that has begun on its own and wants the drive to move."""
+    def _lead(self, transmitter: FrameTransmitter) -> None:
+        """The frames of a second controller that wants the drive to move."""
         self._ticks += 1
-        told = (
+        tick = (
             {"Tick": self._ticks, "Period_s": self._tick_s},
             heartbeat(2, self._ticks * self._tick_s),
-            self._wiring.values(1e-4 * self._ticks, 0.05, ENABLE),
+            self._frame_map.values(1e-4 * self._ticks, 0.05, ENABLE),
         )
-        for name, values in zip(self._names, told, strict=True):
-            mouth.say(name, values)
+        for name, values in zip(self._names, tick, strict=True):
+            transmitter.say(name, values)
 
     def _play(self, port: SimulatedBus, now: float) -> None:
-        """What was said in the tick that is as long after the recording's begin as `now` is after the player's."""
+        """Send what was recorded as long after the recording's begin as `now` is after the begin of the replay."""
         self._since = now if math.isnan(self._since) else self._since
-        until = self._said[0].timestamp + now - self._since + self._tick_s
-        while self._played < len(self._said) and self._said[self._played].timestamp < until:
+        until = self._recorded[0].timestamp + now - self._since + self._tick_s
+        while self._played < len(self._recorded) and self._recorded[self._played].timestamp < until:
             with contextlib.suppress(can.CanError):
-                port.send(self._said[self._played])
+                port.send(self._recorded[self._played])
             self._played += 1

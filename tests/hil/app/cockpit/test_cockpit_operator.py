@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hil.app.cockpit.hands import HOLD_S, PARTING_S, SAFE_S, Hands
+from hil.app.cockpit.operator_panel import HOLD_S, PARTING_S, SAFE_S, OperatorPanel
 from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
@@ -24,14 +24,16 @@ ARM = {"ask": "arm", "on": True}
 
 @dataclass
 class Bench:
-    """Hands on a bus that keeps what is sent, and a clock that is set."""
+    """OperatorPanel on a bus that keeps what is sent, and a clock that is set."""
 
     limits: OperatorLimits | None = field(default_factory=lambda: OperatorLimits(accept=True))
     now: float = 0.0
 
     def __post_init__(self) -> None:
         self.bus = ScriptedBus()
-        self.hands = Hands(BusSource(self.bus, Clock(), FACTS), Path("x.toml"), self.limits, lambda: self.now)
+        self.operator = OperatorPanel(
+            BusSource(self.bus, Clock(), FACTS), Path("x.toml"), self.limits, lambda: self.now
+        )
 
     def hears(self, state: str) -> None:
         """A controller that takes setpoints, and a carriage in this state, as the bus has just told."""
@@ -39,13 +41,13 @@ class Bench:
         status = {"State": 3, "Source": 0, "Refused": 0, "Position_m": 0.0, "Velocity_m_s": 0.0}
         number = CATALOGUE["CarriageFeedback"].field("State").number(state)
         for name, values in (("CarriageFeedback", feedback | {"State": number}), ("OperatorStatus", status)):
-            self.hands.source.watch.take(0.0, CATALOGUE[name].id, Sender(CATALOGUE[name]).frame(values))
+            self.operator.source.watch.take(0.0, CATALOGUE[name].id, Sender(CATALOGUE[name]).frame(values))
 
     def told(self, seconds: float) -> list[dict[str, float]]:
         """The setpoints of so many seconds."""
         self.bus.sent.clear()
         for _ in range(round(seconds / 0.02)):
-            self.hands.cycle()
+            self.operator.cycle()
             self.now += 0.02
         found: list[dict[str, float]] = []
         receiver = Receiver(SETPOINT)
@@ -64,38 +66,38 @@ def bench() -> Bench:
 def test_nothing_is_sent_before_a_page_has_armed(bench: Bench) -> None:
     assert bench.told(0.5) == []
     with pytest.raises(ValueError, match="speed"):
-        bench.hands.asked("page", SPEED)
+        bench.operator.asked("page", SPEED)
     assert bench.told(0.5) == []
 
 
 def test_a_held_button_steers_and_silence_lets_go(bench: Bench) -> None:
-    assert bench.hands.asked("page", ARM) == ""
+    assert bench.operator.asked("page", ARM) == ""
     assert {one["DeadMan"] for one in bench.told(0.2)} == {0.0}
-    bench.hands.asked("page", SPEED)
+    bench.operator.asked("page", SPEED)
     held = [one["DeadMan"] for one in bench.told(0.4)]
     assert held.count(1.0) == pytest.approx(HOLD_S / 0.02, abs=1.01)
     assert held[-1] == 0.0
-    bench.hands.asked("page", SPEED)
+    bench.operator.asked("page", SPEED)
     first = bench.told(0.02)[0]
     assert first["Velocity_m_s"] == pytest.approx(0.002)
     assert first["TimeToLive_ms"] == 100
-    bench.hands.asked("page", {"ask": "let_go"})
+    bench.operator.asked("page", {"ask": "let_go"})
     assert bench.told(0.02)[0]["DeadMan"] == 0.0
 
 
 def test_a_position_is_held_as_well(bench: Bench) -> None:
-    bench.hands.asked("page", ARM)
-    bench.hands.asked("page", {"ask": "hold", "mode": "position", "value": 0.01})
+    bench.operator.asked("page", ARM)
+    bench.operator.asked("page", {"ask": "hold", "mode": "position", "value": 0.01})
     told = bench.told(0.02)[0]
     assert (told["Mode"], told["DeadMan"]) == (0.0, 1.0)
     assert told["Position_m"] == pytest.approx(0.01)
 
 
 def test_a_page_that_is_gone_lets_go_and_then_nothing_is_sent(bench: Bench) -> None:
-    bench.hands.asked("page", ARM)
-    bench.hands.asked("page", SPEED)
+    bench.operator.asked("page", ARM)
+    bench.operator.asked("page", SPEED)
     bench.told(0.04)
-    bench.hands.left("page")
+    bench.operator.left("page")
     told = bench.told(1.0)
     assert {one["DeadMan"] for one in told} == {0.0}
     assert len(told) == pytest.approx(PARTING_S / 0.02, abs=1.01)
@@ -103,17 +105,17 @@ def test_a_page_that_is_gone_lets_go_and_then_nothing_is_sent(bench: Bench) -> N
 
 def test_one_page_at_a_time(bench: Bench) -> None:
     for page in ("one", "other"):
-        bench.hands.asked(page, ARM)
-    bench.hands.asked("one", SPEED)
-    assert bench.hands.asked("other", SPEED) == "another page steers"
+        bench.operator.asked(page, ARM)
+    bench.operator.asked("one", SPEED)
+    assert bench.operator.asked("other", SPEED) == "another page steers"
     bench.told(0.3)
-    assert bench.hands.asked("other", SPEED) == ""
+    assert bench.operator.asked("other", SPEED) == ""
 
 
 def test_a_safe_stop_goes_to_all_and_lets_go(bench: Bench) -> None:
-    bench.hands.asked("page", ARM)
-    bench.hands.asked("page", SPEED)
-    bench.hands.asked("page", {"ask": "safe_stop"})
+    bench.operator.asked("page", ARM)
+    bench.operator.asked("page", SPEED)
+    bench.operator.asked("page", {"ask": "safe_stop"})
     assert {one["DeadMan"] for one in bench.told(0.1)} == {0.0}
     stops = [m for m in bench.bus.sent if m.arbitration_id == SAFE_STOP.id]
     assert len(stops) == 5
@@ -126,96 +128,98 @@ def test_a_safe_stop_goes_to_all_and_lets_go(bench: Bench) -> None:
 @pytest.mark.parametrize("state", ["standby", "fault", "boot"])
 def test_a_controlled_stop_where_nothing_moves_sends_nothing_and_says_so(bench: Bench, state: str) -> None:
     bench.hears(state)
-    assert bench.hands.asked("page", {"ask": "stop"}) == f"nothing moves: carriage is in {state}, so nothing was sent"
+    assert (
+        bench.operator.asked("page", {"ask": "stop"}) == f"nothing moves: carriage is in {state}, so nothing was sent"
+    )
     assert bench.told(1.0) == []
-    assert not any("stop" in event.words for event in bench.hands.source.watch.events)
+    assert not any("stop" in event.words for event in bench.operator.source.watch.events)
 
 
 @pytest.mark.parametrize("state", ["ready", "enabled", "derated"])
 def test_a_controlled_stop_of_another_ones_run_is_a_press_at_speed_0(bench: Bench, state: str) -> None:
     """Also where the page that asked for it is gone at once."""
     bench.hears(state)
-    assert bench.hands.asked("page", {"ask": "stop"}) == ""
-    bench.hands.left("page")
+    assert bench.operator.asked("page", {"ask": "stop"}) == ""
+    bench.operator.left("page")
     told = bench.told(1.0)
     held = [one for one in told if one["DeadMan"]]
     assert len(held) >= 7
     assert {(one["Mode"], one["Velocity_m_s"]) for one in held} == {(1.0, 0.0)}
     assert not told[0]["DeadMan"]
     assert not told[-1]["DeadMan"]
-    assert "the run goes on" in bench.hands.source.watch.events[-1].words
+    assert "the run goes on" in bench.operator.source.watch.events[-1].words
 
 
 def test_a_safe_stop_goes_out_always_and_says_where_nothing_moves(bench: Bench) -> None:
     bench.hears("standby")
-    assert bench.hands.asked("page", {"ask": "safe_stop"}) == ""
+    assert bench.operator.asked("page", {"ask": "safe_stop"}) == ""
     bench.told(0.1)
     assert [m for m in bench.bus.sent if m.arbitration_id == SAFE_STOP.id]
     words = "safe stop sent to all by this cockpit; nothing moves: carriage is in standby"
-    assert bench.hands.source.watch.events[-1].words == words
+    assert bench.operator.source.watch.events[-1].words == words
 
 
 @pytest.mark.parametrize("stop", ["stop", "safe_stop"])
 def test_a_button_that_is_held_through_a_stop_is_none_until_it_is_let_go(bench: Bench, stop: str) -> None:
     bench.hears("enabled")
-    bench.hands.asked("page", ARM)
-    bench.hands.asked("page", SPEED)
-    bench.hands.asked("another page", {"ask": stop})
+    bench.operator.asked("page", ARM)
+    bench.operator.asked("page", SPEED)
+    bench.operator.asked("another page", {"ask": stop})
     for _ in range(50):
-        assert bench.hands.asked("page", SPEED).startswith("the button was held through a stop")
+        assert bench.operator.asked("page", SPEED).startswith("the button was held through a stop")
         assert not any(one["DeadMan"] and one["Velocity_m_s"] for one in bench.told(0.04))
-    bench.hands.asked("page", {"ask": "let_go"})
-    assert bench.hands.asked("page", SPEED) == ""
+    bench.operator.asked("page", {"ask": "let_go"})
+    assert bench.operator.asked("page", SPEED) == ""
     assert bench.told(0.02)[0]["DeadMan"]
 
 
 def test_a_button_that_is_held_while_another_page_steers_is_none_until_it_is_let_go(bench: Bench) -> None:
     for page in ("one", "other"):
-        bench.hands.asked(page, ARM)
-    bench.hands.asked("one", SPEED)
-    assert bench.hands.asked("other", SPEED) == "another page steers"
-    bench.hands.asked("one", {"ask": "let_go"})
+        bench.operator.asked(page, ARM)
+    bench.operator.asked("one", SPEED)
+    assert bench.operator.asked("other", SPEED) == "another page steers"
+    bench.operator.asked("one", {"ask": "let_go"})
     for _ in range(20):
-        assert bench.hands.asked("other", SPEED) != ""
+        assert bench.operator.asked("other", SPEED) != ""
         assert not any(one["DeadMan"] for one in bench.told(0.04))
     bench.told(0.2)
-    assert bench.hands.asked("other", SPEED) == "", "silent for longer than a hold lives: let go"
+    assert bench.operator.asked("other", SPEED) == "", "silent for longer than a hold lives: let go"
 
 
 def test_a_page_that_goes_and_comes_again_presses_nothing(bench: Bench) -> None:
     """Reloaded, its socket lost, its browser gone while the button is held."""
-    bench.hands.asked("page", ARM)
-    bench.hands.asked("page", SPEED)
+    bench.operator.asked("page", ARM)
+    bench.operator.asked("page", SPEED)
     bench.told(0.04)
-    bench.hands.left("page")
-    bench.hands.asked("page again", ARM)
+    bench.operator.left("page")
+    bench.operator.asked("page again", ARM)
     assert {one["DeadMan"] for one in bench.told(1.0)} == {0.0}
 
 
 def test_what_cannot_be_is_a_sentence() -> None:
     closed = Bench(None)
-    assert "accepts no setpoints" in closed.hands.asked("page", ARM)
-    assert "takes no setpoints" in closed.hands.asked("page", {"ask": "stop"})
+    assert "accepts no setpoints" in closed.operator.asked("page", ARM)
+    assert "takes no setpoints" in closed.operator.asked("page", {"ask": "stop"})
     other = Bench(OperatorLimits(accept=True, sources=("joystick",)))
-    assert "operator.sources of the deployment file must have cockpit" in other.hands.asked("page", ARM)
+    assert "operator.sources of the deployment file must have cockpit" in other.operator.asked("page", ARM)
 
 
 @pytest.mark.parametrize(
     "asked", [{}, {"ask": "dance"}, {"ask": "hold", "mode": "speed", "value": float("nan")}, {"ask": "arm"}]
 )
 def test_nonsense_is_nothing(bench: Bench, asked: dict[str, Any]) -> None:
-    bench.hands.asked("page", ARM)
+    bench.operator.asked("page", ARM)
     with pytest.raises((ValueError, KeyError)):
-        bench.hands.asked("page", asked)
+        bench.operator.asked("page", asked)
 
 
 def test_a_run_that_cannot_begin_is_told(bench: Bench) -> None:
-    bench.hands.asked("page", {"ask": "start"})
-    assert bench.hands.document("page")["run"]
-    assert bench.hands.asked("page", {"ask": "start"}) == "a run that was started here goes on"
-    assert bench.hands._run is not None
-    bench.hands._run.wait(60)
-    bench.hands.cycle()
-    assert not bench.hands.document("page")["run"]
-    assert "x.toml" in bench.hands.source.watch.events[-1].words
-    bench.hands.close()
+    bench.operator.asked("page", {"ask": "start"})
+    assert bench.operator.document("page")["run"]
+    assert bench.operator.asked("page", {"ask": "start"}) == "a run that was started here is still running"
+    assert bench.operator._run is not None
+    bench.operator._run.wait(60)
+    bench.operator.cycle()
+    assert not bench.operator.document("page")["run"]
+    assert "x.toml" in bench.operator.source.watch.events[-1].words
+    bench.operator.close()

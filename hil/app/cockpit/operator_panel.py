@@ -1,4 +1,4 @@
-"""What a page with the token may do: start and stop a run, and steer with a dead-man switch. Nothing is sent before."""
+"""What a page with the token may do: start and stop a run, and steer with a dead-man switch."""
 
 import json
 import signal
@@ -16,35 +16,32 @@ from hil.bus.protection import FrameTransmitter
 from hil.nodes.controller.operator import STATUS, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 HOLD_S: Final = 0.12
-"""How long a page's word that its button is held counts; it says so every 40 ms."""
-LIFE_MS: Final = 100.0  # for which a setpoint holds
-PARTING_S: Final = 0.2  # for which a release is said
+"""How long a page's message that its button is held is valid; it comes every 40 ms."""
+LIFE_MS: Final = 100.0  # for which a setpoint is valid
+PARTING_S: Final = 0.2  # for which a release is sent
 PRESS_S: Final = 0.15  # of a press that stops the drive
-SAFE_S: Final = 0.5  # for which a safe stop is said
+SAFE_S: Final = 0.5  # for which a safe stop is sent
 SAFE_STOP: Final = {"Target": 0.0, "Reason": 0.0}  # of every drive, by an operator
 ENDS_S: Final = 10.0  # in which a run ends after an interruption
-_OTHER: Final = "another page steers"
-_THROUGH: Final = "the button was held through a stop, or while another page steered: let it go first"
 _RESTS: Final = ("boot", "self_test", "standby", "fault")
-"""States of a drive that moves nothing, and that nothing is about to enable."""
+"""States of a drive that does not move and is not about to be enabled."""
 
 
-class Hands:
-    """Commands on the bus of `source`, deployed by `path`; `limits` None: no setpoints are accepted. `cycle` is called
-    every 20 ms: while a page is armed it sends OperatorSetpoint, held only while the page that steers has said so
-    within `HOLD_S`. A safe stop is the bus's own SafeStop for all. A controlled stop is Ctrl-C to a run started here;
-    to another run it is a short press at speed 0. A button that was held through a stop, or while another page steered,
-    counts once it has been let go. Runs are started by a thread that keeps the niceness of now.
+class OperatorPanel:
+    """Commands on the bus of `source`, deployed by `path`; with `limits` None no setpoints are accepted.
+
+    `cycle` runs every 20 ms. While a page is armed it sends OperatorSetpoint, held only while the page that steers has
+    confirmed its button within `HOLD_S`. A safe stop is SafeStop to all. A controlled stop is Ctrl-C to a run that was
+    started here, and a short press at speed 0 to any other run. A button that was held through a stop, or while another
+    page steered, must be released before it counts. A thread starts runs, with the niceness of the present process.
     """
 
     def __init__(
-        self,
-        source: BusSource,
-        path: Path,
-        limits: OperatorLimits | None,
-        clock: Callable[[], float] = time.monotonic,
+        self, source: BusSource, path: Path, limits: OperatorLimits | None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.source, self.path, self.limits = source, path, limits
         self._clock = clock
@@ -63,7 +60,7 @@ class Hands:
     # ---- what pages ask for
 
     def asked(self, page: object, asked: dict[str, Any]) -> str:
-        """Do what a page asks; why not, or "". Raises ValueError, KeyError or TypeError for nonsense."""
+        """Do what a page asks; why not, or "". Raises ValueError, KeyError or TypeError for malformed messages."""
         kind = asked["ask"]
         if kind == "arm":
             return self._arm(page) if asked["on"] else self.left(page)
@@ -81,15 +78,15 @@ class Hands:
             self._end_hold()
             self._safe_until = self._clock() + SAFE_S
             rests = self._rests()
-            self.source.tell(f"safe stop sent to all by this cockpit{f'; {rests}' if rests else ''}", "bad")
+            self.source.say(TEXT("operator.safe_stop") + (f"; {rests}" if rests else ""), "bad")
             return ""
         raise ValueError(kind)
 
     def _arm(self, page: object) -> str:
         if self.limits is None:
-            return "the deployment file accepts no setpoints: [operator] accept = true"
+            return TEXT("operator.not_accepted")
         if self.limits.sources and "cockpit" not in self.limits.sources:
-            return f"operator.sources of the deployment file must have cockpit; it has {', '.join(self.limits.sources)}"
+            return TEXT("operator.not_a_source", sources=self.limits.sources)
         self._armed.add(page)
         return ""
 
@@ -112,15 +109,15 @@ class Hands:
         other = self._steers is not page and now - self._held_at <= HOLD_S
         if other or now - self._through.get(page, -float("inf")) <= HOLD_S:
             self._through[page] = now
-            return _OTHER if other else _THROUGH
+            return TEXT("operator.other_page" if other else "operator.held_through")
         self._steers, self._held_at, self._wanted = page, now, (mode, value)
         return ""
 
     def _start(self, action: list[str]) -> str:
         if self._run is not None:
-            return "a run that was started here goes on"
+            return TEXT("operator.running")
         if self.source.watch.newest("ControllerHeartbeat") is not None:
-            return "a controller leads already"
+            return TEXT("operator.led")
         out, error = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - open until the run ends
         self._said = (out, error)
         words = [*own_module("hil.app.start"), "run", str(self.path), *action, "--json"]
@@ -132,35 +129,34 @@ class Hands:
             )
 
         self._run = self._starter.submit(begin).result()
-        self.source.tell(f"{' '.join(['capsule run', *action])} started by this cockpit")
+        self.source.say(TEXT("operator.started", command=" ".join(["capsule run", *action])))
         return ""
 
     def _stop(self) -> str:
         self._end_hold()
-        told = "controlled stop asked for by this cockpit"
         if self._run is not None:
             self._run.send_signal(signal.SIGINT)
-            self.source.tell(told, "doubt")
+            self.source.say(TEXT("operator.stop"), "doubt")
             return ""
         if rests := self._rests():
-            return f"{rests}, so nothing was sent"
+            return TEXT("operator.nothing_sent", rests=rests)
         if self.limits is None or self.source.watch.newest(STATUS) is None:
-            return "this controller takes no setpoints: Ctrl-C in its terminal, or a safe stop here"
+            return TEXT("operator.no_setpoints")
         if self.limits.sources and "cockpit" not in self.limits.sources:
-            return f"this controller takes setpoints of {', '.join(self.limits.sources)} alone: a safe stop stops it"
+            return TEXT("operator.other_sources", sources=self.limits.sources)
         self._presses_from = self._clock() + PARTING_S
         self._sends_until = self._presses_from + PRESS_S + PARTING_S
-        self.source.tell(f"{told}: the drive is stopped, the run goes on; Ctrl-C in its terminal ends it", "doubt")
+        self.source.say(TEXT("operator.press"), "doubt")
         return ""
 
     def _rests(self) -> str:
-        """That nothing moves, "" where something may."""
-        wiring, watch = self.source.facts.wiring, self.source.watch
-        state = watch.state(wiring.feedback) if watch.newest(wiring.feedback) is not None else ""
-        return f"nothing moves: {words(wiring.node)} is in {words(state)}" if state in _RESTS else ""
+        """A sentence that nothing moves, "" where something may."""
+        frame_map, watch = self.source.facts.frame_map, self.source.watch
+        state = watch.state(frame_map.feedback) if watch.newest(frame_map.feedback) is not None else ""
+        return TEXT("operator.rests", node=words(frame_map.node), state=words(state)) if state in _RESTS else ""
 
     def _end_hold(self) -> None:
-        """Whoever holds a button must let it go before it counts again."""
+        """Require that a held button is released before it counts again."""
         if self._steers is not None:
             self._through[self._steers] = self._clock()
         self._held_at = -float("inf")
@@ -168,7 +164,7 @@ class Hands:
     # ---- what goes out
 
     def cycle(self) -> None:
-        """Send what is due, and see what became of a run that was started."""
+        """Send what is due, and look whether a run that was started has ended."""
         now = self._clock()
         if now <= self._safe_until:
             self._stops.say("SafeStop", SAFE_STOP)
@@ -189,7 +185,7 @@ class Hands:
             self._sender.position(value)
 
     def _ended(self, status: int) -> None:
-        """Tell of the end of a run that was started here."""
+        """Report the end of a run that was started here."""
         assert self._said is not None
         out, error = (_text(file) for file in self._said)
         self._run = self._said = None
@@ -197,7 +193,7 @@ class Hands:
             ended = str(json.loads(out)["ended"])
         except (ValueError, KeyError, TypeError):
             ended = (error.strip().splitlines() or [f"status {status}"])[-1].removeprefix("capsule: ")
-        self.source.tell(f"capsule run ended: {ended}", "note" if status == 0 else "bad")
+        self.source.say(TEXT("operator.ended", ended=ended), "note" if status == 0 else "bad")
 
     def document(self, page: object) -> dict[str, Any]:
         answer = self.source.watch.newest(STATUS)
@@ -206,14 +202,14 @@ class Hands:
             "armed": page in self._armed,
             "held": self._steers is page and self._clock() - self._held_at <= HOLD_S,
             "run": self._run is not None,
-            "fault": self.source.watch.state(self.source.facts.wiring.feedback) == "fault",
+            "fault": self.source.watch.state(self.source.facts.frame_map.feedback) == "fault",
             "leads": self.source.watch.newest("ControllerHeartbeat") is not None,
             "answer": answer and [self.source.watch.state(STATUS, name) for name in ("State", "Source", "Refused")],
             "limits": limits and [1e3 * limits.speed_m_s, 1e3 * limits.lowest_m, 1e3 * limits.highest_m],
         }
 
     def close(self) -> None:
-        """A run that was started here ends with the cockpit, by a controlled stop."""
+        """End a run that was started here by a controlled stop."""
         self._armed.clear()
         if self._run is not None:
             self._run.send_signal(signal.SIGINT)

@@ -10,9 +10,9 @@ import pytest
 
 from hil.app.learn.learner import Lesson
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
-from hil.app.scenario.model_offer import Offered
+from hil.app.scenario.model_use import Offered
+from hil.app.sil.learning_page import NUMBERS, PAGE, error_by_second, instants, learning_files
 from hil.app.sil.sil import judged
-from hil.app.sil.story import NUMBERS, PAGE, error_by_second, instants, story_files
 from hil.app.sil.testbed import believed_on_bus
 from models.theta import Theta
 from plant import layout as at
@@ -39,7 +39,7 @@ def learned_pages(folder: Path) -> tuple[SilScenario, dict[str, str]]:
     wanted = np.sqrt(np.mean((x - scenario.loop.reference.position(t)) ** 2))
     assert seconds.tolist() == [0.0]
     assert errors == pytest.approx([wanted])
-    return scenario, {file.name: text for file, text in story_files(Path(), scenario, found, trace).items()}
+    return scenario, {file.name: text for file, text in learning_files(Path(), scenario, found, trace).items()}
 
 
 @pytest.fixture(scope="module")
@@ -69,5 +69,5 @@ def test_the_page_says_what_was_learned_and_the_numbers_stand_beside_it(
 def test_a_run_that_held_says_so(story: tuple[SilScenario, dict[str, str]]) -> None:
     scenario = story[0]
     found, trace = judged(scenario, believed_on_bus(scenario, Theta()), None, 1, "nominal")
-    files = story_files(Path(), scenario, {**found, "learned": []}, trace)
+    files = learning_files(Path(), scenario, {**found, "learned": []}, trace)
     assert "the model held, nothing was learned" in files[Path(PAGE)]

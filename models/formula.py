@@ -39,6 +39,10 @@ class Formula(NDArrayOperatorsMixin):
         """`value` as a formula."""
         return value if isinstance(value, Formula) else cls("", number=float(value))
 
+    def names(self) -> set[str]:
+        """The names of all symbols and functions in it."""
+        return {self.name}.union(*(one.names() for one in self.inputs))
+
     def __bool__(self) -> bool:
         raise TypeError("a formula has no truth value: use np.where instead of if")
 

@@ -6,11 +6,11 @@ import difflib
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 SETS = Path(__file__).parent / "sets"
 Name = str | tuple[str, str]
@@ -54,6 +54,7 @@ class Parameter:
     data say little. `role` tells a search what it is: the "phase" of a cycle, which follows from two quadratures, or a
     "place" along the lumen, which may lie anywhere on a record's track. Below the size `least`, of either sign, its
     effect is a case of one of its confounders. In a model it says to which `effect` it belongs, "" for the base.
+    `symbol` is its letter in equations.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Parameter:
     role: Role = ""
     least: float = 0.0
     effect: str = ""
+    symbol: str = ""
 
     @classmethod
     def near(cls, name: str, value: float, unit: str, least: float, most: float, source: str) -> Parameter:
@@ -90,6 +92,8 @@ class Parameter:
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", self.name or name)
         object.__setattr__(self, "source", self.source or getattr(owner, "source", ""))
+        before = next((vars(base)[name] for base in owner.__mro__[1:] if name in vars(base)), None)
+        object.__setattr__(self, "symbol", self.symbol or getattr(before, "symbol", ""))
 
     def at(self, value: float) -> Parameter:
         """The same parameter at another value."""
@@ -141,3 +145,8 @@ def load_set(name: str) -> ParameterSet:
 def available_sets() -> list[str]:
     """Names of the parameter sets that ship with the models."""
     return sorted(path.stem for path in SETS.glob("*.toml"))
+
+
+def setting(value: Any, unit: str, meaning: str, chosen_on: str = "by hand") -> Any:
+    """A field of a room's record of settings; "1" is the unit of a bare number."""
+    return field(default=value, metadata={"unit": unit, "meaning": meaning, "chosen_on": chosen_on})

@@ -9,11 +9,11 @@ from hil.report.dependence import curves_figure, story, surface_figure
 from hil.report.figure_residuals import agreement_figure, residual_figure, speed_map
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
-from hil.report.mathml import equations_html
+from hil.report.mathml import equations_html, symbol_html
 from hil.report.numbers import error_rows, parameters, smallest_rows
 from hil.report.panels import Panel, closer, panels
 from hil.report.words import PARTS, TEXT, column_words, error_story, grouped, headline, interpolation
-from models.effects.equation import equations_of
+from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
 from models.identification.residual_term import law_of
@@ -29,6 +29,7 @@ def report_html(finding: Finding) -> str:
     """
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     before, after = ("calibrated", "augmented") if finding.effects else ("nominal", "calibrated")
+    lines = finding.symbolic or finding.equations
     report = {
         **_head(finding),
         "finding": finding,
@@ -49,7 +50,8 @@ def report_html(finding: Finding) -> str:
         **_depends(finding.dependence),
         "residual": residual_figure([p for p in drawn if {before, after} <= set(p.predicted)], before, after),
         "candidates": candidate_figure(finding),
-        "equations": equations_html(finding.symbolic or finding.equations) if finding.equations else "",
+        "equations": equations_html(lines) if lines else "",
+        "legend": {symbol_html(symbol) or symbol: meaning for symbol, meaning in legend(lines).items()},
         "calibration": parameters(finding.calibration, finding.nominal),
         "vague": [name for name, estimate in finding.calibration.items() if not estimate.identifiable],
     }
@@ -102,7 +104,7 @@ def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str
         "name": name,
         "summary": effect.summary,
         "equations": equations_html([[formula] for formula in formulas]),
-        "parameters": parameters(estimates, symbols=effect.symbols),
+        "parameters": parameters(estimates, symbols=effect.letters()),
     }
 
 

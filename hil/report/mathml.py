@@ -15,6 +15,7 @@ _RELATIONS: Final = MappingProxyType({"==": "=", "<=": "≤", ">=": "≥"})
 _LONGEST: Final = 500  # characters of MathML in a bracket that stays on one line
 _BREAK: Final = "\ue000"
 """Where a line may go on below."""
+_ON: Final = '</math> <math displaystyle="true">'
 _THIN: Final = '<mspace width="0.15em"/>'
 _COMMA: Final = '<mo>,</mo><mspace width="0.4em"/>'
 _DIGITS: Final = 4
@@ -36,7 +37,7 @@ def math_html(formula: Formula) -> Markup:
     whole, parts = parts_of(formula)
     inside = f"{_COMMA}{_BREAK}".join(map(_written, (whole, *parts)))
     inside = inside.replace(f"{_BREAK}<mo>", f'{_BREAK}<mo form="infix" lspace="0" rspace="0.22em">')
-    return Markup(f"<math>{inside.replace(_BREAK, '</math> <math>')}</math>")
+    return Markup(f'<math displaystyle="true">{inside.replace(_BREAK, _ON)}</math>')
 
 
 def symbol_html(symbol: str) -> Markup:
@@ -84,9 +85,11 @@ def _part(formula: Formula, *looser: str) -> str:
 
 def _bracketed(opening: str, closing: str, parts: Iterable[Formula]) -> str:
     inside = _COMMA.join(map(_written, parts))
+    tall = any(mark in inside for mark in ("<mfrac>", "<mtable", "<msqrt>"))
+    before, after = (f'<mo stretchy="{str(tall).lower()}">{mark}</mo>' for mark in (opening, closing))
     if len(inside) < _LONGEST:
-        return f"<mrow><mo>{opening}</mo>{_whole(inside)}<mo>{closing}</mo></mrow>"
-    return f'<mo stretchy="false">{opening}</mo>{inside}<mo stretchy="false">{closing}</mo>'
+        return f"<mrow>{before}{_whole(inside)}{after}</mrow>"
+    return f"{before}{inside}{after}".replace('stretchy="true"', 'stretchy="false"')
 
 
 def _cases(condition: Formula, holds: Formula, fails: Formula) -> str:
@@ -128,7 +131,7 @@ def _symbol(text: str) -> str:
     if letter and index:
         below = " ".join(_greek(part) or part for part in index.split("_"))
         written = f"<msub>{written}<mtext>{escape(below)}</mtext></msub>"
-    return f"<msup><mrow>{written}</mrow><mo>{primes}</mo></msup>" if primes else written
+    return f'<mrow>{written}<mo lspace="0" rspace="0">{primes}</mo></mrow>' if primes else written
 
 
 def _letter(name: str) -> str:

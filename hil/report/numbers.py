@@ -12,7 +12,7 @@ from models.effects import effect_words
 from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect
 from models.parameter import LETTERS
-from models.words.quantities import DASH, change, number, percent, plain, quantity, scale, told
+from models.words.quantities import DASH, change, number, percent, plain, quantity, scale, with_interval
 
 _RENAMED: Final = {"identifiable": "told"}
 """Names of fields that stand under another key in JSON."""
@@ -109,7 +109,7 @@ def parameters(
     for name, estimate in shown.items():
         factor, unit = units[estimate.unit]
         low, high = (factor * end for end in estimate.ci95)
-        words, before = told(factor * estimate.value, (low, high)), believed.get(name)
+        words, before = with_interval(factor * estimate.value, (low, high)), believed.get(name)
         value = words.value if estimate.identifiable else number(factor * estimate.value, 3)
         row: dict[str, Any] = {"name": name, "symbol": symbol_html(symbols.get(name, "")), "unit": unit}
         row |= {"nominal": None if before is None else factor * before}

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from models.setting import setting
+from models.parameter import setting
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
+from models.drives.drive import TEXT, Actuation, Drive, Push, Values
 from models.formula import Line, equal, named, symbols
 from models.parameter import Parameter
 
@@ -46,7 +46,7 @@ class Coil(Drive):
 
 @dataclass(frozen=True)
 class Winding:
-    """The electrical side of a coil: `L i' = U - R i - K_e w`, `|i|` held within the supply's limit."""
+    """The electrical side of a coil: `L i' = U - R i - K_e w`, `|i|` within the supply's limit."""
 
     resistance_ohm: float = 10.0
     inductance_H: float = 10e-3
@@ -103,8 +103,8 @@ class VoltageCoil(Coil):
     def equations(self, p: Values) -> list[Line]:
         return [*super().equations(p), self.winding.equation(p, "v")]
 
-    def untold(self) -> list[str]:
-        return [ANYWHERE, BELIEVED]
+    def unidentifiable(self) -> list[str]:
+        return [TEXT("start"), TEXT("resistance")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return p["coil_resistance_ohm"] * super().command_for(force, x, v, p) + p["back_emf_V_s_per_m"] * v

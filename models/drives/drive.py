@@ -2,21 +2,19 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from models.formula import Line
 from models.parameter import Parameter
+from models.words.sentences import Sentences
 
 Values = Mapping[str, Any]
-ANYWHERE = "Predictions start at the place where the record starts: the drive alone does not tell it."
-BELIEVED = (
-    "Of the coil's resistance and its force per current a position shows the ratio alone: the resistance is believed."
-)
+TEXT: Final = Sentences(__file__)
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, its
+    """What a drive acts on within one step of `h` s: the body's position `x` in m and speed `v` in m/s at mid-step, its
     speed `start` before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name, and what
     effects make of it: the factor `gain` on the force, `suspension(stretch, rate)` in N beside an inner mass's spring,
     `reach(stretch)` on its coil's force.
@@ -48,15 +46,15 @@ class Push:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured. `anchored`:
-    the command holds a place, so that being off it tells of the wall; else a position is only known from where it
-    started.
+    """A drive as it is modelled. `imposed`: the command is the capsule's position, and the force on it is measured.
+    `anchored`: the command is a position, so that the distance from it shows the wall's force; else a position is only
+    known relative to its start.
 
     `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's
-    unit; `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or
-    stops within the step, for drives that shake it to and fro in every cycle. `held`: the command is a switch, which
-    over a step stays what it was at the step's beginning; else it goes in a straight line. `by_voltage`: the command is
-    a coil's voltage, and its current a state.
+    unit; `carried_kg` rides on the body and presses it down. `turning` finds the moment within the step at which the
+    body turns or stops, for drives that shake it in every cycle. `held`: the command is a switch, which keeps over a
+    step its value at the beginning; else it changes linearly. `by_voltage`: the command is a coil's voltage, and its
+    current a state.
     """
 
     name: ClassVar[str] = ""
@@ -92,9 +90,9 @@ class Drive:
         """How the command becomes a force, a line each."""
         return []
 
-    def untold(self) -> list[str]:
-        """Sentences on what records under this drive cannot tell."""
-        return [] if self.imposed else [ANYWHERE]
+    def unidentifiable(self) -> list[str]:
+        """Sentences on what records under this drive cannot identify."""
+        return [] if self.imposed else [TEXT("start")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         """The command that pushes with `force` in N at `x` in m and `v` in m/s, held for long: the inverse of `force`

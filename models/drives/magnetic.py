@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.drives.drive import Drive, Values
+from models.drives.drive import TEXT, Drive, Values
 from models.formula import Formula, Line, equal, named, symbols
 from models.laws.dipole import PAIRINGS, Orientation, attraction, pull
 from models.parameter import Parameter
@@ -38,15 +38,12 @@ class Magnetic(Drive):
         return (Parameter.near("magnet_stiffness_N_per_m", self.stiffness_N_per_m, "N/m", 0.85, 1.15, source),)
 
     def equations(self, p: Values) -> list[Line]:
-        F_act, d, carriage, x = symbols("F_act d u_cmd x")
+        F_act, d, carriage, x = symbols("F_act d u x")
         pull = Formula.of(p["magnet_stiffness_N_per_m"]) * d / (1 + (d / named("r", self.range_m, d)) ** 2) ** 2
         return [[equal(F_act, pull), ", ", equal(d, carriage - x)]]
 
-    def untold(self) -> list[str]:
-        return [
-            "Only the ratios of hoop stress, friction and magnet stiffness show well in a position: the three may move"
-            " together."
-        ]
+    def unidentifiable(self) -> list[str]:
+        return [TEXT("magnet")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return x + _gap(force / p["magnet_stiffness_N_per_m"], self.range_m)
@@ -57,7 +54,7 @@ class Magnetic(Drive):
 
 
 def _gap(ratio: Any, reach: float) -> Any:
-    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, held within 0.95 of the one of greatest force; three Newton
+    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, limited to 0.95 of the one of greatest force; three Newton
     steps.
     """
     most = 0.95 * reach / np.sqrt(3)
@@ -88,7 +85,7 @@ class MagnetPair(Magnetic):
 
     def equations(self, p: Values) -> list[Line]:
         pairing, k = PAIRINGS[self.orientation], Formula.of(p["magnet_stiffness_N_per_m"])
-        F_act, d, q, carriage, x, N, m, g = symbols("F_act d q u_cmd x N m g")
+        F_act, d, q, carriage, x, N, m, g = symbols("F_act d q u x N m g")
         h = named("h", self.height_m, d)
         falling = (1 + q) ** 3.5
         return [
@@ -98,7 +95,7 @@ class MagnetPair(Magnetic):
         ]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
-        """Newton steps, held within 0.95 of the gap of greatest pull."""
+        """Newton steps, limited to 0.95 of the gap of greatest pull."""
         k, h, pairing = p["magnet_stiffness_N_per_m"], self.height_m, PAIRINGS[self.orientation]
         most = 0.95 * pairing.peak * h
         g = np.clip(force / k, -most, most)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from models.drives.coil import Winding
-from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
+from models.drives.drive import TEXT, Actuation, Drive, Push, Values
 from models.formula import Formula, Line, called, equal, symbols
 from models.parameter import Parameter
 
@@ -139,8 +139,8 @@ class VoltageVibro(Vibro):
     def _pushing(self, p: Values) -> Any:
         return p["coil_force_N_per_A"] * Formula("i")
 
-    def untold(self) -> list[str]:
-        return [ANYWHERE, BELIEVED]
+    def unidentifiable(self) -> list[str]:
+        return [TEXT("start"), TEXT("resistance")]
 
     def parameters(self) -> tuple[Parameter, ...]:
         k, source = self.coil_force_N_per_A, "rig file; several percent off"

@@ -76,7 +76,7 @@ class Catalogue(Mapping[str, type[Effect]]):
         return (*EFFECTS, *(origin.effect for origin in self.own))
 
     def acting_on(self, kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
-        """The candidates that can act on a rig of `kind`; `variants` with its own bounds or units take their place."""
+        """The candidates that can act on a rig of `kind`; `variants` with its own bounds or units replace them."""
         more = KINDS[kind].effects
         declared = {effect.id: effect for effect in self.candidates if kind in effect.kinds or effect.id in more}
         return tuple((declared | {variant.id: variant for variant in variants}).values())

@@ -230,7 +230,8 @@ def _finite(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
 
 def _printed(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """printed equations"""
-    letters = [effect.symbols.get(name, name) for name in (*values_of(effect), *effect.states)]
+    known_letters = effect.letters()
+    letters = [known_letters.get(name, name) for name in (*values_of(effect), *effect.states)]
     taken = [*letters, *(symbol for symbol, _ in SIGNALS.values())]
     for letter in sorted({letter for letter in letters if taken.count(letter) > 1}):
         yield f".symbols must differ from each other and from those of signals; got {letter!r} twice"
@@ -276,10 +277,11 @@ def _stated(
     effect: type[Effect], p: dict[str, float], z: dict[str, float], s: dict[str, float], given: dict[str, float]
 ) -> Iterator[str]:
     """Where equations that it states are not those of its hooks: of a hidden state by its rate over a short step."""
+    letters = effect.letters()
     said, names = dict(answered(effect, p, z, s, given | {"h": _SHORT_S})), names_in(effect, p, z, s, given)
     for state in effect.states:
         end = said.get(f"advance.{state}", said.get(f"follow.{state}", z[state]))
-        names[f"{effect.symbols.get(state, state)}'"] = (end - z[state]) / _SHORT_S
+        names[f"{letters.get(state, state)}'"] = (end - z[state]) / _SHORT_S
     for key, formulas in own_forms(effect).items():
         if key in effect.states:
             values = {}

@@ -58,9 +58,10 @@ def number(
     spread: float = math.inf,
     role: Role = "",
     least: float = 0.0,
+    symbol: str = "",
 ) -> Parameter:
     """A parameter of an effect, named after its attribute; the effect's source where it has none of its own."""
-    return Parameter("", value, unit, lower, upper, source, fit, spread, role, least)
+    return Parameter("", value, unit, lower, upper, source, fit, spread, role, least, symbol=symbol)
 
 
 def by_name(**entries: Any) -> Mapping[str, Any]:
@@ -73,7 +74,7 @@ class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
     `words` is its name with an article ("a lagging drive"), `summary` says what it does.
-    `symbols` are the letters of parameters and states in equations.
+    `symbols` are letters of states in equations, beside those of the parameters.
     Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
@@ -117,6 +118,11 @@ class Effect:
     def of_role(cls, role: str) -> str | None:
         """The name of the first parameter with this `role`; None where there is none."""
         return next((p.name for p in cls.parameters() if p.role == role), None)
+
+    @classmethod
+    def letters(cls) -> dict[str, str]:
+        """The symbols of parameters and states in equations, by their names."""
+        return {p.name: p.symbol or p.name for p in cls.parameters()} | dict(cls.symbols)
 
     @classmethod
     def looks_like(cls, other: type[Effect]) -> bool:
@@ -207,7 +213,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class InnerMassEffect(Effect):
-    """An effect of the vibro drive's suspension or coil; hooks see the inner mass's place (m) and speed (m/s)."""
+    """An effect of a vibro drive's suspension or coil; hooks get the inner mass's displacement in m, speed in m/s."""
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         """Extra force in N that pulls the inner mass back to the body (and the body after it)."""

@@ -58,6 +58,14 @@ ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = {
     "e_rate": ("e'", "rate of the link's stretch, m/s"),
 }
 """What hooks get beside signals, parameters and states: the symbol, and what it is."""
+_BASE: Final = {
+    "F_act": "force of the drive",
+    "F_e": "resistance of the wall at the nose",
+    "F_v": "drag of the mucus at the relative speed w",
+    "f_c": "tension at which the wall slips",
+    "I_1": "hoop stress integrated over the nose",
+    "I_2": "hoop stress integrated over the cylinder",
+}
 TORQUE: Final = "T_extra"
 """What an added force is called about an axis."""
 _UNWRITTEN: Final = ("response",)
@@ -105,6 +113,13 @@ def lines_of(effects: Iterable[type[Effect]], theta: Theta, *, turns: bool = Fal
                 parts += [formula, "; "]
             lines.append(parts[:-1])
     return lines
+
+
+def legend(lines: Iterable[Line]) -> dict[str, str]:
+    """What the symbols in `lines` mean that are no parameters, in alphabetical order."""
+    known = _BASE | dict(entry for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values())
+    found = {name for line in lines for part in line if isinstance(part, Formula) for name in part.names()}
+    return {name: known[name] for name in sorted(found & set(known), key=str.lower)}
 
 
 def symbols_of(theta: Theta, fitted: Iterable[Name]) -> Theta:
@@ -157,7 +172,8 @@ def names_in(
     effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any], given: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values of parameters, states, signals and arguments by their symbols in the equations of `effect`."""
-    own = {effect.symbols.get(name, name): value for name, value in {**p, **z}.items()}
+    letters = effect.letters()
+    own = {letters.get(name, name): value for name, value in {**p, **z}.items()}
     seen = {symbol: s[name] for name, (symbol, _) in SIGNALS.items()}
     return seen | {symbol: given[name] for name, (symbol, _) in ARGUMENTS.items()} | own
 
@@ -174,7 +190,8 @@ def _signals() -> Signals:
 
 
 def _states(effect: type[Effect]) -> dict[str, Formula]:
-    return {state: Formula(effect.symbols.get(state, state)) for state in effect.states}
+    letters = effect.letters()
+    return {state: Formula(letters.get(state, state)) for state in effect.states}
 
 
 class Symbols(dict[str, Any]):
@@ -182,7 +199,7 @@ class Symbols(dict[str, Any]):
 
     def __init__(self, effect: type[Effect], values: Mapping[str, Any]) -> None:
         super().__init__(values)
-        self._letters = effect.symbols
+        self._letters = effect.letters()
 
     def __missing__(self, name: str) -> Any:
         self[name] = Formula(self._letters.get(name, name))

@@ -12,13 +12,12 @@ _CREEP = 1e-6  # m/s
 
 
 class ViscousDrag(Effect):
-    """Force `-c sgn(v) (|v|/10 mm/s)^n`, odd in speed, no memory."""
+    """Force `-c sgn(v) (|v|/10 mm/s)^n`: odd in speed, without memory."""
 
     id = "viscous_drag"
     words = "a viscous drag"
     summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
-    symbols = by_name(coefficient_N="c", exponent="n")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(exponent=(0.5, 1.0, 1.5))
@@ -27,8 +26,8 @@ class ViscousDrag(Effect):
     separated_by = "two drive amplitudes; speeds over two decades"
     refined_by = ("level_over_speed",)
 
-    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
-    exponent = number(1.0, "1", 0.4, 2.0)
+    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3, symbol="c")
+    exponent = number(1.0, "1", 0.4, 2.0, symbol="n")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
@@ -46,28 +45,27 @@ class InclineGravity(Effect):
     words = "an inclined lumen"
     summary = "a constant force along the lumen"
     source = "tracing catalogue 13"
-    symbols = by_name(force_N="F_g")
     kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
     probe = 0.002
     confounders = ("directional_asymmetry", "sensor_bias")
     separated_by = "tilt the rig by a known angle; records at rest"
 
-    force_N = number(0.0, "N", -0.5, 0.5)
+    force_N = number(0.0, "N", -0.5, 0.5, symbol="F_g")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["force_N"]
 
 
 class StressRelaxation(Effect):
-    """Maxwell branch that slips, force `-k q`, `q' = v/(1 + b |v|) - q/tau - c |v| q`: it relaxes with time and on the
-    way, c = 0 never slips, and b > 0 is drawn less and less as speed grows, as a material that thins.
+    """A Maxwell branch that slips: force `-k q`, `q' = v/(1 + b |v|) - q/tau - c |v| q`. It relaxes with time and with
+    distance; c = 0 never slips; b > 0 thins as speed grows.
     """
 
     id = "stress_relaxation"
     words = "a stress relaxation of the wall"
     summary = "a force that builds up while moving and relaxes"
     source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
-    symbols = by_name(stiffness_N_per_m="k", time_s="tau", slip_per_m="c", thinning_s_per_m="b", stretch_m="q")
+    symbols = by_name(stretch_m="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("wall",)
     states = ("stretch_m",)
@@ -77,10 +75,12 @@ class StressRelaxation(Effect):
     separated_by = "frequency sweep at fixed amplitude; stop and hold"
     refined_by: ClassVar[tuple[str, ...]] = ("further_relaxation",)
 
-    stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0)
-    time_s = number(1.0, "s", 0.05, 20.0)
-    slip_per_m = number(0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995")
-    thinning_s_per_m = number(0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417")
+    stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0, symbol="k")
+    time_s = number(1.0, "s", 0.05, 20.0, symbol="tau")
+    slip_per_m = number(0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995", symbol="c")
+    thinning_s_per_m = number(
+        0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417", symbol="b"
+    )
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return -p["stiffness_N_per_m"] * z["stretch_m"]
@@ -120,36 +120,24 @@ def with_harmonics(wave: Value, turn: Value, p: Values, first: int, names: tuple
 
 
 class ForceInTime(Effect):
-    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it
-    is late at the capsule's place.
+    """Force `A (sin q + o + sum of b_k sin kq + c_k cos kq)` along +x, k from 2 to 4, `q = 2 pi (f t - n) + phi`, n the
+    turns by which it is late at the capsule's position.
 
-    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
+    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, c_2 = -0.42 and c_4 = -0.08.
     """
 
-    symbols = by_name(
-        force_N="A",
-        frequency_Hz="f",
-        phase_rad="phi",
-        offset="o",
-        second_sin="b_2",
-        second_cos="c_2",
-        third_sin="b_3",
-        third_cos="c_3",
-        fourth_sin="b_4",
-        fourth_cos="c_4",
-    )
     probe = 0.003
 
-    force_N = number(0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most")
-    frequency_Hz = number(0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz")
-    phase_rad = number(0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", role="phase")
-    second_sin = number(0.0, "1", -1.0, 1.0, _PULSES)
-    second_cos = number(0.0, "1", -1.0, 1.0, _PULSES)
-    third_sin = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2)
-    third_cos = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2)
-    fourth_sin = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2)
-    fourth_cos = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2)
-    offset = number(0.0, "1", -1.5, 1.5, _PULSES)
+    force_N = number(0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most", symbol="A")
+    frequency_Hz = number(0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz", symbol="f")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", role="phase", symbol="phi")
+    second_sin = number(0.0, "1", -1.0, 1.0, _PULSES, symbol="b_2")
+    second_cos = number(0.0, "1", -1.0, 1.0, _PULSES, symbol="c_2")
+    third_sin = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2, symbol="b_3")
+    third_cos = number(0.0, "1", -0.7, 0.7, _PULSES, spread=0.2, symbol="c_3")
+    fourth_sin = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2, symbol="b_4")
+    fourth_cos = number(0.0, "1", -0.5, 0.5, _PULSES, spread=0.2, symbol="c_4")
+    offset = number(0.0, "1", -1.5, 1.5, _PULSES, symbol="o")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(turn(s, p), p)
@@ -183,11 +171,11 @@ _SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
 
 
 class PeristalticWave(ForceInTime):
-    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi (f t - k x) + phi`; it travels at `f/k`, along +x
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi (f t - k x) + phi`: it travels at `f/k`, along +x
     where both have one sign.
 
-    The wave number, unlike the speed, passes smoothly through the wave that stands everywhere at once (k = 0) to one
-    that comes back. At less than half of the longest wave's, 8.6 a minute at 20 mm/s, it is a force in time.
+    The wave number passes smoothly through 0, where the wave is the same everywhere, to one that comes back; the speed
+    would not. Below half of the longest wave's number, 8.6 a minute at 20 mm/s, it is a force in time.
     """
 
     id = "peristaltic_wave"
@@ -195,33 +183,32 @@ class PeristalticWave(ForceInTime):
     summary = "a force wave that travels along the lumen"
     source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    symbols = by_name(**ForceInTime.symbols, wavenumber_per_m="k")
     needs = ("time", "wall")
     grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
     confounders = ("respiration", "fold_periodic")
-    separated_by = "a record at rest at two places"
+    separated_by = "a record at rest at two positions"
     refined_by = ("wave_harmonics",)
 
     frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
-    wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5)
+    wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5, symbol="k")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(wave_turn(s, p), p)
 
 
 def wave_turn(s: Signals, p: Values) -> Value:
-    """The angle in rad of the wave at the capsule's place."""
+    """The angle in rad of the wave at the capsule's position."""
     return turn(s, p, p["wavenumber_per_m"] * s.x)
 
 
 class AddedMass(Effect):
-    """Force `-m_a a`: fluid or rig mass moved along."""
+    """Force `-m_a a`: fluid or rig mass that moves along."""
 
     id = "added_mass"
     words = "an added mass"
     summary = "inertia beyond the capsule's"
     source = "tracing catalogue 16"
-    symbols = by_name(mass_kg="m_a", acceleration="v'")
+    symbols = by_name(acceleration="v'")
     kinds = frozenset({"pull"})
     needs = ("speeds",)
     states = (
@@ -232,7 +219,7 @@ class AddedMass(Effect):
     confounders = ("actuator_lag",)
     separated_by = "faster reversals"
 
-    mass_kg = number(0.0, "kg", -0.005, 2.0)
+    mass_kg = number(0.0, "kg", -0.005, 2.0, symbol="m_a")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["mass_kg"] * z["acceleration"]
@@ -246,33 +233,31 @@ class AddedMass(Effect):
 
 
 class SpringOverPosition(Effect):
-    """Force `-k x`; where the spring is at rest goes into the axis' constant force."""
+    """Force `-k x`; the spring's position of rest is part of the axis' constant force."""
 
     id = "spring_over_position"
     words = "a spring to the frame"
     summary = "a spring to the frame: a force proportional to the position"
     source = "Hooke's law; balancing springs, cables and hoses of machine axes"
-    symbols = by_name(stiffness_N_per_m="k")
     kinds = frozenset({"axis"})
     needs = ("places",)
     probe = 10.0
     confounders = ("gravity_over_angle", "lumen_taper")
-    separated_by = "hold still at several places over the whole travel; swing over more than half a turn"
+    separated_by = "hold still at several positions over the whole travel; swing over more than half a turn"
 
-    stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5)
+    stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5, symbol="k")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["stiffness_N_per_m"] * s.x
 
 
 class GravityOverAngle(Effect):
-    """Torque `-m g l sin(x - x_0)`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
+    """Torque `-G sin(x - x_0)`, `G = m g l`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
 
     id = "gravity_over_angle"
     words = "a weight on a lever"
     summary = "the torque of a weight on a lever, over the angle"
     source = "m g l of a lever: statics"
-    symbols = by_name(torque_N_m="G", hanging_rad="x_0")
     kinds = frozenset({"axis"})
     needs = ("turning", "places")
     grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
@@ -280,8 +265,8 @@ class GravityOverAngle(Effect):
     confounders = ("spring_over_position", "fold_periodic")
     separated_by = "swing over more than half a turn; the axis laid so that gravity does no work"
 
-    torque_N_m = number(0.0, "N m", -1e3, 1e3)
-    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
+    torque_N_m = number(0.0, "N m", -1e3, 1e3, symbol="G")
+    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="x_0")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])

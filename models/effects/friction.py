@@ -11,14 +11,13 @@ _SETTLES = "drifts of a bench settle within minutes"
 
 
 class DriftInTime(Effect):
-    """Factor `1 + b s + c s^2` of the time `s = t/(1 + t/t_s)`, which runs slower and slower; never below 0.05."""
+    """Factor `1 + b t_e + c t_e^2` of a time `t_e = t/(1 + t/t_s)` that settles; never below 0.05."""
 
-    symbols = by_name(rate_per_s="b", bend_per_s2="c", settling_s="t_s")
     probe = 0.001
 
-    rate_per_s = number(0.0, "1/s", -0.08, 0.08, _SETTLES)
-    bend_per_s2 = number(0.0, "1/s^2", -3e-3, 3e-3, _SETTLES)
-    settling_s = number(100.0, "s", 10.0, 1000.0, _SETTLES, spread=100.0)
+    rate_per_s = number(0.0, "1/s", -0.08, 0.08, _SETTLES, symbol="b")
+    bend_per_s2 = number(0.0, "1/s^2", -3e-3, 3e-3, _SETTLES, symbol="c")
+    settling_s = number(100.0, "s", 10.0, 1000.0, _SETTLES, spread=100.0, symbol="t_s")
 
 
 def drift(t: Value, p: Values) -> Value:
@@ -36,13 +35,14 @@ _REST_M_S = 1e-9  # m/s, keeps the power's derivative finite
 
 
 class Stribeck(Effect):
-    """Level `1 + s exp(-(|v|/v_s)^k)`: excess at `|v| < v_s` only, no memory; k is 2 classically, measured 1/2 to 2."""
+    """Scale `1 + a exp(-(|v|/v_s)^delta)`: an excess below the speed v_s, without memory. delta is 2 classically, 1/2
+    to 2 where it was measured.
+    """
 
     id = "stribeck"
     words = "a Stribeck effect"
     summary = "extra resistance at low speed that fades as speed grows"
     source = "Stribeck curve; Monatsh. Chem. 2016 for mucus"
-    symbols = by_name(excess="a", speed_m_s="v_s", exponent="delta")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(speed_m_s=(0.001, 0.003, 0.01))
@@ -52,22 +52,21 @@ class Stribeck(Effect):
     separated_by = "vary the dwell at fixed speed; speeds over two decades"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
-    excess = number(0.0, "1", -0.8, 3.0)
-    speed_m_s = number(0.003, "m/s", 0.0002, 0.05)
-    exponent = number(2.0, "1", 0.5, 4.0, "Armstrong-Helouvry 1991: 1/2 to 2", spread=1.0)
+    excess = number(0.0, "1", -0.8, 3.0, symbol="a")
+    speed_m_s = number(0.003, "m/s", 0.0002, 0.05, symbol="v_s")
+    exponent = number(2.0, "1", 0.5, 4.0, "Armstrong-Helouvry 1991: 1/2 to 2", spread=1.0, symbol="delta")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["excess"] * np.exp(-((at_least(np.abs(s.v), _REST_M_S) / p["speed_m_s"]) ** p["exponent"]))
 
 
 class DirectionalAsymmetry(Effect):
-    """Level `1 + a sgn(v)`: constant while sliding, of either sign."""
+    """Scale `1 + a sgn(v)`: constant while sliding, of either sign."""
 
     id = "directional_asymmetry"
     words = "a directional asymmetry"
     summary = "resistance differs between forward and backward"
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
-    symbols = by_name(asymmetry="a")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("both_ways",)
     probe = 0.05
@@ -75,43 +74,36 @@ class DirectionalAsymmetry(Effect):
     separated_by = "records at rest, where a constant force stays and an asymmetry does not"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
-    asymmetry = number(0.0, "1", -0.9, 0.9)
+    asymmetry = number(0.0, "1", -0.9, 0.9, symbol="a")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["asymmetry"] * s.direction
 
 
 class FoldPeriodic(Effect):
-    """Level `1 + a (sin q + b sin 2q + c cos 2q + d sin 3q + e cos 3q)`, `q = 2 pi x/L + phi`, both ways."""
+    """Scale `1 + a (sin q + b_2 sin 2q + c_2 cos 2q + b_3 sin 3q + c_3 cos 3q)`, `q = 2 pi x/L + phi`: the same in both
+    directions.
+    """
 
     id = "fold_periodic"
     words = "folds of the gut"
     summary = "resistance varies periodically along the lumen"
     source = "folds up to 8 mm deep (Gray)"
-    symbols = by_name(
-        depth="a",
-        wavelength_m="L",
-        phase_rad="phi",
-        second_sin="b_2",
-        second_cos="c_2",
-        third_sin="b_3",
-        third_cos="c_3",
-    )
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     needs = ("places",)
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
     probe = 0.05
     confounders = ("lumen_taper", "peristaltic_wave")
-    separated_by = "reverse over the same place"
+    separated_by = "reverse over the same positions"
     refined_by = ("level_at_onset",)
 
-    depth = number(0.0, "1", -0.9, 0.9)
-    wavelength_m = number(0.008, "m", 0.002, 0.016)
-    phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
-    second_sin = number(0.0, "1", -1.0, 1.0)
-    second_cos = number(0.0, "1", -1.0, 1.0)
-    third_sin = number(0.0, "1", -0.7, 0.7)
-    third_cos = number(0.0, "1", -0.7, 0.7)
+    depth = number(0.0, "1", -0.9, 0.9, symbol="a")
+    wavelength_m = number(0.008, "m", 0.002, 0.016, symbol="L")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="phi")
+    second_sin = number(0.0, "1", -1.0, 1.0, symbol="b_2")
+    second_cos = number(0.0, "1", -1.0, 1.0, symbol="c_2")
+    third_sin = number(0.0, "1", -0.7, 0.7, symbol="b_3")
+    third_cos = number(0.0, "1", -0.7, 0.7, symbol="c_3")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         turn = named("q", 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])
@@ -121,28 +113,27 @@ class FoldPeriodic(Effect):
 
 
 class LumenTaper(Effect):
-    """Level `1 + g y + b y^2 + c y^3`, `y = r/sqrt(1 + (r/L)^2)`, `r = x - m`: narrowing lumen or capstan bend, the
-    change itself changing along the way and dying out beyond the reach L of its middle m.
+    """Scale `1 + g y + b y^2 + c y^3`, `y = r/sqrt(1 + (r/L)^2)`, `r = x - x_m`: a lumen that narrows, or a capstan's
+    bend. The change itself changes with position and fades beyond the reach L of its middle x_m.
     """
 
     id = "lumen_taper"
     words = "a taper of the lumen"
     summary = "resistance changes steadily along the lumen"
     source = "tracing catalogue 11, 12"
-    symbols = by_name(slope_per_m="g", bend_per_m2="b", curl_per_m3="c", reach_m="L", middle_m="x_m")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     needs = ("places",)
     grid = by_name(reach_m=(0.02, 0.2))
     probe = 2.0
     confounders = ("tissue_drying", "stenosis")
-    separated_by = "a return pass over the same places"
+    separated_by = "a return pass over the same positions"
     refined_by = ("level_at_onset",)
 
-    slope_per_m = number(0.0, "1/m", -30.0, 30.0)
-    bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0)
-    curl_per_m3 = number(0.0, "1/m^3", -2e4, 2e4)
-    reach_m = number(0.05, "m", 0.01, 1.0)
-    middle_m = number(0.0, "m", -0.3, 0.3, spread=0.05)
+    slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
+    bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0, symbol="b")
+    curl_per_m3 = number(0.0, "1/m^3", -2e4, 2e4, symbol="c")
+    reach_m = number(0.05, "m", 0.01, 1.0, symbol="L")
+    middle_m = number(0.0, "m", -0.3, 0.3, spread=0.05, symbol="x_m")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         r = named("r", s.x - p["middle_m"])
@@ -154,30 +145,29 @@ _END = 1e-9 - 1  # of a bump that ends, where its logarithm would
 
 
 class Stenosis(Effect):
-    """Level `1 + s g`, `g = (1 + m (m + 1)/2 q^2)^(-1/m)`, `q = (x - x_0)/(w (1 + k sgn(x - x_0)))`.
+    """Scale `1 + a (1 + m (m + 1) q^2/2)^(-1/m)`, `q = r/(w (1 + k sgn(r)))`, `r = x - x_0`.
 
-    The skew k makes one flank steeper; the tail m leads from a bump that ends, `(1 - q^2/8)^2` at -1/2, over a
-    Gaussian, `exp(-q^2/2)` at 0, to a Lorentzian, `1/(1 + q^2)` at 1.
+    The skew k makes one flank steeper. The tail m leads from a bump that ends, `(1 - q^2/8)^2` at m = -1/2, over a
+    Gaussian at 0 to a Lorentzian, `1/(1 + q^2)`, at 1.
     """
 
     id = "stenosis"
     words = "a stenosis"
-    summary = "one local place of higher resistance"
+    summary = "resistance is higher at one position"
     source = "tracing catalogue 11"
-    symbols = by_name(excess="a", centre_m="x_0", width_m="w", tail="m", skew="k")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(width_m=(0.0015, 0.004))
     probe = 0.2
     confounders = ("lumen_taper", "fold_periodic")
-    separated_by = "more passes over the place, from both sides"
+    separated_by = "more passes over the same position, from both sides"
     refined_by = ("level_at_onset",)
 
-    excess = number(0.0, "1", -0.9, 6.0)
-    centre_m = number(0.0, "m", -0.3, 0.3, role="place")
-    width_m = number(0.003, "m", 0.0005, 0.012)
-    tail = number(1.0, "1", -0.6, 2.0)
-    skew = number(0.0, "1", -0.6, 0.6)
+    excess = number(0.0, "1", -0.9, 6.0, symbol="a")
+    centre_m = number(0.0, "m", -0.3, 0.3, role="place", symbol="x_0")
+    width_m = number(0.003, "m", 0.0005, 0.012, symbol="w")
+    tail = number(1.0, "1", -0.6, 2.0, symbol="m")
+    skew = number(0.0, "1", -0.6, 0.6, symbol="k")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         away = named("r", s.x - p["centre_m"])
@@ -189,13 +179,13 @@ class Stenosis(Effect):
 
 
 class DwellAdhesion(Effect):
-    """Level `1 + b th`: `th` grows at rest as `1 - exp(-t/t_a)` and fades over the slip length."""
+    """Scale `1 + b theta`: at rest theta grows as `1 - exp(-t/t_a)`, in motion it fades over the slip length L."""
 
     id = "dwell_adhesion"
     words = "an adhesion that grows at rest"
     summary = "a break-away peak that grows with the time at rest"
     source = "rate and state ageing, Dillavou arXiv:1908.02676"
-    symbols = by_name(peak="b", ageing_time_s="t_a", slip_length_m="L", age="theta")
+    symbols = by_name(age="theta")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("rests",)
     states = ("age",)
@@ -205,9 +195,9 @@ class DwellAdhesion(Effect):
     separated_by = "slide, hold, slide with holds of 0.1 to 30 s"
     refined_by = ("level_at_onset",)
 
-    peak = number(0.0, "1", -0.5, 3.0)
-    ageing_time_s = number(2.0, "s", 0.1, 60.0)
-    slip_length_m = number(0.0005, "m", 5e-05, 0.01)
+    peak = number(0.0, "1", -0.5, 3.0, symbol="b")
+    ageing_time_s = number(2.0, "s", 0.1, 60.0, symbol="t_a")
+    slip_length_m = number(0.0005, "m", 5e-05, 0.01, symbol="L")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["peak"] * z["age"]
@@ -224,34 +214,33 @@ class DwellAdhesion(Effect):
 
 
 class Preconditioning(Effect):
-    """Level `1 - f (1 - (1 - q) exp(-s/l) - q exp(-5 s/l))` with the path length s: a share q of the fall comes in the
-    first fifth of it, as the first of Terry's cycles took more than the later ones.
+    """Scale `1 - a (1 - (1 - q) exp(-s/L) - q exp(-5 s/L))` over the path s: a share q of the fall comes in the first
+    fifth of the length L, as the first of Terry's cycles took more than the later ones.
     """
 
     id = "preconditioning"
     words = "preconditioning of the tissue"
     summary = "resistance falls with distance travelled"
     source = "Terry 2014: 13 cycles; Mullins"
-    symbols = by_name(fall="a", length_m="L", quick="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(length_m=(0.03, 0.1))
     probe = 0.05
     confounders = ("tissue_drying",)
-    separated_by = "revisit the old place against a new one; wait without moving"
+    separated_by = "compare tissue that was passed with new tissue; wait without moving"
     refined_by = ("level_at_onset",)
 
-    fall = number(0.0, "1", -1.0, 0.9)
-    length_m = number(0.05, "m", 0.01, 0.5)
-    quick = number(0.0, "1", 0.0, 0.9, "Terry 2014: the first cycle takes most", spread=0.3)
+    fall = number(0.0, "1", -1.0, 0.9, symbol="a")
+    length_m = number(0.05, "m", 0.01, 0.5, symbol="L")
+    quick = number(0.0, "1", 0.0, 0.9, "Terry 2014: the first cycle takes most", spread=0.3, symbol="q")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        way = s.travelled / p["length_m"]
-        return 1 - p["fall"] * (1 - (1 - p["quick"]) * np.exp(-way) - p["quick"] * np.exp(-5 * way))
+        path = s.travelled / p["length_m"]
+        return 1 - p["fall"] * (1 - (1 - p["quick"]) * np.exp(-path) - p["quick"] * np.exp(-5 * path))
 
 
 class TissueDrying(DriftInTime):
-    """Level `1 + b s + c s^2` in a clock time s that settles, also at rest."""
+    """Scale `1 + b t_e + c t_e^2` of a clock time that settles, also at rest."""
 
     id = "tissue_drying"
     words = "drying tissue"
@@ -268,20 +257,19 @@ class TissueDrying(DriftInTime):
 
 
 class LoadDependentFriction(Effect):
-    """Level `1 + c |load|` of the logged load, whichever its unit."""
+    """Scale `1 + c |N|` of the logged load, in whichever unit."""
 
     id = "load_dependent_friction"
     words = "a load-dependent friction"
-    summary = "friction that grows with the logged load"
+    summary = "friction grows with the logged load"
     source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
-    symbols = by_name(growth_per_load="c")
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     probe = 0.1
     confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact")
     separated_by = "the same motion under loads that differ by a factor of two and more"
 
-    growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3)
+    growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3, symbol="c")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return at_least(1 + p["growth_per_load"] * np.abs(s.load), 0.05)
@@ -291,60 +279,57 @@ _LEAST_N = 1e-9  # load whose power is finite
 
 
 class HertzianContact(Effect):
-    """Level `(N/N_r)^e` over the load N: -1/3 for a sphere on a soft solid, 0 where friction is proportional to the
-    load; N_r is the load at which the coefficient is stated.
+    """Scale `(|N|/N_r)^n`: n is -1/3 for a sphere on a soft solid, 0 where friction is proportional to the load. N_r is
+    the load at which the coefficient is stated.
     """
 
     id = "hertzian_contact"
     words = "a Hertzian contact"
     summary = "the coefficient of friction is a power of the load, as the area of a soft contact is"
     source = "Bowden and Tabor: friction goes with the true area; Hertz 1882: N^(2/3), an exponent of -1/3 of the level"
-    symbols = by_name(exponent="n", reference_N="N_r")
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = -0.05
     confounders = ("load_dependent_friction", "adhesive_contact")
     separated_by = "loads over a factor of thirty: adhesion levels off at high loads, a power law does not"
 
-    exponent = number(0.0, "1", -0.9, 1.0)
-    reference_N = number(1.0, "N", 1e-6, 1e9, fit=False)
+    exponent = number(0.0, "1", -0.9, 1.0, symbol="n")
+    reference_N = number(1.0, "N", 1e-6, 1e9, fit=False, symbol="N_r")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return (at_least(np.abs(s.load), _LEAST_N) / p["reference_N"]) ** p["exponent"]
 
 
 class AdhesiveContact(Effect):
-    """A constant load N_0 in addition to the one that is applied, `F = mu (N + N_0)`: a coefficient that is referred
-    to the applied load falls as that load grows.
+    """A constant load N_0 beside the applied one, `F = mu (N + N_0)`: a coefficient that is referred to the applied
+    load falls as that load grows.
     """
 
     id = "adhesive_contact"
     words = "an adhesive contact"
     summary = "adhesion presses the surfaces together in addition to the load"
     source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
-    symbols = by_name(load_N="N_0")
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = 0.02
     confounders = ("load_dependent_friction", "hertzian_contact")
     separated_by = "loads over a factor of ten, down to none: adhesion leaves friction at no load"
 
-    load_N = number(0.0, "N", -10.0, 100.0)
+    load_N = number(0.0, "N", -10.0, 100.0, symbol="N_0")
 
     def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         return p["load_N"]
 
 
 class MagnetNormalLoad(Effect):
-    """Normal load `N_m/(1 + (g/w)^2)^2` on the gap g of carriage and capsule: most where the magnet stands above the
-    capsule. For rigs that only know the spring; a rig file with `[rig.magnet]` has the load from both moments.
+    """Normal load `N_m/(1 + (d/w)^2)^2` on the distance d of carriage and capsule: most where the magnet stands above
+    the capsule. For rigs that state only the spring; with `[rig.magnet]` the load follows from both moments.
     """
 
     id = "magnet_normal_load"
     words = "a magnet that presses on the wall"
     summary = "the magnet presses the capsule on the wall, the more the nearer it is"
     source = "K. W. Yung et al., Magn. Electr. Sep. 9 (1998) 39: two dipoles attract each other across the gap"
-    symbols = by_name(load_N="N_m", width_m="w")
     kinds = frozenset({"magnetic"})
     needs = ("both_ways",)
     grid = by_name(width_m=(0.012, 0.03))
@@ -352,8 +337,8 @@ class MagnetNormalLoad(Effect):
     confounders = ("stribeck", "coupling_decay")
     separated_by = "the same motion with the magnet at another height: the load changes, the tissue's friction does not"
 
-    load_N = number(0.0, "N", 0.0, 5.0)
-    width_m = number(0.02, "m", 0.003, 0.3)
+    load_N = number(0.0, "N", 0.0, 5.0, symbol="N_m")
+    width_m = number(0.02, "m", 0.003, 0.3, symbol="w")
 
     def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         apart = (s.command - s.x) / p["width_m"]

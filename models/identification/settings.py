@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from models.setting import setting
+from models.parameter import setting
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class RigKind:
     hooks: frozenset[str] = frozenset()
     """Hooks of an effect that are asked, beside those of a body's that moves."""
     signals: frozenset[str] | None = None
-    """What an effect is told; None: all of a moving body's."""
+    """The signals that an effect gets; None: all of a moving body's."""
     longest_s: float = np.inf
     """Longest motion that one record may ask to be computed."""
     wanted: str = "more records, or a longer one"
@@ -80,7 +80,7 @@ class RigKind:
     drawn: bool = False
     """Whether a rig draws the capsule along and shows the force that this takes."""
     follows: bool = False
-    """Whether the capsule follows a place that is driven."""
+    """Whether the capsule follows a driven position."""
     pushed: bool = False
     """Whether a field pushes the capsule from anywhere."""
 
@@ -106,7 +106,7 @@ class RigKind:
 
     @property
     def of_paper(self) -> bool:
-        """Whether capsule and gut matter little, so that both are the papers' where nothing is said."""
+        """Whether capsule and gut matter little: both are the papers' where nothing is stated."""
         return self.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
 
     @property
@@ -117,7 +117,7 @@ class RigKind:
     def columns(self, names: Iterable[str]) -> Columns:
         """The layout of a record with the columns `names`: the one that has most of them."""
         there = set(names)
-        return max(self.layouts, key=lambda held: len(there & set(held.own())))
+        return max(self.layouts, key=lambda layout: len(there & set(layout.own())))
 
     def range(self, name: str) -> Range | None:
         """The range of a column; None where there is none."""

@@ -13,12 +13,13 @@ from models.parameter import nearest
 
 @dataclass(frozen=True)
 class MappedColumn:
-    """`target = sign * scale * (column - offset)` in the unit `unit`, then told in ours; the offset is in the file's
-    numbers, and so is `wrap`, after which an angle or a counter begins again: jumps of more than half of it are none.
+    """`target = sign * scale * (column - offset)` in the unit `unit`, then converted to ours. The offset is in the
+    file's numbers, and so is `wrap`, after which an angle or a counter begins again: larger jumps than half of it are
+    undone.
 
-    Where a `scale` is given, what the file states of its unit (volts, counts, pixels) says nothing, and the unit is
-    ours where it is left out; else it is the one that the file states or the column's name ends in, else ours. Raises
-    ValueError for a unit that cannot be told in that of `target`.
+    With a `scale`, what the file states of its unit (volts, counts, pixels) is ignored, and a `unit` left out is ours.
+    Else the unit is the one that the file states or the column's name ends in, else ours. Raises ValueError for a unit
+    that does not convert to that of `target`.
     """
 
     target: str
@@ -45,8 +46,8 @@ class MappedColumn:
         """By what a difference in the file is multiplied, but for the sign. Raises ValueError as the class does."""
         if self.scale is not None:
             return self.scale * (_factor(self.unit, self.target) if self.unit else 1.0)
-        told = self.unit or stated or split_unit(self.column)[1]
-        return _factor(told, self.target) if self.unit or unit(told) else 1.0
+        own = self.unit or stated or split_unit(self.column)[1]
+        return _factor(own, self.target) if self.unit or unit(own) else 1.0
 
     def table(self) -> dict[str, Any]:
         """The keys of its table in a rig file that are not left at their defaults."""
@@ -59,12 +60,12 @@ class MappedColumn:
         return self == MappedColumn(self.target, self.target)
 
 
-def _factor(told: str, target: str) -> float:
-    found = factor(told, unit_of(target))
+def _factor(own: str, target: str) -> float:
+    found = factor(own, unit_of(target))
     if found is None:
         raise ValueError(
-            f"unit of {target} must be one that can be told in {unit_of(target) or 'plain numbers'}; got {told!r};"
-            f" {nearest_unit(told, unit_of(target))}"
+            f"unit of {target} must be one that converts to {unit_of(target) or 'plain numbers'}; got {own!r};"
+            f" {nearest_unit(own, unit_of(target))}"
         )
     return found
 

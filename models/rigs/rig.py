@@ -42,7 +42,7 @@ class Rig:
     own_effects: tuple[Any, ...] = ()
 
     def needed(self, part: T | None) -> T:
-        """A part that the rig's kind has; ValueError where a rig that was put together by hand lacks it."""
+        """A part that the rig's kind has; ValueError where it lacks it."""
         if part is None:
             raise ValueError(f"rig of kind {self.kind!r} must have the numbers of its drive; got none")
         return part

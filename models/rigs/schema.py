@@ -249,7 +249,7 @@ def checked(
     try:
         made = table.model_validate(dict(content))
     except ValidationError as error:
-        raise _told(where, name, table, content, owners, error) from None
+        raise _wrong(where, name, table, content, owners, error) from None
     try:
         made.check()
     except ValueError as error:
@@ -257,7 +257,7 @@ def checked(
     return made
 
 
-def _told(
+def _wrong(
     where: str,
     name: str,
     table: type[Table],
@@ -274,21 +274,21 @@ def _told(
         return ValueError(f"{where}: [{name}] key must be a known one; got {owner}")
     if not missing:
         return ValueError(f"{where}: [{name}] {at} must be {_expected(first, table, at)}; got {shown(first['input'])}")
-    told = ValueError(f"{where}: {_missing(name, table, missing)}")
+    wrong = ValueError(f"{where}: {_missing(name, table, missing)}")
     if len(missing) > 1:
-        told.add_note("\n".join([f"[{name}]", *(f"{one} = {example(table, one)}" for one in missing)]))
-    return told
+        wrong.add_note("\n".join([f"[{name}]", *(f"{one} = {example(table, one)}" for one in missing)]))
+    return wrong
 
 
 def _missing(name: str, table: type[Table], keys: Sequence[str]) -> str:
     """Every key that a table lacks, each with its range and an example."""
-    told = []
+    lacking = []
     for one in keys:
         limits = [word for word in (range_words(table, one), f"such as {example(table, one)}") if word]
-        told.append(f"{one!r} ({'; '.join(limits)})")
+        lacking.append(f"{one!r} ({'; '.join(limits)})")
     if len(keys) == 1:
-        return f"[{name}] must have the key {told[0]}; it is missing"
-    return f"[{name}] must have the keys {', '.join(told)}; they are missing"
+        return f"[{name}] must have the key {lacking[0]}; it is missing"
+    return f"[{name}] must have the keys {', '.join(lacking)}; they are missing"
 
 
 def _expected(error: ErrorDetails, table: type[Table], name: str) -> str:
@@ -307,7 +307,7 @@ def _expected(error: ErrorDetails, table: type[Table], name: str) -> str:
 
 
 _FIRST = {"extra_forbidden": 0, "missing": 1}
-"""Errors of which is told before others."""
+"""Errors that are reported before others."""
 
 
 def _refused(table: type[NamedTable], content: Mapping[str, Any], error: ValidationError) -> ValueError:

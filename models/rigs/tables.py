@@ -61,7 +61,7 @@ MOST_DRIFT = 0.1
 class ClockTable(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
     the standard deviation with which that is known: a calibration looks for it within four of these. With `drift` they
-    come later by so many seconds in each second of a record, where the drive is a place.
+    come later by so many seconds in each second of a record, where the drive is a position.
     """
 
     purpose = "how late the measured columns are stamped"
@@ -73,7 +73,7 @@ class ClockTable(Table):
     )
     drift: Annotated[float, Field(ge=-MOST_DRIFT, le=MOST_DRIFT)] = key(
         "by how many seconds more in each second of a record, s/s; taken out before any fit, where the drive is a"
-        " place (pull, magnetic)",
+        " position (pull, magnetic)",
         0.0,
     )
 
@@ -91,9 +91,9 @@ class ColumnTable(Table):
         " name ends in, else that of our column",
         None,
     )
-    sign: Literal[1, -1] = key("-1 turns the column's direction round", 1)
+    sign: Literal[1, -1] = key("-1 reverses the column's direction", 1)
     offset: Annotated[float, Field(gt=-1e15, lt=1e15)] = key(
-        "what the column shows at zero, in its own unit: `sign * (column - offset)` is told in our unit", 0.0
+        "what the column shows at zero, in its own unit: `sign * (column - offset)` is converted to our unit", 0.0
     )
     scale: Positive | None = key(
         "what one of the file's numbers (a volt, a count, a pixel) is in `unit`; left out: the file's unit says it",
@@ -160,7 +160,7 @@ class SurfaceTable(Table):
 
 
 class CoilTable(Table):
-    """The coil's force `k_c i` on the capsule, falling with the distance from the coil's place where a range is
+    """The coil's force `k_c i` on the capsule, falling with the distance from the coil where a range is
     given.
     """
 

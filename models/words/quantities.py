@@ -78,7 +78,7 @@ def change(value: float, before: float) -> str:
 
 
 def amount(value: float | None, unit: str, digits: int = 3) -> str:
-    """A value with its unit as it stands; a tiny share only as less than the least that is told."""
+    """A value with its unit as it stands; a tiny share only as less than the least that is printed."""
     if value is None or not math.isfinite(value):
         return number(value)
     if unit == "%" and 0 < abs(value) < LEAST_PERCENT:
@@ -120,7 +120,7 @@ class Interval:
     high: str
 
 
-def told(value: float, interval: tuple[float, float]) -> Interval:
+def with_interval(value: float, interval: tuple[float, float]) -> Interval:
     """`value` and `interval` with as many places as give half the interval's width two significant digits; four
     significant digits without an interval.
     """

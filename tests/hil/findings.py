@@ -99,7 +99,7 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         ),
         candidates=tuple(candidates),
         smallest_detectable={"stribeck": 0.08, "viscous_drag": 0.004, "stenosis": float("nan")},
-        next_experiment="reverse over the same place: folds stay where they are, a wave travels on",
+        next_experiment="reverse over the same positions: folds stay where they are, a wave travels on",
         statements=(
             "In 200 imitated records without an effect none reached this evidence.",
             "The recovery time cannot be told: the teeth blur.",

@@ -23,7 +23,7 @@ from hil.app.papers.comparison import (
 from hil.app.papers.flat_car import measured_teeth
 from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods import Cycle, PeriodsKind
-from models.rigs.periods import PERIODS
+from models.rigs.benches import PERIODS
 from models.rigs.rig import Rig
 from models.sets import load_measurement
 

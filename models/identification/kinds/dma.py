@@ -17,7 +17,7 @@ from models.identification.settings import SET
 from models.laws.five_elements import Moduli, angular_frequency, five_element_modulus
 from models.parameter import Parameter, load_set
 from models.records.record import Record
-from models.rigs.dma import DMA
+from models.rigs.benches import DMA
 from models.rigs.rig import Rig
 from models.theta import Theta
 from models.words.sentences import listed

@@ -18,7 +18,7 @@ from models.identification.kinds.table import TableKind, distinct, left_out_in_t
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.friction import FRICTION
+from models.rigs.benches import FRICTION
 from models.rigs.rig import Rig
 from models.theta import Theta
 

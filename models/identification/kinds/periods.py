@@ -23,7 +23,7 @@ from models.laws.resistance import pressure_integrals
 from models.laws.stick_slip import Tooth, stick_slip_tooth
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.periods import PERIODS
+from models.rigs.benches import PERIODS
 from models.rigs.rig import Rig
 from models.theta import Theta
 from models.words.sentences import listed

@@ -34,7 +34,6 @@ def ranged(
         "__doc__": effect.__doc__,
         "grid": MappingProxyType({called[name]: values for name, values in grid.items()}),
         "probe": effect.probe if told.probe is None else told.probe,
-        "symbols": MappingProxyType({called.get(name, name): letter for name, letter in effect.symbols.items()}),
         "parameters": classmethod(lambda cls: parameters),
         **hooks,
     }

@@ -138,7 +138,7 @@ def test_its_parameters_are_declared(effect: type[Effect]) -> None:
     names = [p.name for p in effect.parameters()]
     assert len(set(names)) == len(names) > 0
     for p in effect.parameters():
-        assert all((p.unit, p.source, effect.symbols[p.name]))
+        assert all((p.unit, p.source, p.symbol))
         assert np.isfinite([p.lower, p.upper]).all()
         assert p.lower < p.upper
     amplitude = effect.amplitude()

@@ -36,7 +36,7 @@ from models.identification.kinds.ranges import Range
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.axis import AXIS
+from models.rigs.benches import AXIS
 from models.rigs.rig import Rig
 from models.theta import Theta
 

@@ -16,7 +16,7 @@ from models.effects.sensor import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.ranges import Ranges, ranged
 from models.parameter import Parameter
-from models.rigs.axis import AXIS
+from models.rigs.benches import AXIS
 
 
 class AxisDrag(ViscousDrag):

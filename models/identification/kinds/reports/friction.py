@@ -8,7 +8,7 @@ from models.effects.equation import lines_of
 from models.formula import Line, equal, symbols
 from models.identification.kinds.friction import FORCE, SPEED, FrictionKind, cannot_show
 from models.records.record import Record
-from models.rigs.friction import FRICTION
+from models.rigs.benches import FRICTION
 from models.theta import Theta
 
 

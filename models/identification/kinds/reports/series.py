@@ -42,7 +42,7 @@ def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: S
 
 
 def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> list[str]:
-    """Sentences on the sensor and on what the drive leaves untold."""
+    """Sentences on the sensor and on what records under this drive cannot identify."""
     said = [f"Noise of the sensor: {noise_std:.3g} {unit}."]
     if _SPARED in theta:
         nose, pressed = (f"{100 * min(max(1 + side * theta[_SPARED], 0.0), 1.0):.0f} %" for side in (1, -1))
@@ -50,7 +50,7 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
             f"Of the changed resistance the nose feels {nose} (F_e), what the wall presses on the slip limit {pressed}"
             " (f_c)."
         )
-    said += drive.untold()
+    said += drive.unidentifiable()
     return said
 
 

@@ -12,7 +12,7 @@ from models.identification.kinds.vibro_table.solver import GRAVITY
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
-from models.rigs.vibro_table import VIBRO_TABLE
+from models.rigs.benches import VIBRO_TABLE
 from models.theta import Theta
 
 

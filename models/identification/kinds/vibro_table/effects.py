@@ -11,7 +11,7 @@ from models.effects.friction import DirectionalAsymmetry, Stribeck
 from models.effects.inner_mass import EndStopImpact, SpringHardening
 from models.identification.kinds.vibro_table.solver import GRAVITY, VibroCycle
 from models.parameter import Name
-from models.rigs.vibro_table import VIBRO_TABLE
+from models.rigs.benches import VIBRO_TABLE
 from models.theta import Theta, spelled
 
 _LEVEL = "directional friction of dry contacts: tens of percent"

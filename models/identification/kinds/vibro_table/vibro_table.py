@@ -17,8 +17,8 @@ from models.identification.kinds.vibro_table.solver import STEP_S, mean_velociti
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
+from models.rigs.benches import VIBRO_TABLE
 from models.rigs.rig import Rig
-from models.rigs.vibro_table import VIBRO_TABLE
 from models.theta import Theta
 
 _BELIEF = "rig file"

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from models.checks.estimators import Array
 from models.checks.finding import Findings
-from models.checks.places import jumps, without_steps
+from models.checks.positions import jumps, without_steps
 from models.checks.settings import SET
 from models.checks.view import View
 from models.records.record import USED

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from models.checks import clocks, excitation, inner_mass, noise, places, sensor, signs, sizes, usable
+from models.checks import clocks, excitation, inner_mass, noise, positions, sensor, signs, sizes, usable
 from models.checks.finding import Findings, RecordFinding
 from models.checks.sensor import without_outliers
 from models.checks.usable import on_one_clock
@@ -28,11 +28,11 @@ INSTRUMENTS: Final[Checks] = (
     sensor.check_clipping,
     noise.check_colour,
     sensor.check_held_values,
-    places.check_jumps,
+    positions.check_jumps,
     noise.check_noise,
     sensor.check_no_values,
     sensor.check_outliers,
-    places.check_driven_resolution,
+    positions.check_driven_resolution,
     noise.check_resolution,
     sensor.check_silence,
     noise.check_tones,
@@ -46,9 +46,9 @@ COLUMNS: Final[Checks] = (
     sizes.check_magnets,
     signs.check_force_sign,
     signs.check_drive_sign,
-    places.check_stuck,
+    positions.check_stuck,
     sizes.check_units,
-    places.check_wraps,
+    positions.check_wraps,
     signs.check_place_zero,
     signs.check_force_zero,
 )

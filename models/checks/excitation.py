@@ -54,15 +54,15 @@ class Excitation:
     def lacking(self) -> dict[str, str]:
         """What effects may name in `needs` and the series does not offer, by name, with a sentence."""
         (low, high), (view, *_) = self.speeds, self.views
-        places = [view.record[view.moving_column] for view in self.views]
-        travel = max(float(x.max()) for x in places) - min(float(x.min()) for x in places)
+        positions = [view.record[view.moving_column] for view in self.views]
+        travel = max(float(x.max()) for x in positions) - min(float(x.min()) for x in positions)
         longest, rate = max(float(v.t[-1] - v.t[0]) for v in self.views), min(1 / view.dt for view in self.views)
         surface, names = view.rig.surface, [name for name in view.record.layout.optional if name.startswith("load_")]
         loads = [np.abs(v.record[n]) for v in self.views for n in names if n in v.record.columns]
         light, heavy = np.percentile(np.concatenate(loads), [5, 95]) if loads else (0.0, 0.0)
         no_load = "load_constant" if loads else "load_column" if names else "load"
         offered = {
-            "both_ways": len({way for strokes in self._strokes for _, _, way in strokes}) == 2,
+            "both_ways": len({sign for strokes in self._strokes for _, _, sign in strokes}) == 2,
             "reversals": self.reversals,
             "speeds": high > SET.speeds_range * low,
             "places": travel > SET.travel_m,

@@ -7,7 +7,7 @@ import numpy as np
 
 from models.checks.estimators import Array
 from models.checks.finding import Findings, RecordFinding
-from models.checks.places import PLACES
+from models.checks.positions import POSITIONS
 from models.checks.settings import SET
 from models.checks.view import View
 from models.laws.dipole import too_strong
@@ -38,7 +38,7 @@ def check_units(view: View) -> Findings:
         usual, unit = (SET.usual_rad_s, "rad/s") if view.turns else (SET.usual_stage_m_s, "m/s")
         if fastest > usual[1]:
             yield _off_its_size(view, column, "units.usual.speed", fastest, usual, unit)
-    if view.driven is not None and view.driven not in PLACES:
+    if view.driven is not None and view.driven not in POSITIONS:
         line = view.columns_line(view.driven, scale=1.0)
         yield from _beyond_its_range(view, view.driven, "units.range.scale", line)
     if view.pushing is not None:

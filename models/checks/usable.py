@@ -6,7 +6,7 @@ import numpy as np
 
 from models.checks.estimators import Mask, runs_of
 from models.checks.finding import Findings
-from models.checks.places import PLACES, without_steps
+from models.checks.positions import POSITIONS, without_steps
 from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
 from models.checks.settings import SET
 from models.checks.view import View
@@ -53,7 +53,7 @@ def cleaned(record: Record, rig: Rig) -> Record:
         record = from_row(record, rows)
     if view.driven:
         record = straight_over(record, view.driven, spikes(view, view.driven))
-    if view.driven in PLACES:
+    if view.driven in POSITIONS:
         record = record.with_column(view.driven, without_steps(view, record[view.driven]))
     return record
 

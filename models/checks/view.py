@@ -145,8 +145,8 @@ class View:
         return still & (self.record[self.driven] == 0) if self.kind.vibrates and self.driven else still
 
     def windows_at_rest(self, samples: int) -> Array:
-        """Pieces of so many samples of the measured column at rest, 0.3 s and more after a motion, shape (n, samples);
-        in that time a wall may still draw back.
+        """Pieces of the measured column at rest, shape (n, samples), 0.3 s and more after a motion:
+        until then a wall may still draw back.
         """
         after = round(SET.rest_settled_s / self.dt)
         rows = [

@@ -1,4 +1,4 @@
-"""From a search's score to a probability, in words too: an isotonic map fitted to series whose truth is known."""
+"""From a search's score to a probability: an isotonic map fitted to simulated series whose truth is known."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +17,7 @@ MAP: Final = Path(__file__).with_name("confidence.toml")
 
 @dataclass(frozen=True)
 class ConfidenceMap:
-    """The share `right` of what was said with a `score`, ascending; of `statements` about `series` on a `date`."""
+    """The share `right` of the findings with a `score`, ascending; from `statements` about `series` on a `date`."""
 
     series: int
     statements: int
@@ -27,16 +27,16 @@ class ConfidenceMap:
 
     @property
     def calibrated(self) -> bool:
-        """Whether it rests on enough series."""
+        """Whether it comes from enough series."""
         return self.series >= SET.calibrated_on and len(self.score) > 0
 
     @property
     def most(self) -> float:
-        """The most that n statements, all of them right, would allow to say: Laplace's (n + 1)/(n + 2)."""
+        """The largest probability that n right statements support: Laplace's (n + 1)/(n + 2)."""
         return (self.statements + 1) / (self.statements + 2)
 
     def probability(self, score: float) -> float:
-        """The share that was right of what was said with `score`, as far as `most` goes; without a map the score."""
+        """The share that was right of findings with `score`, at most `most`; without a map the score."""
         return min(float(np.interp(score, self.score, self.right)), self.most) if self.calibrated else score
 
     def words(self, probability: float) -> str:
@@ -47,7 +47,7 @@ class ConfidenceMap:
 
     @property
     def origin(self) -> str:
-        """What it rests on."""
+        """What it comes from, in a sentence."""
         if not self.calibrated:
             return TEXT("confidence.no_origin", series=SET.calibrated_on)
         return TEXT("confidence.origin", **vars(self))

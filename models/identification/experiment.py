@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -28,14 +29,14 @@ TEXT: Final = Sentences(__file__)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model in question: the effect that it is about, all its effects, its values."""
+    """A model to compare: the `effect` in question, all its `effects` and its values."""
 
     effect: str
     effects: tuple[str, ...]
     theta: Theta
 
     def fitted(self, kind: Kind, records: Sequence[Record]) -> Fit:
-        """Stepped on to the best fit of `records`."""
+        """The best fit of `records` near its values."""
         return Problem.of(kind, records, self.effects).descend(self.theta, SET.fine[0], SET.its_rounds)
 
     def moved(self, kind: Kind, step: Array) -> Theta:
@@ -47,10 +48,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Question:
-    """Whether `truth` or its `rival` holds, both fitted to the same records as a search compares them.
+    """Whether `truth` or its `rival` holds, both fitted to the same records.
 
-    `root` (p, p): by each of its columns the rival's fitted values may move, a standard deviation. `likely` are draws
-    of the truth's own values. `variance`, in units of the noise's, is that of a difference on a record: what the truth
+    `root` (p, p) is a square root of the covariance of the rival's fitted values. `likely` are draws of the truth's own
+    values. `variance`, in units of the noise's, is that of a difference on a record: what the truth
     leaves of its own records, times that residual's memory. `apart` says by how many standard deviations each of those
     records separates the two.
     """
@@ -64,10 +65,10 @@ class Question:
     apart: Mapping[str, float]
 
     def separation(self, motion: Record) -> float:
-        """How many standard deviations a record of `motion` would put the rival off, fitted to it as well as it can be
-        without giving up the records there are; to first order in the rival's values.
+        """By how many standard deviations a record of `motion` would reject the rival, refitted to it and to the
+        present records; to first order in the rival's values.
 
-        The square is twice the expected logarithm of the likelihood ratio. What the truth's own values leave open
+        The square is twice the expected logarithm of the likelihood ratio. The uncertainty of the truth's own values
         counts as noise.
         """
         seen, variance = self._expected(motion)
@@ -79,7 +80,7 @@ class Question:
         return float(np.sqrt(left @ left / variance + step @ step))
 
     def refitted(self, records: Sequence[Record], motion: Record) -> float:
-        """`separation`, or less where the rival truly fitted to `records` and to the truth on `motion` gives it."""
+        """`separation`, or less where a full fit of the rival to `records` and to the truth on `motion` gives less."""
         kind, (seen, variance) = self.kind, self._expected(motion)
         theta = self.rival.fitted(kind, [*records, seen]).theta
         before, after = (evaluate(kind, records, values, kind.free_run) for values in (self.rival.theta, theta))
@@ -88,7 +89,7 @@ class Question:
         return min(float(np.sqrt(left @ left / variance + given_up)), self.separation(motion))
 
     def _expected(self, motion: Record) -> tuple[Record, float]:
-        """`motion` with what the truth would show on it, and the variance in which a difference from that counts."""
+        """`motion` with the output that the truth predicts, and the variance of a difference from it."""
         seen = motion.with_column(self.kind.quantity, self.kind.predict(motion, self.truth.theta))
         unsure = self.kind.residuals(seen, self.likely, self.kind.free_run)
         return seen, self.variance + float(np.mean(np.square(unsure)))
@@ -97,7 +98,7 @@ class Question:
 def question(
     kind: Kind, records: Sequence[Record], truth: Candidate, rival: Candidate, rng: np.random.Generator
 ) -> Question:
-    """The question between two models, both stepped on to the best fit of `records`."""
+    """The question between two models, both refitted to `records`."""
     own, other = (model.fitted(kind, records) for model in (truth, rival))
     variance = max(own.chi2 * memory(own.residual), 1.0)
     truth = replace(truth, theta=truth.theta | own.theta)
@@ -123,13 +124,12 @@ def _root(kind: Kind, fit: Fit, effects: Sequence[str], variance: float) -> Arra
 def propose(
     kind: Kind, records: Sequence[Record], found: Search, shown: Shown | None, rng: np.random.Generator
 ) -> Proposal | None:
-    """A motion for the next record of a rig that is led along a path; None where nothing is confounded or out of sight,
-    and for other kinds of rig.
+    """A motion for the next record of a rig that is led along a path; None where nothing is confounded or hidden, and
+    for other kinds of rig.
 
-    It is as long as half a record is, and stays within the places and speeds that the `records` hold. It puts the
-    rivals of the effects that are `found` as many standard deviations off as can be found in a bounded search; where
-    there are none, it makes `shown` (of a motion, the effects that it could show and the records cannot, and how rich
-    it is) as large; None for `shown` says that nothing is out of sight.
+    It is half as long as a record and stays within the positions of the `records`. It separates the effects that are
+    `found` from their rivals by as many standard deviations as a bounded search finds. Where there are no rivals, it
+    maximises `shown` (of a motion: the hidden effects that it would show, and how rich it is); None: nothing is hidden.
     """
     rig = KINDS[kind.name]
     if not rig.led:
@@ -185,9 +185,13 @@ def words_of(proposal: Proposal | None) -> str | None:
     if proposal is None:
         return None
     said = [TEXT(f"next.{proposal.column}", file=NEXT_CSV, length=proposal.times_s[-1])]
-    for one in proposal.separations:
-        case = "next.separates" if one.so_far < SET.apart else "next.separates_better"
-        said += [TEXT(case, **vars(one) | {"effect": effect_words(one.effect), "rival": effect_words(one.rival)})]
+    for effect, group in itertools.groupby(proposal.separations, key=lambda one: one.effect):
+        ones = list(group)
+        cases = ["next.first", *["next.further"] * (len(ones) - 1)]
+        rivals = [TEXT(case, **vars(o) | {"rival": effect_words(o.rival)}) for case, o in zip(cases, ones, strict=True)]
+        so_far = min(one.so_far for one in ones)
+        case = "next.separates" if so_far < SET.apart else "next.separates_better"
+        said.append(TEXT(case, effect=effect_words(effect), rivals=rivals, so_far=so_far))
     if proposal.shows:
         said.append(TEXT("next.shows", names=map(effect_words, proposal.shows)))
     return " ".join(said)

@@ -1,4 +1,4 @@
-"""What a closed loop found, as plain records: everything the report shows and nothing it has to compute."""
+"""The result of a closed loop as plain records: everything the report shows and nothing it has to compute."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,9 +26,9 @@ class Fitted:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
-    its shape, by id. `confidence` is what the search's `score` is worth, as a probability where it is `calibrated`;
-    `meaning` says it in words.
+    """An effect that was added, with the effects that the data do not separate from it (`equivalent`). `curves` are the
+    parameters of the refinements of its shape, by id. `confidence` is the search's `score` as a probability, where it
+    is `calibrated`; `meaning` says it in words.
     """
 
     id: str
@@ -44,7 +44,7 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """A candidate of a round: share of the residual when screened, held-out gain when fitted, what became of it."""
+    """A candidate of a round: share of the residual when screened, validation gain when fitted, what became of it."""
 
     id: str
     round: int
@@ -80,7 +80,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Separation:
-    """Standard deviations by which a proposed record, and the `best_record` so far, tell `rival` from `effect`."""
+    """Standard deviations by which a proposed record, and the `best_record` so far, separate `rival` from `effect`."""
 
     effect: str
     rival: str
@@ -91,9 +91,9 @@ class Separation:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven column
-    `column`, the same as columns of a record, what it would separate, and which effects it could show, by id, that the
-    records so far cannot.
+    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven `column`, the
+    same as columns of a record, what it would separate, and the ids of effects that it would show and the records so
+    far cannot.
     """
 
     column: str
@@ -108,7 +108,7 @@ class Proposal:
 class ResidualCurve:
     """The residual over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
     `low` to `high`. `along`: as the residual stands, "+x", or against the motion, "-v". `share` of the residual that
-    the curve foretells on stretches it was not made on.
+    the curve predicts on stretches that it was not made on.
     """
 
     variable: str
@@ -121,7 +121,7 @@ class ResidualCurve:
 
     @property
     def sized(self) -> bool:
-        """Whether it stands over the size of the variable: a resistance over a speed or a gap, which have a sign."""
+        """Whether it is over the absolute variable: a resistance over a speed or a gap, which have a sign."""
         return self.along == "-v" and self.variable.startswith(("v_", "gap"))
 
 
@@ -141,7 +141,7 @@ class ResidualSurface:
 class Term:
     """A term that follows a curve: `amplitude (offset + shape)`, the function `form` of `models.effects.shapes` over
     `variable` (`sized`: over its size) with the fitted `numbers` and those that are `given`; `level` is the resistance
-    that it is held against where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
+    that it is compared with where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
     the share of the curve's variance beyond its own uncertainty that it does not follow.
     """
 
@@ -168,8 +168,8 @@ class Tone:
 
 @dataclass(frozen=True)
 class Dependence:
-    """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves` from the one
-    that foretells most on, a `surface` where two variables foretell clearly more, a `tone`, and the proposed `term`.
+    """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves`, the one
+    that predicts most first, a `surface` where two variables predict clearly more, a `tone`, and the proposed `term`.
     """
 
     quantity: str

@@ -1,4 +1,4 @@
-"""From a finished search to the answer: verdict, intervals, checks, errors before and after on held-out data."""
+"""From a finished search to the result: verdict, intervals, checks, errors on training and held-out records."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -137,7 +137,7 @@ def close(
         timings=found.timings,
         findings=findings,
         cannot_show=hidden,
-        reasons=_reasons(verdict, checks, findings),
+        reasons=_reasons(verdict, found.effects, checks, findings),
         proposal=proposal,
         dependence=dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None,
         declared=declared,
@@ -154,7 +154,7 @@ def _errors(kind: AnyKind, records: Sequence[Record], thetas: Mapping[str, Theta
 
 
 def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKind, dict[str, str]]:
-    """`kind` with what `records` can show and what no form tells apart; why they cannot show the others, by id."""
+    """`kind` with the effects that `records` can show and the inseparable ones; why they cannot show others, by id."""
     hidden = cannot_show(rig, records, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
@@ -164,15 +164,22 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
 
 
 def _seconds(record: Record) -> float:
-    """How long its residuals count; not limited for a table, whose rows have no time."""
+    """How long in s its residuals count; infinite for a table, whose rows have no time."""
     return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
 
 
-def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:
+def _reasons(
+    verdict: str, effects: Sequence[str], checks: Sequence[Check], findings: Sequence[RecordFinding]
+) -> tuple[str, ...]:
     """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
     if verdict != "unknown":
         return ()
-    failed = [TEXT("failed", **vars(check)) for check in checks if not check.ok]
+    last = "failed" if effects else "failed_of_none"
+    failed = []
+    for check in (check for check in checks if not check.ok):
+        case = f"check.{check.id}.{last}"
+        text = case if case in TEXT else f"check.{check.id}.failed"
+        failed.append(TEXT(text, value=check.value, limit=check.limit, n=round(check.value)))
     return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
 
 
@@ -237,7 +244,7 @@ def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str
 
 
 def _proposed(kind: AnyKind, found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
-    """Which records an effect was proposed on, where it was proposed from a residual, and what that means here."""
+    """On which records an effect was proposed, if from a residual, and what follows from it."""
     said = []
     for name in found.effects:
         on = kind.catalogue[name].proposed_on

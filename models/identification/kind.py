@@ -1,4 +1,4 @@
-"""What the loop from residual to effect needs to know of a kind of rig."""
+"""What identification needs to know of a kind of rig."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -16,24 +16,24 @@ from models.theta import Theta
 
 Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
-"""Records to fit on, and those to judge by."""
+"""Training records and validation records."""
 
 
 class Kind(ABC):
     """One kind of rig with the experimenter's beliefs: free-running prediction, criterion, reported error.
 
     `base` holds the parameters that calibration may fit, at their nominal values; `effects` the candidates that can act
-    here, as this kind has them, and `catalogue` all effects as they are declared.
+    here, as this kind has them; `catalogue` all effects as they are declared.
 
-    A fit goes through so many `criteria` and ends at number `final`: the last one, or the same computed more exactly.
-    `judges` judge a model, block by block the one under which it fits better: an observer may lose a step that the free
-    run keeps, and the free run one that the observer keeps. With `slow_view`, `residual` knows a further criterion,
-    number `criteria`, that shows only what is slow in the free run.
+    A fit goes through `criteria` criteria and ends at number `final`: the last one, or the same computed more exactly.
+    `judges` are the criteria that validate a model; of each block the better one counts, because the observer may lose
+    a slip event that the free run keeps, and the reverse. With `slow_view`, `residual` has one more criterion, number
+    `criteria`, which shows only the slow part of the free run.
 
-    Below `least_gain` nothing is named: what two searches of the same criterion may differ by. `next_share` of the
-    first effect's gain is what a further one must bring: small where a law can be exact, larger where a form that fits
-    badly would call for others to mend it. `equivalents` are explanations that these data cannot tell from an effect
-    though no fit tries them. `lanes` points are evaluated at about the price of one.
+    Below `least_gain`, by which two searches of the same criterion may differ, nothing is named. A further effect must
+    gain `next_share` of the first one's gain: little where a law can be exact, more where a bad form would need other
+    effects to repair it. `equivalents` are explanations that these data do not separate from an effect though no fit
+    tries them. `lanes` points are evaluated at about the price of one.
     """
 
     criteria: ClassVar[int] = 1
@@ -55,7 +55,7 @@ class Kind(ABC):
 
     @property
     def beginnings_s(self) -> tuple[float, ...]:
-        """Lengths in s of ever longer beginnings of a record, the first with a few slip events; none for tables."""
+        """Lengths in s of growing prefixes of a record, the first with a few slip events; none for tables."""
         return ()
 
     @property
@@ -81,11 +81,11 @@ class Kind(ABC):
     @property
     @abstractmethod
     def measure(self) -> str:
-        """What `error` is, in words."""
+        """What `error` is, in words, for the report."""
 
     @property
     def free_run(self) -> int:
-        """The criterion on which models are fitted and compared: the free run, or a kind's only one."""
+        """The criterion by which models are fitted and compared: the free run, or a kind's only one."""
         return self.criteria - 1
 
     def nominal(self) -> Theta:
@@ -98,10 +98,9 @@ class Kind(ABC):
 
     @abstractmethod
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """What a fit minimises: differences in units of their standard deviation, fixed length for a record, about unit
-        variance and independent of each other where the model is right. `criterion` counts up to `criteria` - 1, from a
-        criterion that is smooth but forgets (an observer keeps the model in step) to the one that is meant; most kinds
-        have one criterion.
+        """What a fit minimises: differences in units of their standard deviation, of fixed length for a record, about
+        white with unit variance where the model is right. `criterion` goes from 0, which is smooth because an observer
+        corrects the model, to `criteria` - 1, the free run; most kinds have one criterion.
         """
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
@@ -114,11 +113,11 @@ class Kind(ABC):
 
     @abstractmethod
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What a perfect model would leave of `error`: the noise (repeats' scatter) through the same measure."""
+        """The `error` of a perfect model: the noise (the scatter of repeats) in the same measure."""
 
     @abstractmethod
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """A record like `record` measured on the model at `theta` with the noise believed: what chance looks like."""
+        """A record like `record`, simulated by the model at `theta` with the believed noise."""
 
     def measured(self, record: Record) -> Array:
         """The measured column, or columns, (n,) or (n, m)."""
@@ -133,13 +132,13 @@ class Kind(ABC):
         """A prediction as the columns of a file."""
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
-        """What the model at `theta` leaves of `record` as a force along +x that acts beyond it, and the force that
-        moves the body, both (n,) in N (torques in N m); None where the residual is not one.
+        """The residual of `record` at `theta` as an extra force along +x, and the force that moves the body, both (n,)
+        in N (torques in N m); None where the residual is no force.
         """
         return None
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
-        """What of `records` a search looks at: all, or their beginnings where a short run tells as much."""
+        """The part of `records` that a search uses: all, or prefixes where a short run shows as much."""
         return list(records)
 
     @abstractmethod

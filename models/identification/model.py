@@ -1,4 +1,4 @@
-"""A model that the loop found: parameter values for each stage, kept in TOML, and its free-running prediction."""
+"""An identified model: parameter values for each stage, kept in TOML, and its free-running prediction."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, StringConstraints, ValidationError
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.access import read_json, read_text
-from models.files.toml import parse_toml, shown
+from models.files.toml import parse_toml, shown, toml_text
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -36,8 +36,7 @@ LARGEST_REPORT = 1 << 26  # bytes of a report
 
 def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogue: Catalogue = CATALOGUE) -> Model:
     """The model of a file, for rigs of `kind` or one of the `others`, with effects of the `catalogue`; a ValueError of
-    one sentence where it is none. A caller who sees to it later that it is `whole` says more of what is wrong with it
-    first.
+    one sentence where it is none. A caller that checks later that it is `whole` can report other errors first.
     """
     text = read_text(path, "model", LARGEST_MODEL)
     try:
@@ -64,8 +63,7 @@ FORMAT = 1  # of the model file, which a reader asks for
 CHECKSUM = "checksum"
 SEAL = "'python -m models.identification.seal MODEL.toml'"
 HELD_OUT = "held_out_error"
-"""The name, among the values that a controller is given, of how far off the model was on records that no fit has seen.
-"""
+"""The name of the error on held-out records among the values that a controller is given."""
 
 
 _Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
@@ -90,9 +88,9 @@ class _ModelFile(Table):
 class Model:
     """`stages` maps nominal, calibrated and augmented to values.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
-    empty where none were held out; `cautions` say of a stage that it errs more there than an earlier one.
-    `own_effects` names file and SHA-256 of each effect from outside that it uses. It is `sealed` but where its file
-    carries no checksum; `misfit` says what is wrong where that is one of another content.
+    empty where none were held out; `cautions` name a stage that errs more there than an earlier one.
+    `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
+    has no checksum; `misfit` says what is wrong where the checksum is that of another content.
     """
 
     kind: str
@@ -111,22 +109,13 @@ class Model:
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        lines = [f"format = {FORMAT}", f"kind = {json.dumps(self.kind)}", f"verdict = {json.dumps(self.verdict)}", ""]
-        if self.provenance:
-            lines += ["[provenance]", *(f"{key} = {json.dumps(value)}" for key, value in self.provenance.items()), ""]
-        if self.held_out:
-            lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
-        if self.cautions:
-            lines += ["[cautions]", *(f"{stage} = {json.dumps(said)}" for stage, said in self.cautions.items()), ""]
-        for name, origin in self.own_effects.items():
-            lines += [f"[own_effects.{name}]", *(f"{key} = {json.dumps(value)}" for key, value in origin.items()), ""]
+        tables = ("provenance", "held_out", "cautions", "own_effects")
+        content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
+        text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
         for stage in STAGES:
-            lines += [
-                f"[{stage}]",
-                *(f"{json.dumps(spelled(name))} = {value!r}" for name, value in self.stages[stage].items()),
-                "",
-            ]
-        return sealed("\n".join(lines))
+            lines = (f"{json.dumps(spelled(name))} = {value!r}\n" for name, value in self.stages[stage].items())
+            text += f"[{stage}]\n{''.join(lines)}\n"
+        return sealed(text)
 
     @classmethod
     def from_toml(cls, text: str, catalogue: Catalogue = CATALOGUE) -> Model:
@@ -145,12 +134,12 @@ class Model:
             raise ValueError(f"model {at}: {first['msg'].lower()}; got {shown(first['input'])}"[:200]) from None
         _check_own_effects(file.own_effects, catalogue)
         stages = {stage: _values(getattr(file, stage), stage, catalogue) for stage in STAGES}
-        told = {key: str(value) for key, value in file.provenance.items()}
-        known = (file.kind, stages, file.verdict, told, file.held_out, file.own_effects, file.cautions)
+        provenance = {key: str(value) for key, value in file.provenance.items()}
+        known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
         return cls(*known, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
-        """Raises ValueError where its file carries the checksum of another content."""
+        """Raises ValueError where its file has the checksum of another content."""
         if self.misfit:
             raise ValueError(self.misfit)
 
@@ -199,7 +188,7 @@ def _checksum(raw: Mapping[str, Any]) -> str:
 
 
 def _misfit(raw: Mapping[str, Any]) -> str:
-    """That a model file carries a checksum of another content, "" where it does not."""
+    """A sentence where a model file has the checksum of another content; else ""."""
     if CHECKSUM not in raw or raw[CHECKSUM] == _checksum(raw):
         return ""
     return (
@@ -211,7 +200,7 @@ def _misfit(raw: Mapping[str, Any]) -> str:
 @cache
 def _tell_unsealed(path: Path) -> None:
     """Said once on standard error."""
-    print(f"{path}: model carries no checksum, so nothing tells whether it is whole; {SEAL} seals it", file=sys.stderr)
+    print(f"{path}: model carries no checksum, so it cannot be checked for damage; {SEAL} adds one", file=sys.stderr)
 
 
 def _check_values(stage: str, values: Theta, declared: Sequence[tuple[Parameter, bool]]) -> None:

@@ -1,4 +1,4 @@
-"""Motions that a rig can make: moves from place to place with rests, within what its records show."""
+"""Motions that a rig can make: moves between positions with rests, within the range of its records."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Room:
-    """What a motion may do: places that the records hold, from `low` to `high` in m, from `start` on, up to `speed` in
-    m/s (four times theirs, as long as that is no more than 10 mm/s), over `length` in s with samples every `dt` s in
-    the column `column`.
+    """The range of a motion: positions of the records, from `low` to `high` in m, beginning at `start`; up to `speed`
+    in m/s (up to four times theirs, as long as that is at most 10 mm/s); `length` in s, sampled every `dt` s in
+    `column`.
     """
 
     column: str
@@ -29,8 +29,8 @@ class Room:
 
     @classmethod
     def of(cls, records: Sequence[Record], column: str) -> Room:
-        """The room that `records` leave; a motion is half as long as they are on average."""
-        places = np.concatenate([r[column] for r in records])
+        """The range of `records`; a motion is half as long as they are on average."""
+        positions = np.concatenate([r[column] for r in records])
         dt = float(np.median([(r["t_s"][-1] - r["t_s"][0]) / (len(r) - 1) for r in records]))
         lengths = [float(r["t_s"][-1] - r["t_s"][0]) for r in records]
         speeds = np.abs(np.concatenate([_speeds(r, column) for r in records]))
@@ -38,7 +38,8 @@ class Room:
         fast = float(np.percentile(moving, SET.plan_fast)) if len(moving) else 0.0
         fastest = max(fast, min(SET.plan_faster * fast, SET.plan_usual_m_s))
         length = float(np.clip(0.5 * np.mean(lengths), SET.plan_shortest_s, SET.plan_longest_s))
-        return cls(column, float(places.min()), float(places.max()), float(records[0][column][0]), fastest, length, dt)
+        low, high = float(positions.min()), float(positions.max())
+        return cls(column, low, high, float(records[0][column][0]), fastest, length, dt)
 
     @property
     def span(self) -> float:
@@ -56,9 +57,9 @@ def _speeds(record: Record, column: str) -> Array:
 
 @dataclass(frozen=True)
 class Move:
-    """To `place` in m at `speed` in m/s, then a rest of `rest` s."""
+    """To `position` in m at `speed` in m/s, then a rest of `rest` s."""
 
-    place: float
+    position: float
     speed: float
     rest: float
 
@@ -71,17 +72,17 @@ class Plan:
     moves: tuple[Move, ...]
 
     def waypoints(self) -> tuple[Array, Array]:
-        """Times in s (n,) from 0 to the length, and the places in m there (n,)."""
-        times, places = [0.0, 0.3], [self.room.start, self.room.start]
+        """Times in s (n,) from 0 to the length, and the positions in m (n,)."""
+        times, positions = [0.0, 0.3], [self.room.start, self.room.start]
         for move in self.moves:
-            if move.place != places[-1]:
-                times.append(times[-1] + abs(move.place - places[-1]) / move.speed)
-                places.append(move.place)
+            if move.position != positions[-1]:
+                times.append(times[-1] + abs(move.position - positions[-1]) / move.speed)
+                positions.append(move.position)
             if move.rest > 0:
                 times.append(times[-1] + move.rest)
-                places.append(places[-1])
-        end = float(np.interp(self.room.length, times, places))
-        kept = [(t, x) for t, x in zip(times, places, strict=True) if t < self.room.length - SET.ramp_s]
+                positions.append(positions[-1])
+        end = float(np.interp(self.room.length, times, positions))
+        kept = [(t, x) for t, x in zip(times, positions, strict=True) if t < self.room.length - SET.ramp_s]
         t, x = zip(*kept, (self.room.length, end), strict=True)
         return np.array(t), np.array(x)
 
@@ -101,7 +102,7 @@ class Plan:
 
 
 def random_plan(room: Room, rng: np.random.Generator) -> Plan:
-    """A motion of random moves that fills the room's time."""
+    """A motion of random moves as long as the room."""
     return _filled(room, (), rng)
 
 
@@ -111,9 +112,9 @@ def _filled(room: Room, begun: Sequence[Move], rng: np.random.Generator) -> Plan
     waiting = list(begun)
     while left > 0:
         move = waiting.pop(0) if waiting else _random_move(room, here, rng)
-        left -= abs(move.place - here) / move.speed + move.rest
+        left -= abs(move.position - here) / move.speed + move.rest
         moves.append(move)
-        here = move.place
+        here = move.position
     return Plan(room, tuple(moves))
 
 
@@ -122,7 +123,7 @@ def varied(plan: Plan, rng: np.random.Generator) -> Plan:
     room, moves = plan.room, list(plan.moves)
     for _ in range(int(rng.integers(1, 3))):
         k = int(rng.integers(len(moves)))
-        here = moves[k - 1].place if k else room.start
+        here = moves[k - 1].position if k else room.start
         match int(rng.integers(5)):
             case 0:
                 moves[k] = _random_move(room, here, rng)
@@ -143,10 +144,10 @@ def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
     farthest = min(room.span, SET.plan_long_move * room.length * speed)
     if rng.random() < SET.plan_turns:
         farthest = min(farthest, SET.plan_small * room.span)
-    way = float(rng.uniform(0.3, 1.0)) * farthest
-    up, down = here + way <= room.high, here - way >= room.low
+    distance = float(rng.uniform(0.3, 1.0)) * farthest
+    up, down = here + distance <= room.high, here - distance >= room.low
     sign = 1.0 if up and not down else -1.0 if down and not up else float(rng.choice((-1.0, 1.0)))
-    return Move(float(np.clip(here + sign * way, room.low, room.high)), speed, _random_rest(room, rng))
+    return Move(float(np.clip(here + sign * distance, room.low, room.high)), speed, _random_rest(room, rng))
 
 
 def _random_rest(room: Room, rng: np.random.Generator) -> float:

@@ -1,4 +1,4 @@
-"""What records must hold before anything is fitted: motion, parts to fit on and to judge by, a bounded length."""
+"""What records must hold before anything is fitted: motion, training and validation parts, a bounded length."""
 
 from collections.abc import Sequence
 
@@ -16,23 +16,23 @@ def check_demand(record: Record) -> None:
     """Refuse a record whose prediction would take too long, or whose clock is too fine to be one."""
     if KINDS[record.kind].runs:
         runs = np.unique(np.column_stack([record[name] for name in ("period_s", "cycles")]), axis=0)
-        what, asked = "period_s times cycles, summed over the runs,", float(np.sum(np.prod(runs, axis=1)))
+        what, span = "period_s times cycles, summed over the runs,", float(np.sum(np.prod(runs, axis=1)))
     elif record.layout.time:
         steps = np.diff(record[TIME])
         if np.median(steps) < CHECKS.step_s[0]:
             raise ValueError(
                 f"{record.name}: t_s must step by at least {CHECKS.step_s[0]:g} s; got steps of {np.median(steps):g} s"
             )
-        what, asked = "t_s", float(np.sum(steps))
+        what, span = "t_s", float(np.sum(steps))
     else:
         return
     most = KINDS[record.kind].longest_s
-    if asked > most:
-        raise ValueError(f"{record.name}: {what} must span at most {most:g} s for kind {record.kind}; got {asked:g} s")
+    if span > most:
+        raise ValueError(f"{record.name}: {what} must span at most {most:g} s for kind {record.kind}; got {span:g} s")
 
 
 def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
-    """Refuse records that cannot tell anything: still, stopped for long, too much to compute. Raises ValueError."""
+    """Refuse records that are constant, have a long gap or take too long to compute. Raises ValueError."""
     for record in (*train, *holdout):
         if record.layout.time:
             _check_clock(record)
@@ -44,7 +44,7 @@ def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
 
 
 def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) -> None:
-    """Refuse records without two parts to fit on and to judge by, or with too few numbers. Raises ValueError."""
+    """Refuse records without a training and a validation part, or with too few numbers. Raises ValueError."""
     wanted = KINDS[kind.name].wanted
     names, nominal = ", ".join(r.name for r in train), kind.nominal()
     for record in (*train, *holdout):
@@ -52,16 +52,14 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
             kind.residual(record, nominal)
     splits = kind.splits(train)
     if not splits or not all(part and held for part, held in splits):
-        raise ValueError(
-            f"{names}: records must hold at least two parts to fit on and to judge by; wanted are {wanted}"
-        )
+        raise ValueError(f"{names}: records must have a training and a validation part; needed are {wanted}")
     fitted = sum(p.fit for p in kind.base)
     for part, _ in splits:
-        told = sum(len(kind.residual(record, nominal)) for record in part)
-        if told <= fitted:
+        count = sum(len(kind.residual(record, nominal)) for record in part)
+        if count <= fitted:
             raise ValueError(
-                f"{names}: records must hold more numbers than the {fitted} that are fitted, also with a part left out"
-                f" to judge by; got {told}; wanted are {wanted}"
+                f"{names}: records must hold more numbers than the {fitted} that are fitted, also with the validation"
+                f" part left out; got {count}; needed are {wanted}"
             )
 
 
@@ -94,7 +92,9 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
         if not kind.time and set(group) == set(kind.measured):
             if any(not v.any() for v in values):
                 still = next(name for name, v in zip(there, values, strict=True) if not v.any())
-                raise ValueError(f"{names}: {still} must differ from 0 in some rows to tell anything; got 0 throughout")
+                raise ValueError(
+                    f"{names}: {still} must differ from 0 in some rows to identify anything; got 0 throughout"
+                )
             if KINDS[records[0].kind].scatters and all(len(np.unique(v)) == 1 for v in values):
                 raise ValueError(
                     f"{names}: periods must scatter as measured ones do; got {len(values[0])} times the same row"

@@ -22,36 +22,35 @@ from models.rigs.columns import TIME
 from models.theta import Theta
 
 Index = NDArray[np.int64]
-WAYS: Final = ("-v", "+x")
+AXES: Final = ("-v", "+x")
+"""Directions of a residual: against the motion, where a resistance is positive, and along +x."""
 
 
 def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int = 0) -> Dependence | None:
-    """What the model at `theta` leaves of the training `records` depends on; None where it is no series in time."""
-    left = left_of(kind, records, theta) if records else None
-    if left is None or len(left.values) < 2:
+    """What the residual of the model at `theta` on `records` depends on; None where it is no time series."""
+    residual = _Residual.of(kind, records, theta) if records else None
+    if residual is None or len(residual.values) < 2:
         return None
     rng = np.random.default_rng(seed)
-    curves = ranked([curve_of(left, name, way, rng) for name in left.signals for way in WAYS])
+    best: dict[str, ResidualCurve] = {}
+    found = (_curve(residual, name, along, rng) for name in residual.signals for along in AXES)
+    for curve in sorted((one for one in found if one is not None), key=lambda one: -one.share):
+        best.setdefault(curve.variable, curve)
+    curves = tuple(best.values())
     proposed = next((c for c in curves if c.variable in SYMBOLS and c.share >= SET.curve_tells), None)
     term = None
     if proposed is not None and kind.extra_force(records[0], theta) is not None:
-        term = term_of(proposed, left.unit, float(left.acting.mean()))
-    return Dependence(
-        left.quantity,
-        left.unit,
-        tuple(record.name for record in records),
-        curves,
-        _surface(left, curves, rng),
-        _tone(kind, records, theta),
-        term,
-    )
+        term = term_of(proposed, residual.unit, float(residual.acting.mean()))
+    names, surface = tuple(record.name for record in records), _surface(residual, curves, rng)
+    tone = _tone(kind, records, theta)
+    return Dependence(residual.quantity, residual.unit, names, curves, surface, tone, term)
 
 
 @dataclass(frozen=True)
-class Left:
-    """Samples (n,): `values` of the residual along +x in `unit`, the `signals` by name, the `direction` of motion, the
-    size of the force that moves the body (`acting`; 0 where none is told), the `stretch` and the `fold` (the record,
-    where there are several) that each belongs to.
+class _Residual:
+    """Samples (n,) while the body moves: `values` of the residual along +x in `unit`, as a force where it is one; the
+    `signals` by name; the `direction` of motion; the size of the force that moves the body (`acting`; 0 where it is
+    unknown); the `stretch` and the `fold` (the record, where there are several) of each sample.
     """
 
     quantity: str
@@ -60,72 +59,70 @@ class Left:
     signals: dict[str, Array]
     direction: Array
     acting: Array
-    stretch: NDArray[np.int64]
-    fold: NDArray[np.int64]
+    stretch: Index
+    fold: Index
 
-    def along(self, way: str) -> Array:
-        """The values along +x, or against the motion ("-v"), where a resistance is positive."""
-        return self.values if way == "+x" else -self.direction * self.values
+    def along(self, axis: str) -> Array:
+        """The values along one of `AXES`."""
+        return self.values if axis == "+x" else -self.direction * self.values
 
-
-def left_of(kind: Kind, records: Sequence[Record], theta: Theta) -> Left | None:
-    """What the model at `theta` leaves of `records`; None for several measured columns and for tables."""
-    signals = [{name: y for name, y in kind.signals(record).items() if name != kind.quantity} for record in records]
-    speed = next((name for name in signals[0] if name.startswith("v_")), None)
-    if speed is None or any(np.ndim(kind.measured(record)) != 1 for record in records):
-        return None
-    least = SET.residual_moving * max(float(np.nanmax(np.abs(own[speed]))) for own in signals)
-    names = [name for name in signals[0] if all(name in own for own in signals)]
-    forced, parts = False, []
-    for number, (record, own) in enumerate(zip(records, signals, strict=True)):
-        told = kind.extra_force(record, theta)
-        forced = told is not None
-        rest, acting = told or (kind.measured(record) - kind.predict(record, theta), np.zeros(len(record)))
-        stretch = np.arange(len(rest)) * SET.residual_stretches // len(rest)
-        fold = np.full(len(rest), number) if len(records) > 1 else stretch % SET.residual_folds
-        columns = [rest, np.sign(own[speed]), np.abs(acting), number * SET.residual_stretches + stretch, fold]
-        good = np.all([np.isfinite(y) for y in (*own.values(), *columns)], axis=0) & (np.abs(own[speed]) > least)
-        parts.append([column[good] for column in (*columns, *(own[name] for name in names))])
-    values, direction, acting, stretch, fold, *rows = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Left(
-        "extra force" if forced else kind.quantity,
-        "N" if forced and kind.unit == "m" else kind.unit,
-        values,
-        dict(zip(names, rows, strict=True)),
-        direction,
-        acting,
-        stretch.astype(np.int64),
-        fold.astype(np.int64),
-    )
+    @classmethod
+    def of(cls, kind: Kind, records: Sequence[Record], theta: Theta) -> _Residual | None:
+        """The residual of `records` at `theta`; None for several measured columns and for tables."""
+        signals = [{name: y for name, y in kind.signals(record).items() if name != kind.quantity} for record in records]
+        speed = next((name for name in signals[0] if name.startswith("v_")), None)
+        if speed is None or any(np.ndim(kind.measured(record)) != 1 for record in records):
+            return None
+        least = SET.residual_moving * max(float(np.nanmax(np.abs(own[speed]))) for own in signals)
+        names = [name for name in signals[0] if all(name in own for own in signals)]
+        forced, parts = False, []
+        for number, (record, own) in enumerate(zip(records, signals, strict=True)):
+            extra = kind.extra_force(record, theta)
+            forced = extra is not None
+            rest, acting = extra or (kind.measured(record) - kind.predict(record, theta), np.zeros(len(record)))
+            stretch = np.arange(len(rest)) * SET.residual_stretches // len(rest)
+            fold = np.full(len(rest), number) if len(records) > 1 else stretch % SET.residual_folds
+            columns = [rest, np.sign(own[speed]), np.abs(acting), number * SET.residual_stretches + stretch, fold]
+            good = np.all([np.isfinite(y) for y in (*own.values(), *columns)], axis=0) & (np.abs(own[speed]) > least)
+            parts.append([column[good] for column in (*columns, *(own[name] for name in names))])
+        values, direction, acting, stretch, fold, *rows = map(np.concatenate, zip(*parts, strict=True))
+        quantity, unit = "extra force" if forced else kind.quantity, "N" if forced and kind.unit == "m" else kind.unit
+        shown = dict(zip(names, rows, strict=True))
+        return cls(quantity, unit, values, shown, direction, acting, stretch.astype(np.int64), fold.astype(np.int64))
 
 
-def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> ResidualCurve | None:
-    """The residual over `variable`, along the motion's axis or against the motion (`way`); None where too few stretches
-    share a bin. Intervals by bootstrap of whole stretches, which keeps what neighbours have in common.
+def _curve(residual: _Residual, variable: str, along: str, rng: np.random.Generator) -> ResidualCurve | None:
+    """The residual over `variable`; None where too few stretches share a bin. Intervals by block bootstrap over whole
+    stretches.
     """
-    bins = _Bins.of(left, (variable,), way, SET.curve_bins)
-    mean, low, high, enough = bins.means(left.along(way), left.stretch, rng)
+    bins, y = _Bins.of(residual, (variable,), along, SET.curve_bins), residual.along(along)
+    mean, low, high, enough = bins.means(y, residual.stretch, rng)
     if enough.sum() < 3:
         return None
     weights = np.bincount(bins.cell, weights=bins.signals[0], minlength=bins.size)
     centres = weights / np.maximum(np.bincount(bins.cell, minlength=bins.size), 1)
-    share = foretold(bins.cell, left.along(way), left.fold)
-    return ResidualCurve(variable, way, share, centres[enough], mean[enough], low[enough], high[enough])
+    share = predicted_share(bins.cell, y, residual.fold)
+    return ResidualCurve(variable, along, share, centres[enough], mean[enough], low[enough], high[enough])
 
 
-def surface_of(left: Left, variables: tuple[str, str], way: str, rng: np.random.Generator) -> ResidualSurface:
-    """The same over two variables at once."""
-    bins = _Bins.of(left, variables, way, SET.surface_bins)
-    mean, low, high, enough = bins.means(left.along(way), left.stretch, rng)
-    half = 0.5 * (high - low)
-    mean[~enough], half[~enough] = np.nan, np.nan
-    first, second = (0.5 * (edges[1:] + edges[:-1]) for edges in bins.edges)
-    share = foretold(bins.cell, left.along(way), left.fold)
-    return ResidualSurface(variables, way, share, (first, second), mean.reshape(bins.shape), half.reshape(bins.shape))
+def _surface(residual: _Residual, curves: Sequence[ResidualCurve], rng: np.random.Generator) -> ResidualSurface | None:
+    """The best surface over two of the best variables, where it predicts clearly more than the best curve."""
+    names = [curve.variable for curve in curves[: SET.surface_paired]]
+    surfaces = []
+    for pair, along in itertools.product(itertools.combinations(names, 2), AXES):
+        bins, y = _Bins.of(residual, pair, along, SET.surface_bins), residual.along(along)
+        mean, low, high, enough = bins.means(y, residual.stretch, rng)
+        half = 0.5 * (high - low)
+        mean[~enough], half[~enough] = np.nan, np.nan
+        first, second = (0.5 * (edges[1:] + edges[:-1]) for edges in bins.edges)
+        share, shape = predicted_share(bins.cell, y, residual.fold), bins.shape
+        surfaces.append(ResidualSurface(pair, along, share, (first, second), mean.reshape(shape), half.reshape(shape)))
+    best = max(surfaces, key=lambda surface: surface.share, default=None)
+    return best if best is not None and best.share > curves[0].share + SET.surface_more else None
 
 
-def foretold(cell: Index, y: Array, fold: Index) -> float:
-    """Share of `y` (n,) about its mean that its cells' means foretell on other folds; at least 0."""
+def predicted_share(cell: Index, y: Array, fold: Index) -> float:
+    """Share of the variance of `y` (n,) that the means of its cells predict on other folds; at least 0."""
     wrong = power = 0.0
     for one in np.unique(fold):
         held, rest = fold == one, fold != one
@@ -135,8 +132,8 @@ def foretold(cell: Index, y: Array, fold: Index) -> float:
         counts = np.bincount(cell[rest], minlength=size)
         sums = np.bincount(cell[rest], weights=y[rest], minlength=size)
         mean = float(y[rest].mean())
-        foreseen = np.where(counts > 0, sums / np.maximum(counts, 1), mean)[cell[held]]
-        wrong += float(np.sum((y[held] - foreseen) ** 2))
+        predicted = np.where(counts > 0, sums / np.maximum(counts, 1), mean)[cell[held]]
+        wrong += float(np.sum((y[held] - predicted) ** 2))
         power += float(np.sum((y[held] - mean) ** 2))
     return max(1 - wrong / power, 0.0) if power > 0 else 0.0
 
@@ -150,14 +147,16 @@ class _Bins:
     cell: Index
 
     @classmethod
-    def of(cls, left: Left, variables: Sequence[str], way: str, count: int) -> _Bins:
-        """Of the signals themselves; against the motion, of the size of a speed."""
+    def of(cls, residual: _Residual, variables: Sequence[str], along: str, count: int) -> _Bins:
+        """Over the signals themselves; against the motion, over the size of a speed or gap."""
         signals = [
-            np.abs(left.signals[name]) if way == "-v" and name.startswith(("v_", "gap")) else left.signals[name]
+            np.abs(residual.signals[name])
+            if along == "-v" and name.startswith(("v_", "gap"))
+            else residual.signals[name]
             for name in variables
         ]
         edges = [np.unique(np.quantile(signal, np.linspace(0, 1, count + 1))) for signal in signals]
-        cell: Index = np.zeros(len(left.values), dtype=np.int64)
+        cell: Index = np.zeros(len(residual.values), dtype=np.int64)
         for signal, own in zip(signals, edges, strict=True):
             at = np.clip(np.searchsorted(own, signal, side="right") - 1, 0, len(own) - 2)
             cell = cell * (len(own) - 1) + at
@@ -170,7 +169,7 @@ class _Bins:
 
     @property
     def size(self) -> int:
-        """Cells in all."""
+        """Number of cells."""
         return int(np.prod(self.shape))
 
     def means(
@@ -189,36 +188,16 @@ class _Bins:
         return mean, np.minimum(low, mean), np.maximum(high, mean), (counts > 0).sum(axis=0) >= SET.curve_least
 
 
-def ranked(curves: Sequence[ResidualCurve | None]) -> tuple[ResidualCurve, ...]:
-    """Those that are told, from the one that foretells most on; of a variable's two ways the better one."""
-    best: dict[str, ResidualCurve] = {}
-    for curve in sorted((c for c in curves if c is not None), key=lambda c: -c.share):
-        best.setdefault(curve.variable, curve)
-    return tuple(best.values())
-
-
-def _surface(left: Left, curves: Sequence[ResidualCurve], rng: np.random.Generator) -> ResidualSurface | None:
-    """The best surface over two of the variables that foretell most, where it foretells clearly more than a curve."""
-    if not curves:
-        return None
-    names = [curve.variable for curve in curves[: SET.surface_paired]]
-    pairs = [surface_of(left, pair, way, rng) for pair in itertools.combinations(names, 2) for way in WAYS]
-    best = max(pairs, key=lambda surface: surface.share, default=None)
-    return best if best is not None and best.share > curves[0].share + SET.surface_more else None
-
-
 def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
-    """The strongest line of the spectrum of the residual that the motion does not have."""
+    """The strongest line in the spectrum of the residual that the motion does not have."""
     if any(TIME not in record.columns for record in records):
         return None
-    rows = min(map(len, records))
-    spectra: list[Array] = []
-    motions: list[Array] = []
+    rows, spectra, motions = min(map(len, records)), list[Array](), list[Array]()
     for record in records:
         step = float(record[TIME][-1] - record[TIME][0]) / (len(record) - 1)
         own = kind.signals(record)
-        place = next((signal for name, signal in own.items() if name.startswith("x_")), np.zeros(len(record)))
-        for found, signal in ((spectra, kind.measured(record) - kind.predict(record, theta)), (motions, place)):
+        position = next((signal for name, signal in own.items() if name.startswith("x_")), np.zeros(len(record)))
+        for found, signal in ((spectra, kind.measured(record) - kind.predict(record, theta)), (motions, position)):
             f, power = welch(np.nan_to_num(signal), 1 / step, nperseg=rows, detrend="linear")
             found.append(power / max(float(power.sum()), 1e-300))
     spectrum, motion = np.mean(spectra, axis=0), np.mean(motions, axis=0)
@@ -227,5 +206,5 @@ def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
         return None
     line = slice(peak - 1, peak + 2)
     share = float(spectrum[line].sum())
-    told = share >= SET.residual_tone and float(motion[line].sum()) < SET.residual_motion * share
-    return Tone(float(f[peak]), share) if told else None
+    own_tone = share >= SET.residual_tone and float(motion[line].sum()) < SET.residual_motion * share
+    return Tone(float(f[peak]), share) if own_tone else None

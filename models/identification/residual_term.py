@@ -27,15 +27,15 @@ SYMBOLS: Final[Mapping[str, tuple[str, str]]] = {
     "load_N": ("load", "s.load"),
     "load_N_m": ("load", "s.load"),
 }
-"""What an effect can look at: a signal's symbol in formulas, and how a hook has it."""
+"""What an effect can depend on: a signal's symbol in formulas, and its name in a hook."""
 UNITS: Final[Mapping[str, str]] = {"t": "s", "x": "m", "v": "m/s", "gap": "m", "travelled": "m", "load": "N"}
 
 
 @dataclass(frozen=True)
 class Form:
-    """A shape of `models.effects.shapes`: for each number that a fit moves where to start and its bounds, in the
-    curve's span (a `middle` also from where the curve begins; `PURE` ones as they are); `fixed` ones, the span's
-    beginning or size, are no numbers of a fit.
+    """A shape of `models.effects.shapes`: for each fitted number its starts and bounds, relative to the curve's span (a
+    `middle` is counted from where the curve begins; `PURE` numbers have no unit). `fixed` numbers, the beginning or
+    size of the span, are not fitted.
     """
 
     name: str
@@ -66,7 +66,7 @@ FORMS: Final = (
 
 
 def term_of(curve: ResidualCurve, unit: str, level: float) -> Term | None:
-    """The term that follows `curve` in `unit`, `level` the mean resistance; None where no effect can see its signal."""
+    """The term that follows `curve` in `unit`, `level` the mean resistance; None where no effect has its signal."""
     if curve.variable not in SYMBOLS:
         return None
     fits = [_Fitted.best(form, curve) for form in FORMS]
@@ -121,7 +121,7 @@ class _Fitted:
         return constant + amplitude * self.form.at(z, dict(zip(self.form.numbers, numbers, strict=True)), self.given)
 
     def _spread(self) -> Array:
-        """Standard deviations of the values by least squares, widened for what the form does not follow."""
+        """Standard deviations of the values by least squares, widened for the misfit of the form."""
         step = 1e-4 * np.maximum(np.abs(self.values), 1e-9)
         weight = 1 / _errors(self.curve)
         z = self.curve.centres
@@ -155,7 +155,7 @@ class _Fitted:
         return max(wrong, 0.0) / max(whole, 1e-300)
 
     def term(self, unit: str, level: float) -> Term:
-        """As it is reported."""
+        """The term as it is reported."""
         amplitude, constant, *_ = self.values
         estimates = [
             Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
@@ -203,14 +203,14 @@ def _square(fit: tuple[Array, Array]) -> float:
 def _knotted(curve: ResidualCurve) -> _Fitted:
     """Straight lines between knots at equally many of the curve's points, with one amplitude for all."""
     z = curve.centres
-    places = np.quantile(z, np.linspace(0, 1, min(SET.term_knots, len(z))))
-    hats = np.stack([np.interp(z, places, row) for row in np.eye(len(places))], axis=1)
+    knots = np.quantile(z, np.linspace(0, 1, min(SET.term_knots, len(z))))
+    hats = np.stack([np.interp(z, knots, row) for row in np.eye(len(knots))], axis=1)
     weight = 1 / _errors(curve)
     heights = np.linalg.lstsq(hats * weight[:, None], curve.values * weight, rcond=None)[0]
     constant = float(heights.mean())
     size = float(np.max(np.abs(heights - constant))) or 1.0
     given = {
-        "places": tuple(float(p) for p in places),
+        "places": tuple(float(p) for p in knots),
         "values": tuple(float(h) for h in (heights - constant) / size),
     }
     made = _Fitted(Form("knots", {}), curve, given, np.array([size, constant]), np.zeros(2))

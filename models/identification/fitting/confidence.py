@@ -1,4 +1,4 @@
-"""How sure a fitted parameter is."""
+"""Confidence intervals of fitted parameters."""
 
 from collections.abc import Collection, Sequence
 
@@ -44,7 +44,7 @@ def _by_noise(jacobian: Array) -> Array:
 
 
 def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
-    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for what is left
+    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for a misfit
     beyond chance and for residuals that are not independent, and the sandwich.
     """
     rows = fit.jacobian * scale
@@ -57,9 +57,8 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
 def drawn(
     kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[Name] | None = None
 ) -> Theta:
-    """The fit's values, or `only` those named while the others stay, moved as far as noise leaves them uncertain and by
-    the models' own numerics (0.1 % of each); within the bounds. What the fit leaves beyond chance does not widen
-    this: a misfit would excuse itself.
+    """A draw of the fit's values, or of `only` those named: from their covariance by noise alone, and by 0.1 % for the
+    numerics; within the bounds. A misfit beyond noise does not widen it, for then a wrong model would excuse itself.
     """
     every = axes(kind, effects)
     moving = [k for k, axis in enumerate(every) if only is None or axis.name in only]

@@ -27,14 +27,14 @@ _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """One fitted parameter, and the scale on which the criterion is looked at."""
+    """One fitted parameter, and the scale of its secants."""
 
     parameter: Parameter
     scale: float
 
     @property
     def name(self) -> Name:
-        """What its value is found by."""
+        """The key of its value."""
         return self.parameter.key
 
 
@@ -55,7 +55,7 @@ class Fit:
 
 
 def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
-    """What a fit of `kind` with `effects` may move: on the scale of a tenth of its value, an amplitude of its probe."""
+    """The fitted parameters of `kind` with `effects`; the scale is a tenth of the value, of an amplitude its probe."""
     result = [FreeParameter(p, _scale(p)) for p in kind.base if p.fit]
     known = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
     for effect in (known[name] for name in effects):
@@ -106,11 +106,11 @@ class Problem:
 
     @classmethod
     def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int | None = None) -> Problem:
-        """The fit of the base with `effects`, where no criterion is given to the free run."""
+        """The fit of the base with `effects`; without a criterion to the free run."""
         return cls(kind, records, axes(kind, effects), kind.free_run if criterion is None else criterion)
 
     @cached_property
-    def valley(self) -> GaussNewton:
+    def solver(self) -> GaussNewton:
         """The Gauss-Newton search on these residuals."""
         lower, upper, scale = (
             np.array(row)
@@ -128,24 +128,24 @@ class Problem:
 
     def start(self, theta: Theta) -> Array:
         """The point (n,) of `theta`, within the bounds; declared values where it has none."""
-        return self.valley.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
+        return self.solver.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
 
     def all_at(self, points: Sequence[Array]) -> list[Array]:
-        """Residuals at each point: of the records, and of fitted parameters from what is believed of them."""
+        """Residuals at each point: of the records, and of the parameters that have a prior."""
         rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], self.criterion)
-        believed = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
-        if not believed:
+        priors = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
+        if not priors:
             return rows
-        held = [[(x[i] - p.value) / p.spread for i, p in believed] for x in points]
-        return [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
+        own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
+        return [np.concatenate(pair) for pair in zip(rows, own, strict=True)]
 
     def jacobian(self, x: Array, secant: float) -> Array:
         """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
         points = []
-        for i, step in enumerate(secant * self.valley.scale):
+        for i, step in enumerate(secant * self.solver.scale):
             for sign in (1.0, -1.0):
                 y = x.copy()
-                y[i] = np.clip(x[i] + sign * step, self.valley.lower[i], self.valley.upper[i])
+                y[i] = np.clip(x[i] + sign * step, self.solver.lower[i], self.solver.upper[i])
                 points.append(y)
         values = self.all_at(points)
         columns = [
@@ -160,7 +160,7 @@ class Problem:
         if not len(x0):
             (r,) = self.all_at([x0])
             return Fit(Theta(), float(r @ r), len(r), np.zeros((len(r), 0)), r)
-        end = self.valley.descend(x0, secant, steps)
+        end = self.solver.descend(x0, secant, steps)
         return Fit(self.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
     def narrowing(self, start: Theta, widths: Sequence[float] = SET.narrow, steps: int = 12) -> Fit:

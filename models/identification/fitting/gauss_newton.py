@@ -9,7 +9,7 @@ from models.identification.kind import Array
 from models.identification.settings import SET
 
 Point = tuple[Array, Array]
-"""A place and its residuals."""
+"""A point and its residuals."""
 
 _STEPS = (
     (1e-6, 1.0),
@@ -46,7 +46,7 @@ class Slope:
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """Where to descend: `residuals` of many points, bounds, `scale` of first secants, trial steps worth a `batch`."""
+    """The problem: `residuals` of many points at once, bounds, `scale` of first secants, trial steps in a `batch`."""
 
     residuals: Callable[[list[Array]], list[Array]]
     lower: Array
@@ -58,10 +58,10 @@ class GaussNewton:
         """Gauss-Newton from `start` in one round or more; never ends higher than it began. The derivatives are those of
         the last round.
 
-        In each round the residuals are looked at on both sides along directions whose effects are orthogonal and of
-        equal size, `secant` times `SET.secant_rms` of the residuals' unit rms: jags that are narrower average out, and
-        parameters that nearly make up for one another are told apart by long secants along their valley. Then steps of
-        several lengths and dampings are tried at once and the lowest is taken.
+        In each round the residuals are evaluated on both sides along directions whose effects are orthogonal and of
+        equal size, `secant` times `SET.secant_rms` of the residuals' unit rms. Narrower jags average out, and
+        parameters that nearly compensate each other get long secants. Then steps of several lengths and dampings are
+        tried at once and the lowest is taken.
         """
         x = start
         r, reach = self._first_reach(x, secant)
@@ -81,7 +81,9 @@ class GaussNewton:
         return Slope(x, r, here.jacobian)
 
     def _lowest(self, here: Slope, seen: Point) -> Point:
-        """The lowest of `seen` and the first few trial steps that hold one worth it; `here` where none is lower."""
+        """The lowest of `seen` and of the trial steps, up to the first batch that gains enough; `here` where none is
+        lower.
+        """
         steps, best = self._steps(here), min((here.x, here.residual), seen, key=_height)
         for first in range(-1, len(steps), self.batch):
             some = steps[max(first, 0) : first + self.batch]
@@ -100,7 +102,7 @@ class GaussNewton:
         return r, self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, SET.secant_stretch))
 
     def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Point]:
-        """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the points looked at."""
+        """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the evaluated points."""
         points, lengths = [], []
         for direction in basis.T:
             for step in (direction, -direction):

@@ -1,4 +1,4 @@
-"""Which candidate it is: joint fits by successive elimination, the last ones judged on validation records."""
+"""Comparison of candidates: joint fits by successive elimination, the finalists judged on validation records."""
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -28,9 +28,9 @@ _MULTIPLES = tuple(2.0**k for k in range(6))
 
 @dataclass(frozen=True)
 class Trial:
-    """A model with one more `effect`: `thetas` are the fits, one a split, `blocks` the validation cost by block, with
-    the refinements of the effect where these help, `before` without it, and `refinements` the fits of the models with
-    them that were made on the way.
+    """A model with one more `effect`: `thetas` are the fits, one a split; `blocks` the validation cost by block, with
+    the refinements of the effect where they help; `before` the same without the effect; `refinements` further fits,
+    with refinements, by model.
     """
 
     effect: str
@@ -58,9 +58,9 @@ class Trial:
 def compare_candidates(
     model: FittedModel, screened: Sequence[Screened], moved: Moved = lambda name, share: None
 ) -> list[Trial]:
-    """Joint fits of `model` with one more effect, from short ones of every candidate to full ones of the best three and
-    of the declared confounded effects of the best; best gain first. None where no candidate passed the screening.
-    `moved` hears of each candidate that comes next, and the share of the work that is done.
+    """Joint fits of `model` with one more effect: short ones of every candidate, full ones of the best three and of the
+    declared confounders of the best; best gain first. Empty where no candidate passed the screening. `moved` is called
+    with each candidate and the share of the work that is done.
     """
     if not screened:
         return []
@@ -84,15 +84,15 @@ def compare_candidates(
 
 
 def _as_called(model: FittedModel, trial: Trial) -> Trial:
-    """The trial where its effect is what it is called."""
+    """The trial with its effect within the range that its name stands for."""
     plain = model.fitted(trial.thetas, [*model.effects, trial.effect])
     called = as_called(plain, trial.effect)
     return trial if called is plain else Trial.of(model, trial.effect, called)
 
 
 def _refinements(kind: Kind, name: str) -> list[str]:
-    """What may have to stand beside a candidate before it can be told: of what refines it, what is in the catalogue
-    itself and what says how much of a changed resistance the slip limit feels.
+    """Refinements that a candidate may need before it can be compared: those that are catalogue effects themselves, and
+    those that split a changed resistance between nose and slip limit.
     """
     known = {effect.id for effect in kind.effects}
     named = kind.catalogue
@@ -104,10 +104,9 @@ def _refinements(kind: Kind, name: str) -> list[str]:
 
 
 def _with_refinements(so_far: FittedModel, trial: Trial, sought: Theta | None) -> Trial:
-    """`trial` as its refinements would leave it, also from where its elimination round `sought` it, where that is
-    better: of two candidates of which neither is quite right, the one that its refinements complete. It has none
-    where nothing was `sought`. One without refinements is looked for from more places where it leaves more than the
-    noise.
+    """`trial` with the cost of its refinements where that is lower, fitted also from the point that its elimination
+    round `sought`: of two imperfect candidates that one leads which its refinements complete. Nothing `sought`: no
+    refinements. A trial without refinements is fitted again from more starts.
     """
     kind = so_far.kind
     refinements = [c for c in _refinements(kind, trial.effect) if c not in so_far.effects] if sought else []
@@ -130,9 +129,9 @@ def best_from(kind: Kind, part: Sequence[Record], effects: Sequence[str], starts
 
 
 def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[Trial]) -> list[Trial]:
-    """The `helped` trials, the confounded effects of the best one and its refinements from the catalogue also fitted
-    from where it has its base: none may win by a luckier search. Where such a refinement does about as well without the
-    best one, that is judged as it is `alone`.
+    """The `helped` trials, with the confounders of the best one and its catalogue refinements also fitted from its
+    base: none may win by a luckier search. Where such a refinement does about as well without the best one, the best
+    one is judged `alone`.
     """
     kind, effects, named = model.kind, model.effects, model.kind.catalogue
     rows = {trial.effect: trial for trial in helped}
@@ -157,29 +156,27 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
 
 
 def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with each candidate on ever longer beginnings, from where the screening and either base have it,
-    one that changes the resistance also from where the slip limit does not follow it; without those that fell behind
-    on the way.
+    """Fits of `model` with each candidate on growing prefixes, from its screening starts on either base, and also from
+    starts where the slip limit does not follow the resistance; without those that were eliminated.
     """
     kind = model.kind
     effort = FROM_CLOSE if base_known(kind) else QUICK
-    climbs = {}
+    horizons = {}
     for row in screened:
         beside = shared_by(kind, row.effect)
         starts = [
-            place
+            point
             for base in begins(kind, model.thetas[0])
             for start in row.starts
-            for place in with_each(base.with_(row.effect, start), beside)
+            for point in with_each(base.with_(row.effect, start), beside)
         ]
-        climbs[row.effect] = GrowingHorizon(kind, [*model.effects, row.effect, *beside], starts, effort, row.effect)
-    return eliminate(model.part, climbs, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
+        horizons[row.effect] = GrowingHorizon(kind, [*model.effects, row.effect, *beside], starts, effort, row.effect)
+    return eliminate(model.part, horizons, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
 
 
 def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with each candidate, good enough to rank by: one round of descent from its best opening at the
-    kind's first criterion, a few more of those that came lowest by it, whole ones of the first of these and of their
-    confounded effects.
+    """Fits of `model` with each candidate, good enough for a ranking: one round of descent from its best opening at the
+    kind's first criterion, a few more rounds of the lowest, full fits of the first of these and of their confounders.
     """
     kind, bases = model.kind, begins(model.kind, model.thetas[0])
 
@@ -189,8 +186,8 @@ def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -
     fits = {}
     for k, row in enumerate(screened):
         moved(row.effect, 0.3 * k / len(screened))
-        place = opening(kind, model.part, bases, row.effect, row.starts)
-        fits[row.effect] = problem(row.effect, 0).descend(place, SET.narrow[0], 1)
+        start = opening(kind, model.part, bases, row.effect, row.starts)
+        fits[row.effect] = problem(row.effect, 0).descend(start, SET.narrow[0], 1)
     lowest = sorted(fits, key=lambda name: fits[name].cost)[: SET.entered]
     for k, name in enumerate(lowest):
         moved(name, 0.3 + 0.1 * k / len(lowest))
@@ -204,7 +201,7 @@ def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -
 
 
 def shared_by(kind: Kind, name: str) -> list[str]:
-    """Of what may have to stand beside a candidate, what no search names by itself."""
+    """The refinements that a candidate may need and that no search names by itself."""
     return [c for c in _refinements(kind, name) if CATALOGUE.get(c) in REFINEMENTS]
 
 
@@ -219,7 +216,7 @@ def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
 def opening(
     kind: Kind, part: Sequence[Record], bases: Sequence[Theta], name: str, starts: Iterable[Mapping[str, float]]
 ) -> Theta:
-    """Place of the best amplitude of `name` in the best shape of `starts` at the best of `bases`."""
+    """The point with the best amplitude of `name` in the best shape of `starts` at the best of `bases`."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
 
@@ -234,7 +231,7 @@ def opening(
 
 
 def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
-    """The best entries and the confounders of the first few: only a full fit tells those apart."""
+    """The best entries and the confounders of the first few, which only a full fit separates."""
     declared = {effect.id: effect for effect in kind.effects}
     wanted = list(entered[: SET.pool])
     for name in entered[: SET.alike]:
@@ -253,13 +250,13 @@ def _judge(model: FittedModel, name: str, start: Theta) -> Trial:
 
 
 def better_without(model: FittedModel, further: str, others: Fits) -> FittedModel:
-    """The better of `model` and of the same begun where fits with one `further` effect, `others`, have their base."""
+    """The better of `model` and of the same refitted from the base of fits with one `further` effect, `others`."""
     again = model.refitted(stepped, (theta.without(further) for theta in others))
     return min(model, again, key=lambda choice: choice.training_cost)
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
-    """The trials against the best fit *without* a further effect, looked for from their own bases too; and that fit."""
+    """The trials against the best fit *without* a further effect, also started from their bases; and that fit."""
     best = model
     for trial in trials[:2]:
         best = better_without(best, trial.effect, trial.thetas)

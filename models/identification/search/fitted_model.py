@@ -16,8 +16,8 @@ from models.records.record import Record
 from models.theta import Theta
 
 Fits = Sequence[Theta]
-Way = Callable[[Kind, Sequence[Record], Sequence[str], Any], Theta]
-"""A way to a fit: of the base with effects to records, from a start (or several)."""
+Fitting = Callable[[Kind, Sequence[Record], Sequence[str], Any], Theta]
+"""A function that fits the base with effects to records, from a start (or several)."""
 _LEAST = 1e-12  # a cost whose logarithm can be taken
 
 
@@ -52,14 +52,14 @@ class FittedModel:
         return cls(kind, splits, tuple(effects), tuple(thetas))
 
     def fitted(self, thetas: Iterable[Theta], effects: Sequence[str] | None = None) -> FittedModel:
-        """The same model with other fits, of other effects where these are given."""
+        """The same model with other fits; with other effects where given."""
         return replace(self, thetas=tuple(thetas), effects=self.effects if effects is None else tuple(effects))
 
-    def refitted(self, way: Way, starts: Iterable[Any], effects: Sequence[str] | None = None) -> FittedModel:
-        """The same model fitted anew by a `way` from `starts`, one a split, of other effects where given."""
+    def refitted(self, fit: Fitting, starts: Iterable[Any], effects: Sequence[str] | None = None) -> FittedModel:
+        """The same model refitted by `fit` from `starts`, one a split; with other effects where given."""
         chosen = self.effects if effects is None else tuple(effects)
         pairs = zip(self.splits, starts, strict=True)
-        return self.fitted((way(self.kind, part, chosen, start) for (part, _), start in pairs), chosen)
+        return self.fitted((fit(self.kind, part, chosen, start) for (part, _), start in pairs), chosen)
 
     @property
     def part(self) -> list[Record]:
@@ -98,7 +98,7 @@ class FittedModel:
 
 
 def ahead(best: Array, other: Array) -> float:
-    """How many standard errors of the block-wise difference of validation costs `best` is ahead of `other`."""
+    """By how many standard errors of the block-wise difference of validation costs `best` leads `other`."""
     difference = other - best
     mean, count = float(difference.mean()), len(difference)
     error = float(difference.std(ddof=1)) / np.sqrt(count) if count > 1 else np.inf
@@ -109,8 +109,8 @@ def ahead(best: Array, other: Array) -> float:
 
 def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     """The first of `rows`, validation costs by block of ever finer models, that does about as well as the best one.
-    Blocks count by the logarithm of their cost and change it by a tenth at most: a slip event that comes
-    or stays out is one block, however high. A model that the `training` costs tell clearly need not stand out.
+    Blocks count by the logarithm of their cost, which changes by a tenth at most: a slip event more or less is one
+    block, however high. A model that clearly lowers the `training` cost need not lead by standard errors.
     """
     logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
 
@@ -119,9 +119,9 @@ def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
 
     best = int(np.argmin([behind(row, logs[0]).mean() for row in logs]))
     worse = [behind(row, logs[best]) for row in logs]
-    told = [training[best] <= (1 - SET.told) * cost for cost in training]
+    clear = [training[best] <= (1 - SET.finer_gain) * cost for cost in training]
     return next(
         k
         for k, row in enumerate(worse)
-        if row.mean() <= SET.shaped or (ahead(np.zeros_like(row), row) < SET.apart and not told[k])
+        if row.mean() <= SET.shaped or (ahead(np.zeros_like(row), row) < SET.apart and not clear[k])
     )

@@ -1,4 +1,4 @@
-"""Closing the loop: calibrate, screen, fit the best jointly, add one at a time while it pays, say how sure."""
+"""Forward selection: calibrate, screen, fit the best jointly, add effects while they gain, compare rivals."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from models.checks.usable import counted
+from models.effects import effect_words
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Kind
@@ -28,7 +29,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass
 class Search:
-    """Everything the search learned. `doubts`: each effect with the model and a rival that the records cannot tell."""
+    """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate."""
 
     calibrated: Fit
     augmented: Fit
@@ -61,7 +62,7 @@ class Search:
 
     @property
     def model(self) -> list[str]:
-        """Everything beyond the base: the effects named and the free curves that mend their shapes."""
+        """Everything beyond the base: the named effects and the refinements of their shapes."""
         return [*self.effects, *self.refinements]
 
     @property
@@ -77,13 +78,13 @@ def search(
     """Calibrate on `train`, then add at `most` so many effects, one at a time, while they gain beyond chance."""
     began = time.monotonic()
     progress("calibrating", 0.02)
-    told = kind.searched(train)
-    splits = kind.splits(told)
-    base = whole(kind, told, [], kind.nominal(), to_the_end=False)
+    records = kind.searched(train)
+    splits = kind.splits(records)
+    base = whole(kind, records, [], kind.nominal(), to_the_end=False)
     parts = [refit(kind, part, [], base.theta, np.inf) for part, _ in splits]
     found = Search(base, base, trained_share=_trained_share(splits), last_s=began)
     found.note("calibration")
-    on_all = judged_cost(kind, told, base.theta)
+    on_all = judged_cost(kind, records, base.theta)
     model = _named(FittedModel.of(kind, splits, [], parts), found, on_all, progress, rng, most)
     if kind.beginnings_s and not found.effects and found.after > SET.clean:
         trials = found.rounds[0][2] if found.rounds else []
@@ -113,7 +114,7 @@ def search(
         found.sensitivity = sensitivity_cost(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented
-    elif sum(map(len, told)) < sum(map(len, train)):
+    elif sum(map(len, records)) < sum(map(len, train)):
         found.calibrated = step_on(kind, train, [], base.theta)
     found.note("final fit")
     return found
@@ -123,8 +124,8 @@ def _named(
     model: FittedModel, found: Search, on_all: float, progress: Progress, rng: np.random.Generator, most: int
 ) -> FittedModel:
     """Effects added to `found` one at a time while validation records gain beyond what the null distribution gives;
-    `model`, the calibrated base, with them. None is looked for where the base fitted to all records leaves no more than
-    chance `on_all` of them, whatever fits to a part leave elsewhere: a slip event that these miss is no effect.
+    `model`, the calibrated base, with them. None is searched where the base fitted to all records costs no more than
+    chance `on_all` of them, whatever fits to a part cost elsewhere: a slip event that these miss is no effect.
     """
     kind = model.kind
     progress("null distribution by parametric bootstrap", 0.15)
@@ -160,12 +161,12 @@ def _named(
 
 def _moved(progress: Progress, number: int, name: str, share: float) -> None:
     """The candidate `name` is next; `share` of the round `number` is done."""
-    progress(f"fitting candidates, round {number}: {name}", 0.3 + 0.15 * (number - 1) + 0.15 * share)
+    progress(f"fitting candidates, round {number}: {effect_words(name)}", 0.3 + 0.15 * (number - 1) + 0.15 * share)
 
 
 def _test_again(model: FittedModel, found: Search) -> FittedModel:
-    """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than
-    chance gives, or less than a further effect would have to bring if the others had come first.
+    """Drops every earlier effect that later ones made unnecessary: without it the validation gain falls by no more than
+    chance, or by less than a further effect has to gain.
     """
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
@@ -201,9 +202,9 @@ def _add(found: Search, best: Trial) -> None:
 
 
 def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> None:
-    """What the records cannot tell from each effect of `found`, and how sure it is against all others."""
+    """The rivals of each effect of `found` that the records do not separate, and its score against all others."""
     for k, effect in enumerate(found.effects):
-        progress(f"rivals of what was found: {effect}", 0.82 + 0.03 * k / len(found.effects))
+        progress(f"comparing rivals of {effect_words(effect)}", 0.82 + 0.03 * k / len(found.effects))
         _, screened, trials = next(row for row in found.rounds if row[2] and row[2][0].effect == effect)
         rivals = rivals_of(model, effect, found.gains[effect], screened, trials)
         alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)

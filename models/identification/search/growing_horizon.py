@@ -1,4 +1,4 @@
-"""Fits on ever longer beginnings from many places: over many slip events a wrong base is out of step for good."""
+"""Fits on growing prefixes from many starts: over many slip events a wrong base loses step for good."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,9 +17,9 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Effort:
-    """Places to look at, how many to go down from at each length (whole records last), rounds at the first lengths."""
+    """Starts to evaluate, how many to descend from at each length (whole records last), rounds at the first lengths."""
 
-    places: int
+    starts: int
     kept: tuple[int, ...]
     rounds: int
 
@@ -30,17 +30,17 @@ FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1), 3)
 
 
 def base_known(kind: Kind) -> bool:
-    """Whether a prior holds the base so well that it cannot be a slip event beside the right one."""
+    """Whether priors are so narrow that the base cannot be off by a slip event."""
     fitted = [p for p in kind.base if p.fit and not p.effect]
     return bool(fitted) and all(SET.near_start * p.spread <= SET.settled * abs(p.value) for p in fitted)
 
 
 @dataclass
 class GrowingHorizon:
-    """One model on its way from the first slip events to whole records. At every length the starts, and the effects
-    drawn anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show
-    it cannot tell; the best fit so far goes on whatever it costs at first. Of the effect `fresh` not even the size is
-    known; another `seed` draws other places. `fits` are those of the last length, the best first.
+    """One model fitted on growing prefixes, from the first slip events to whole records. Every length is started from
+    the fits of the length before, from the `starts` again, and from effects redrawn on the bases found so far, because
+    a short prefix cannot show every effect. The best fit so far is always kept. Of the effect `fresh` not even the size
+    is known; another `seed` draws other starts. `fits` are those of the last length, the best first.
     """
 
     kind: Kind
@@ -52,19 +52,21 @@ class GrowingHorizon:
     fits: list[Fit] = field(default_factory=list)
 
     def on(self, number: int, length: float, records: Sequence[Record]) -> None:
-        """To the next `length` in s, `records` being the beginnings number `number`."""
-        places = list(self.starts)
+        """To the next `length` in s, `records` being the prefixes number `number`."""
+        starts = list(self.starts)
         if self.fits:
             found = [fit.theta for fit in self.fits]
-            points = found + places + self._redrawn(found[: SET.bases])
+            points = found + starts + self._redrawn(found[: SET.bases])
         else:
-            points = places + self._scattered()
+            points = starts + self._scattered()
         costs = costs_of(self.kind, records, points, self.kind.free_run)
         kept = self.effort.kept[number]
         best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
         if self.fits and kept > 1 and points[0] not in best:
             best[-1] = points[0]
-        widths, rounds = (SET.narrow, SET.rounds) if number >= SET.telling else (SET.narrow[-1:], self.effort.rounds)
+        widths, rounds = (
+            (SET.narrow, SET.rounds) if number >= SET.ranked_from else (SET.narrow[-1:], self.effort.rounds)
+        )
         problem = Problem.of(self.kind, records, self.effects)
         fits = [problem.narrowing(point, widths, rounds) for point in best]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
@@ -76,14 +78,14 @@ class GrowingHorizon:
         return self.fits[0]
 
     def _scattered(self) -> list[Theta]:
-        """Places around the nominal base and the starts' effects, the fresh one's amplitude of every size."""
-        return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, self.seed)
+        """Points around the nominal base and the starts' effects, with every size of the fresh one."""
+        return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.starts, self.seed)
 
     def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
-        """Each base of `found` with effects from around their declared values: a drift does not show at first."""
+        """Each base of `found` with effects drawn around their declared values: a drift does not show at first."""
         moved = [axis for axis in axes(self.kind, self.effects) if axis.parameter.effect in self.effects]
         bases = [theta.only(self.kind.in_base) for theta in found]
-        return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
+        return self._drawn(bases, moved, self.effort.starts // 2, self.seed + 1)
 
     def _drawn(self, starts: Sequence[Theta], moved: Sequence[FreeParameter], count: int, seed: int) -> list[Theta]:
         shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
@@ -99,39 +101,38 @@ class GrowingHorizon:
 
 def eliminate(
     records: Sequence[Record],
-    climbs: Mapping[str, GrowingHorizon],
+    horizons: Mapping[str, GrowingHorizon],
     counting: int,
     behind: float,
     moved: Callable[[str, float], None] = lambda name, share: None,
 ) -> dict[str, Fit]:
-    """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared
-    confounded effects of the first one, and leave at most `behind` times what the first one does, or no more than
-    chance: a beginning has few numbers, and one with many parameters leaves less of them. The rest end on their way,
-    none of them on the shortest beginning. `moved` hears of each climb that goes on, and the share of the work
-    that is done.
+    """Fits on the whole records of those `horizons` that are not eliminated. One stays while its cost is close to that
+    of the best `counting`, or is that of a declared confounder of the best, and at most `behind` times the best; or
+    while its cost is chance, because a model with many parameters leaves less of a short prefix. None is eliminated on
+    the shortest prefix. `moved` is called with each candidate and the share of the work that is done.
     """
-    running, kind = dict(climbs), next(iter(climbs.values())).kind
+    running, kind = dict(horizons), next(iter(horizons.values())).kind
     for number, length, parts in _lengths(kind, records):
-        for k, (name, climb) in enumerate(running.items()):
+        for k, (name, horizon) in enumerate(running.items()):
             moved(name, (number + k / len(running)) / (len(kind.beginnings_s) + 1))
-            climb.on(number, length, parts)
-        costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
+            horizon.on(number, length, parts)
+        costs = {name: horizon.fits[0].chi2 for name, horizon in running.items()}
         if not number:
             continue
         ranked = sorted(costs.values())
-        within = SET.in_reach if number >= SET.telling else SET.early_reach
+        within = SET.in_reach if number >= SET.ranked_from else SET.early_reach
         reach, limit = within * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
         alike = kind.catalogue[min(costs, key=lambda name: costs[name])].confounders
         running = {
-            name: climb
-            for name, climb in running.items()
-            if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or _by_chance(climb.fits[0])
+            name: horizon
+            for name, horizon in running.items()
+            if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or _by_chance(horizon.fits[0])
         }
-    return {name: climb.fits[0] for name, climb in running.items()}
+    return {name: horizon.fits[0] for name, horizon in running.items()}
 
 
 def _by_chance(fit: Fit) -> bool:
-    """Whether noise alone may leave what `fit` does."""
+    """Whether noise alone may cause the cost of `fit`."""
     return bool(fit.cost <= chi2.ppf(SET.right_leaves, fit.count))
 
 
@@ -144,7 +145,7 @@ def _lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, float
 
 
 def prefixes(records: Sequence[Record], length: float) -> list[Record]:
-    """The first `length` s of each record that count, and what is run through before."""
+    """The first `length` s of each record that count, and the rows before."""
     return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
@@ -165,16 +166,16 @@ def _place(kind: Kind, axis: FreeParameter, start: Theta, share: float, fresh: s
 
 
 def sensitivity_cost(kind: Kind, splits: Sequence[Split], theta: Theta, rng: np.random.Generator) -> float:
-    """Validation cost that the model leaves of itself, the base's numbers 0.1 % off: no fit can do better."""
+    """Validation cost of the model against itself with the base 0.1 % off: no fit can do better."""
     return max(judged_cost(kind, records, theta) for records in _off(kind, splits[0][1], theta, rng))
 
 
 def predictable(
     kind: Kind, splits: Sequence[Split], theta: Theta, most: float, rng: np.random.Generator
 ) -> tuple[float, list[Split]]:
-    """The longest beginnings of the records, in s (inf: whole ones), over which the model leaves less than `most` of
-    itself, and the splits cut to them: where one slip event that comes a little early moves all that follow, free runs
-    soon tell nothing.
+    """The longest prefixes of the records in s (inf: whole records) over which the model predicts itself with a cost
+    below `most`, and the splits cut to them: where one early slip event shifts all that follow, longer free runs carry
+    no information.
     """
     imitated = _off(kind, splits[0][1], theta, rng)
     for length in (np.inf, *reversed(kind.beginnings_s[1:])):  # the first holds too few slip events to judge by

@@ -1,4 +1,4 @@
-"""Finer shapes of the effects that are named: which of them the records tell."""
+"""Refinements of the shapes of named effects: which of them the records support."""
 
 from collections.abc import MutableMapping, Sequence
 from functools import partial
@@ -20,10 +20,9 @@ Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
 
 
 def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
-    """What mends the named effects' own shapes, and the fits with it: of the refinements, one after the other, the
-    fewest that do about as well on validation records as the best. Each is held against the model without it as it is
-    from its own base too, for it must not win by a luckier search. Fits that are `known` from before are not made
-    again; those made here are added to it.
+    """The refinements of the named effects' shapes, and the fits with them: added one after the other, the fewest that
+    do about as well on validation records as the best. Each is compared with the model without it, refitted also from
+    the base with it, so that none wins by a luckier search. `known` fits are not made again; new ones are added to it.
     """
     curves = _shapes(model.kind, model.effects)
     rows = [model]
@@ -42,12 +41,11 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
 def refined_at_last(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], taken: Sequence[str], fit: Fit, known: Known
 ) -> tuple[list[str], Fit]:
-    """The refinements beyond `taken` that `fit`, made at the kind's final criterion, still wants, and the best fit: the
-    coarser steps on which shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part
-    where that is better, as long as the reported error is not about the noise's. It must take a clear share of the
-    training cost or of the reported error there, also of the residual without it from its own base, and leave about the
-    noise; where `fit` and what is known both leave `SET.behind` times the noise, more than a shape is lacking, and a
-    kind with one criterion has hidden none.
+    """The refinements beyond `taken` that `fit`, made at the kind's final criterion, still needs, and the best fit: the
+    coarser steps on which shapes are compared may hide one. Started from `fit`, or from a better `known` fit on a part,
+    as long as the reported error is above the noise floor. A refinement must lower the training cost or the reported
+    error clearly, also against the model without it refitted from its base, and leave about the noise. Where `fit` and
+    `known` fits cost `SET.behind` times the noise, more than a shape is missing. A kind with one criterion hides none.
     """
     added: list[str] = []
     if kind.criteria == 1:
@@ -82,11 +80,13 @@ def _floors(kind: Kind, records: Sequence[Record], fit: Fit) -> float:
 
 def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
     """Whether `finer`, which leaves `left` floors, is clearly better than `fit`."""
-    return finer.cost <= (1 - SET.told) * fit.cost or (finer.cost < fit.cost and left <= (1 - SET.finer_share) * floors)
+    return finer.cost <= (1 - SET.finer_gain) * fit.cost or (
+        finer.cost < fit.cost and left <= (1 - SET.finer_share) * floors
+    )
 
 
 def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:
-    """What may mend the shapes of `effects`."""
+    """Refinements of the shapes of `effects`."""
     wanted = dict.fromkeys(curve for name in effects for curve in kind.catalogue[name].refined_by)
     return [
         name for name in wanted if kind.name in kind.catalogue[name].kinds and name not in {*effects, *kind.in_base}
@@ -94,6 +94,6 @@ def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:
 
 
 def _begin(curve: str) -> dict[str, float]:
-    """Where a refinement's shape begins: first on its grid. An effect that mends another begins as it is declared."""
+    """Where a refinement starts: first on its grid. An effect that refines another starts as it is declared."""
     effect = CATALOGUE.get(curve)
     return {name: values[0] for name, values in effect.grid.items()} if effect in REFINEMENTS else {}

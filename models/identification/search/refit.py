@@ -1,4 +1,4 @@
-"""Ways to a fit: stepped on from where it is, on ever longer beginnings; the better of them as judged."""
+"""Fits by several methods: descent from the start, growing prefixes; the better one counts."""
 
 import math
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ def refit(
     enough: float = SET.near,
     quick: float = math.inf,
 ) -> Theta:
-    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; where this leaves more
-    than `quick` of a time series, on ever longer beginnings, quickly; where these leave more than `enough` (about the
-    noise), thoroughly, from where it is and from the nominal base, there also with the newest effect as it is declared.
+    """The best fit to `records` of several methods, as judged. First a descent from `start`; where this costs more than
+    `quick` for a time series, quick growing prefixes; where these cost more than `enough` (about the noise), thorough
+    ones from `start` and from the nominal base, there also with the newest effect as it is declared.
     """
     if not kind.beginnings_s:
         for criterion in range(kind.criteria):
@@ -47,7 +47,7 @@ def refit(
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta) -> Fit:
-    """A fit to the free run from where the start is."""
+    """A descent on the free run from `start`."""
     return Problem.of(kind, records, effects).narrowing(start, _CLOSER if kind.beginnings_s else SET.fine, 10)
 
 
@@ -57,7 +57,7 @@ def stepped(kind: Kind, records: Sequence[Record], effects: Sequence[str], start
 
 
 def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Theta, seed: int = 0) -> Theta:
-    """A fit on ever longer beginnings from `start`, at the nominal base, there with the newest effect as declared."""
+    """A fit on growing prefixes from `start`, at the nominal base, there also with the newest effect as declared."""
     starts = begins(kind, start)
     newest = next((name for name in reversed(effects) if kind.catalogue[name] not in REFINEMENTS), "")
     if newest:
@@ -67,7 +67,7 @@ def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], s
 
 
 def begins(kind: Kind, theta: Theta) -> list[Theta]:
-    """`theta`, and the same at the nominal base: one fitted without an effect may be bent to make up for it."""
+    """`theta`, and the same at the nominal base: one fitted without an effect may compensate for it."""
     return [theta, theta | Theta.declared(p for p in kind.base if p.fit)]
 
 
@@ -80,10 +80,9 @@ def whole(
     *,
     to_the_end: bool = True,
 ) -> Fit:
-    """The best of several ways to a fit on `records` (`refit`), `finished` where it goes `to_the_end`. Where that
-    leaves more than `enough` of a time series whose base no prior holds, the ever longer beginnings are gone through
-    once more from places that no search before has drawn: a base that is stuck a slip event beside the right one would
-    pass for one that lacks an effect.
+    """The best fit to `records` (`refit`), `finished` where it goes `to_the_end`. Where that costs more than `enough`
+    for a time series without narrow priors, growing prefixes are started once more from new starts: a base that is off
+    by a slip event would look like one that lacks an effect.
     """
     problem = Problem.of(kind, records, effects)
 
@@ -93,15 +92,15 @@ def whole(
 
     fit = ended(refit(kind, records, effects, start, enough))
     if kind.beginnings_s and fit.chi2 > enough and not base_known(kind):
-        again = _lengthened(kind, records, effects, fit.theta, SET.other_places)
+        again = _lengthened(kind, records, effects, fit.theta, SET.other_starts)
         fit = min(fit, ended(again), key=_cost)
     return fit
 
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
-    """`fit` at the kind's final criterion, descended anew as long as that helps: where one way down ends another
-    begins. Wide secants only where more than the noise is left. One that may lack but a slip event is looked for from
-    the best places close by too. A kind with one criterion has no other.
+    """`fit` at the kind's final criterion, descended again as long as that gains. Secants are wide only where the cost
+    is above the noise. A fit that may lack only a slip event is also started from the best points near it. A kind with
+    one criterion has no other.
     """
     if kind.criteria == 1:
         return fit
@@ -115,7 +114,7 @@ def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit:
         if not helped:
             break
     if best.chi2 > SET.events:
-        others = [problem.narrowing(place, SET.fine) for place in _close_by(problem, best.theta)]
+        others = [problem.narrowing(point, SET.fine) for point in _close_by(problem, best.theta)]
         best = min([best, *others], key=_cost)
     return best
 
@@ -125,18 +124,18 @@ def _cost(fit: Fit) -> float:
 
 
 def _close_by(problem: Problem, theta: Theta) -> list[Theta]:
-    """The best of many places around `theta`, within a few percent of each fitted value."""
-    x, valley = problem.start(theta), problem.valley
+    """The best of many points around `theta`, within a few percent of each fitted value."""
+    x, solver = problem.start(theta), problem.solver
     shares = qmc.Sobol(len(x), seed=2).random(SET.near_by) if len(x) else np.zeros((0, 0))
-    points = [problem.theta(valley.clip(x + SET.beside * valley.scale * (2 * share - 1))) for share in shares]
+    points = [problem.theta(solver.clip(x + SET.beside * solver.scale * (2 * share - 1))) for share in shares]
     costs = costs_of(problem.kind, problem.records, points, problem.criterion)
     return [points[k] for k in np.argsort(costs, kind="stable")[: SET.down_from]]
 
 
 def as_called(model: FittedModel, name: str) -> FittedModel:
-    """`model` where its effect `name` is what it is called. Some effects hold another as a case: a wave so long that it
-    stands everywhere at once is a force in time. Within its own range a parameter keeps the size from which on its
-    effect is what it is called; of the fits on either side of zero the better one is taken.
+    """`model` with the effect `name` within the range that its name stands for. Some effects contain another as a
+    limit: a wave of very long wavelength is a force in time. A parameter with such a limit (`least`) stays above it; of
+    the fits on either side of zero the better one is taken.
     """
     least = [p for p in model.kind.catalogue[name].parameters() if p.least]
     if all(abs(theta.get((name, p.name), p.value)) >= p.least for p in least for theta in model.thetas):
@@ -151,7 +150,7 @@ def as_called(model: FittedModel, name: str) -> FittedModel:
 
 
 def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:
-    """The axis within its parameter's own range on one side of zero."""
+    """The axis with its parameter beyond `least` on one side of zero."""
     p = axis.parameter
     if not p.least or p.effect != effect:
         return axis

@@ -1,4 +1,4 @@
-"""Which other candidates explain the records as well as a named effect: each is put in its place, fitted, compared."""
+"""Which other candidates explain the records as well as a named effect: each replaces it, is fitted and compared."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Rival:
-    """A candidate in the place of a named effect, `fitted`: `apart`, the standard errors by which the model with the
-    effect is ahead of it, on the records left out or on those fitted, whichever tells more; `alike` where the records
-    cannot tell it.
+    """A candidate that replaces a named effect, `fitted`: `apart`, the standard errors by which the model with the
+    effect leads, on validation or training records, whichever is more; `alike` where the records do not separate the
+    two.
     """
 
     effect: str
@@ -32,10 +32,10 @@ class Rival:
 def rivals_of(
     model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial]
 ) -> list[Rival]:
-    """Every candidate beside those in `model` in the place of its `effect`, which gained `gain`: from where the
-    candidates' screening and `trials` have them, and those that are declared to look like the effect, or like one that
-    the records cannot tell from it, from where they imitate it. What explains too little of the residual, or stays far
-    behind after a short fit, is not fitted further.
+    """Every candidate beside those in `model` that could replace its `effect`, which gained `gain`: from the starts of
+    screening and `trials`; declared confounders of the effect, or of one that the records do not separate from it, also
+    from where they imitate it. A candidate that explains too little, or is far behind after a short fit, is not fitted
+    further.
     """
     own = {effect, *model.kind.catalogue[effect].refined_by}
     rest = [name for name in model.effects if name not in own]
@@ -70,10 +70,9 @@ def rivals_of(
 def _imitation(
     model: FittedModel, made: Sequence[Sequence[Record]], other: type[Effect], own: set[str], rest: Sequence[str]
 ) -> tuple[FittedModel, float]:
-    """A fit of the effect `other` in the place of those in `own`, from where it predicts what the model predicts for
-    the same inputs, the records `made`, a part of each split; and the mean square by which it then differs from it, in
-    units of the noise. Free of noise and of everything that neither effect has, an equal form ends right there, however
-    far off another search ended.
+    """A fit of the effect `other` in place of those in `own`, started from its fit to the model's own predictions, the
+    records `made`, a part of each split; and the mean square of that fit's residual in units of the noise. Without
+    noise and misfit an equal form fits exactly, however far off another search ended.
     """
     kind, effects, fits, differs = model.kind, [*rest, other.id], [], []
     for (part, theta), predicted in zip(model.parts, made, strict=True):
@@ -90,7 +89,7 @@ def _imitation(
 def _screened_rivals(
     model: FittedModel, effect: str, own: set[str], rest: Sequence[str], screened: Sequence[Screened]
 ) -> Iterator[tuple[str, FittedModel]]:
-    """Short fits from where screening would start, of time series one record's longest beginning, then whole ones."""
+    """Short fits from the screening starts, for time series on one record's longest prefix, then full ones."""
     kind = model.kind
     part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.beginnings_s else model.part
     bases = [theta.without(*own) for theta in model.thetas]
@@ -122,13 +121,13 @@ def _tried_rivals(
 
 
 def _compared(model: FittedModel, name: str, fitted: FittedModel, gain: float, same: bool) -> Rival:
-    """Alike where the difference is chance, or so small that it tells a finer shape and no other effect, or where the
-    rival is the `same` to these records: it imitates the effect, or no form tells it. Catalogue forms leave up to 0.3 %
-    of the power of an effect whose form is another (docs/results/identification.md).
+    """Alike where the difference is chance, or so small that it may be an error of the form, or where the rival is the
+    `same` for these records: it imitates the effect, or no form separates it. The forms of the catalogue miss up to
+    0.3 % of the power of an effect of another form (docs/results/identification.md).
     """
     training, on_training = model.training_blocks, fitted.training_blocks
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
-    finer = max(SET.told, float(np.log1p(SET.rival_form * np.expm1(gain))))
+    finer = max(SET.finer_gain, float(np.log1p(SET.rival_form * np.expm1(gain))))
     small = max(behind, float(np.log(on_training.sum() / training.sum()))) < finer
     return Rival(name, apart, bool(same or (behind < SET.rival_gain * gain and (apart < SET.apart or small))), fitted)

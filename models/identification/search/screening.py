@@ -1,4 +1,4 @@
-"""Screening without refitting: what each candidate would explain of the residual that the base cannot."""
+"""Screening without refitting: how much each candidate would explain of the residual of the base."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Screened:
-    """One candidate: share of the residual it explains at first order, where joint fits should start (one start a view
-    of the residual), and the smallest amplitude that would have been seen at the share `chance` gives.
+    """One candidate: the share of the residual that it explains at first order, the starts of joint fits (one a view of
+    the residual), and the smallest amplitude that is detectable at a share of 1.
     """
 
     effect: str
@@ -50,7 +50,7 @@ class _View:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
 
     def best(self, taken: Sequence[str] = ()) -> list[Screened]:
-        """Each candidate not `taken` in its best shape, with where the best few start; best first."""
+        """Each candidate not `taken` in its best shape, with the starts of the best few shapes; best first."""
         kind, rows = self.fit.kind, []
         for effect in (effect for effect in kind.effects if effect.id not in taken):
             shapes = sorted(self.explained(effect, list(_shapes(effect, self.fit.records))), key=_by_share)
@@ -67,12 +67,12 @@ class _View:
         thetas = [self.theta.with_(effect.id, {**start, **at}) for start in starts for at in phases]
         seen = evaluate_all(self.fit.kind, self.fit.records, thetas, self.fit.criterion)
         n = len(phases)
-        return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
+        return [self._measured(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
 
-    def _told(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
+    def _measured(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
         """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against itself."""
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
-        beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows that hold parameters to what is believed of them
+        beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows of the priors
         columns = [np.concatenate([row - self.residual[: len(row)], beliefs]) for row in seen]
         D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
         size, power = float(np.linalg.norm(D)), float(r @ r)
@@ -94,12 +94,11 @@ class _View:
 
 def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
     grid = {key: list(values) for key, values in effect.grid.items() if key != effect.of_role("phase")}
-    place = effect.of_role("place")
-    if place is not None:
+    position = effect.of_role("place")
+    if position is not None:
         x = np.concatenate([record["position_m"] for record in records])
-        grid[place] = [
-            float(value) for value in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), SET.places)
-        ]
+        low, high = np.percentile(x, [1, 99])
+        grid[position] = np.linspace(low, high, SET.positions).tolist()
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
 
@@ -125,7 +124,7 @@ def screen(
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
-    """Which records of `part` are imitated: the first few seconds where observers judge, of all else every one."""
+    """Which records of `part` are imitated: the first few seconds of time series with an observer, else all."""
     if kind.criteria == 1 or any(TIME not in record.columns for record in part):
         return list(part)
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
@@ -135,9 +134,9 @@ def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
 def null_distribution(
     kind: Kind, records: Sequence[Record], theta: Theta, rng: np.random.Generator
 ) -> tuple[float, dict[str, float], float]:
-    """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude
-    of each that would stand out from it, and the mean square of their residuals. Where a slip event of an imitation
-    hangs on how finely it is computed, the base is fitted to it anew, as it was to the records.
+    """The null distribution, from imitated records without an effect: the largest gain -ln(1 - share) over all
+    candidates, the smallest amplitude of each that exceeds it, and the mean square of the residuals. Where a slip event
+    of an imitation depends on the step of the computation, the base is refitted to it, as it was to the records.
     """
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(SET.imitations):

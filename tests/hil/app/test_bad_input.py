@@ -75,7 +75,7 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 BAD_RECORDS = {
     "axis, still": ("axis", series(x=0 * X), "position_m must change to identify anything; got 0 throughout"),
     "axis, dead sensor": ("axis", series(f=0 * F + 3), "force_N must change to identify anything; got 3 throughout"),
-    "axis, too short": ("axis", series(T[:100], X[:100], F[:100]), "at least two parts to fit on and to judge by"),
+    "axis, too short": ("axis", series(T[:100], X[:100], F[:100]), "a training and a validation part"),
     "axis, huge position": ("axis", series(x=X * 1e150), "line 3: position_m must be between -100 and 100 m"),
     "axis, huge force": ("axis", series(f=F * 1e200), "line 2: force_N must be between -1e6 and 1e6 N"),
     "axis, gap": (
@@ -95,13 +95,13 @@ BAD_RECORDS = {
         "t_s must span at most 3600 s for kind pull; got 3749.25 s",
     ),
     "pull, still": ("pull", series(x=0 * X, f=F / 1e3), "position_m must change"),
-    "dma, identical rows": ("dma", HEADS["dma"] + "20,1,5e5,4e5\n" * 5, "at least two parts"),
+    "dma, identical rows": ("dma", HEADS["dma"] + "20,1,5e5,4e5\n" * 5, "a training and a validation part"),
     "dma, few": (
         "dma",
         HEADS["dma"] + "20,1,5e5,4e5\n30,1,6e5,4e5\n40,1,7e5,4e5\n",
         "more numbers than the 5 that are fitted",
     ),
-    "friction, one condition": ("friction", HEADS["friction"] + "0.001,0.2,0.02\n" * 6, "at least two parts"),
+    "friction, one condition": ("friction", HEADS["friction"] + "0.001,0.2,0.02\n" * 6, "a training and a validation part"),
     "friction, at rest": (
         "friction",
         HEADS["friction"] + "0,0.2,0.02\n" + "0.001,0.2,0.02\n0.002,0.2,0.02\n" * 3,
@@ -112,7 +112,7 @@ BAD_RECORDS = {
         HEADS["friction"] + "0.001,0,0.02\n0.001,0.2,0.02\n0.002,0.2,0.02\n" * 2,
         "positive, at most 1e9 N",
     ),
-    "table, one condition": ("vibro_table", HEADS["vibro_table"] + "0.03,0.3,100,0.003\n" * 6, "at least two parts"),
+    "table, one condition": ("vibro_table", HEADS["vibro_table"] + "0.03,0.3,100,0.003\n" * 6, "a training and a validation part"),
     "table, two conditions": (
         "vibro_table",
         HEADS["vibro_table"] + "0.03,0.3,100,0.003\n0.04,0.3,100,0.003\n" * 3,

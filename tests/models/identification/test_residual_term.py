@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from models.effects import shapes
 from models.identification.finding import ResidualCurve
-from models.identification.residual_dependence import foretold
+from models.identification.residual_dependence import predicted_share
 from models.identification.residual_term import term_of
 
 Z = np.linspace(0.0, 0.02, 32)
@@ -58,11 +58,11 @@ def test_a_signal_that_no_effect_sees_gets_no_term() -> None:
     assert term_of(curve(Z, variable="a_m_s2"), "N", 0.1) is None
 
 
-def test_a_curve_foretells_only_what_other_folds_have_too() -> None:
+def test_a_curve_predicts_only_what_other_folds_have_too() -> None:
     rng = np.random.default_rng(1)
     cell, fold = np.tile(np.arange(8), 200), np.repeat(np.arange(2), 800)
     noise = rng.standard_normal(1600)
-    assert foretold(cell, noise, fold) < 0.02
-    assert foretold(cell, noise + 3 * np.sin(cell), fold) > 0.7
+    assert predicted_share(cell, noise, fold) < 0.02
+    assert predicted_share(cell, noise + 3 * np.sin(cell), fold) > 0.7
     alone = np.where(fold == 0, 3 * np.sin(cell), -3 * np.sin(cell))
-    assert foretold(cell, noise + alone, fold) == 0.0
+    assert predicted_share(cell, noise + alone, fold) == 0.0

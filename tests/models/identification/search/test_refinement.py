@@ -83,7 +83,7 @@ def test_a_shape_that_only_the_final_stage_shows_is_taken() -> None:
 def test_a_shape_that_the_reported_error_alone_tells_is_taken() -> None:
     kind = _Seen(shape=0.15, strange=0.0)
     added, chi2 = _taken(kind, level=1.0)
-    assert _begun(kind, 1.0).chi2 < chi2 / (1 - SET.told)
+    assert _begun(kind, 1.0).chi2 < chi2 / (1 - SET.finer_gain)
     assert added == ["wave_harmonics"]
 
 

@@ -9,7 +9,7 @@ from models.checks.sensor import fresh, silent
 from models.checks.settings import SET
 from models.checks.view import View
 
-PLACES = ("position_m", "carriage_position_m", "angle_rad")
+POSITIONS = ("position_m", "carriage_position_m", "angle_rad")
 """Columns that hold a position."""
 _USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # angles and counters that begin again
 
@@ -43,7 +43,9 @@ def check_jumps(view: View) -> Findings:
 
 def check_wraps(view: View) -> Findings:
     """Positions, measured or driven, that wrap around: an angle from 180 to -180 degrees, a counter that overflows."""
-    for name in (name for name in PLACES if name in (view.moving_column, view.driven, view.measured)):
+    for name in POSITIONS:
+        if name not in (view.moving_column, view.driven, view.measured):
+            continue
         values = view.record[name]
         rows = wraps(values)
         if len(rows):
@@ -97,7 +99,7 @@ def without_steps(view: View, x: Array) -> Array:
 def check_driven_resolution(view: View) -> Findings:
     """A driven position that goes in steps."""
     name = view.driven
-    if name in PLACES and (half := _half_step(view, view.record[name])):
+    if name in POSITIONS and (half := _half_step(view, view.record[name])):
         step, length = view.length(grid_step(view.record[name])), 2 * half * view.dt
         if view.kind.drawn:
             yield view.weakens("driven_resolution.pull", name, step=step, length=length)
@@ -111,7 +113,7 @@ def check_stuck(view: View) -> Findings:
     the other; for an axis it must therefore come back, too.
     """
     name = view.driven
-    if name not in PLACES or name != view.moving_column or not view.moves.any():
+    if name not in POSITIONS or name != view.moving_column or not view.moves.any():
         return
     y, least_swings = view.averaged(view.y, 0.5 * SET.mean_s), 2 if view.kind.stage else 1
     whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])

@@ -133,7 +133,7 @@ def print_summary(finding: Finding, out: Path) -> None:
     console.print(headline(finding))
     say(*(f"  {sentence}" for sentence in (*finding.reasons, *(story(depends) if depends else ()))))
     if depends and depends.term:
-        say(TEXT("close_loop.propose", out=out))
+        say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):
         more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
         say(f"{alike[0].severity}: {alike[0].sentence}{more}")

@@ -146,7 +146,7 @@ def _said(row: Row) -> str:
 def _lines(answers: Sequence[SeriesAnswer], resumed: int) -> list[str | Table]:
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts(answers).items() if count)
     lines: list[str | Table] = [TEXT("series_head", count=len(answers), resumed=resumed, counts=counts)]
-    table = text_table("", ("", "named by", "a part in"), bare=True)
+    table = text_table("", ("", "named in", "partly in"), bare=True)
     for effect, named, part in lacking(answers):
         table.add_row(effect, str(named), str(part))
     lines += [table] * bool(table.row_count)

@@ -100,11 +100,11 @@ def _say(ends: Sequence[tuple[Story, End]], out: Path, seconds: float) -> None:
         table.add_row(title_of(story), *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
         if one.missions:
             gate = (TEXT("gate", stage=stage, sentence=verdict.sentence) for stage, verdict in one.gate.items())
-            table.add_row(TEXT("again"), TEXT("tracking"), *one.tracked(), "", "; ".join(gate))
+            table.add_row(f"  {TEXT('again')}", TEXT("tracking"), *one.tracked(), "", "; ".join(gate))
         lines.append(TEXT("report", story=story.name, page=folder / REPORT))
         if one.before is not None:
-            lines.append(TEXT("before", headline=headline(one.before), page=folder / BEFORE / REPORT))
+            lines.append(f"  {TEXT('before', headline=headline(one.before), page=folder / BEFORE / REPORT)}")
         if one.hidden:
-            lines.append(TEXT("hidden", effects=map(effect_words, one.hidden)))
+            lines.append(f"  {TEXT('hidden', effects=map(effect_words, one.hidden))}")
     console.print(table)
     say(*lines, TEXT("all", page=out / PAGE), TEXT("seconds", seconds=seconds))

@@ -104,8 +104,8 @@ def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
         TEXT("pid", K_p=pid.K_p, K_i=pid.K_i, K_d=pid.K_d, **own),
         TEXT("lqr", feedback=_feedback(lqr, unit)),
         TEXT("others"),
-        *(TEXT("running_pid", name=name, k_p=g.k_p, k_i=g.k_i, k_d=g.k_d) for name, g in pids.items()),
-        TEXT("running_lqr", feedback=running, tick=model.tick_s),
+        *(f"  {TEXT('running_pid', name=name, k_p=g.k_p, k_i=g.k_i, k_d=g.k_d)}" for name, g in pids.items()),
+        f"  {TEXT('running_lqr', feedback=running, tick=model.tick_s)}",
     ]
 
 

@@ -73,7 +73,8 @@ def line(figure: go.Figure, x: Array, y: Array, name: str, look: Mapping[str, An
     """A line of the panel `row` with one entry for all panels in the legend; drawn in at most `points`."""
     x, y = thinned(x, y, more.pop("points", POINTS))
     shown = {"mode": "lines", "legendgroup": name, "showlegend": row == 1, "col": 1, **more}
-    figure.add_scatter(x=x, y=y, name=name, line={"width": 1.5, **look}, row=row, **shown)
+    points = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
+    figure.add_scatter(**points, name=name, line={"width": 1.5, **look}, row=row, **shown)
 
 
 def thinned(abscissa: Array, values: Array, points: int) -> tuple[Array, Array]:

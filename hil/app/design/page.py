@@ -60,14 +60,11 @@ def page_html(head: str, lines: Sequence[str], tables: Sequence[Table], figures:
     return page("design.html.j2", title=head, lines=lines, tables=shown, figures=figures)
 
 
-def _look(loops: Sequence[OpenLoop], loop: OpenLoop) -> dict[str, object]:
+def _look(loops: Sequence[OpenLoop], loop: OpenLoop) -> tuple[str, dict[str, str]]:
+    """Name of a loop's line, and its colour and dash."""
     names = list(dict.fromkeys(item.name for item in loops))
     dash = "solid" if loop.phase == "stick" else "dash"
-    return {"color": line_colour(names.index(loop.name)), "dash": dash}
-
-
-def _label(loop: OpenLoop) -> str:
-    return f"{loop.name}, {loop.phase}"
+    return f"{loop.name}, {loop.phase}", {"color": line_colour(names.index(loop.name)), "dash": dash}
 
 
 def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
@@ -76,7 +73,7 @@ def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.L)))
         for row, values in ((1, 20 * np.log10(np.abs(loop.L))), (2, phase - 360 * (phase[0] > 90))):
-            line(figure, loop.omega / (2 * math.pi), values, _label(loop), _look(loops, loop), row)
+            line(figure, loop.omega / (2 * math.pi), values, *_look(loops, loop), row)
     figure.add_hline(y=0, line={"color": MUTED, "width": 1}, row=1, col=1)
     figure.add_hline(y=-180, line={"color": MUTED, "width": 1}, row=2, col=1)
     return figure.update_xaxes(type="log").update_yaxes(range=[-360, 0], row=2, col=1)
@@ -87,10 +84,8 @@ def nyquist_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     figure = axes("real part", "imaginary part", 520)
     for loop in loops:
         near = np.abs(loop.L) < 6
-        line(figure, loop.L.real[near], loop.L.imag[near], _label(loop), _look(loops, loop), points=near.size)
-    turn = np.linspace(0, 2 * math.pi, 200)
-    circle = {"color": MUTED, "width": 1, "dash": "dot"}
-    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=circle, showlegend=False, hoverinfo="skip")
+        line(figure, loop.L.real[near], loop.L.imag[near], *_look(loops, loop), points=near.size)
+    _with_circle(figure, "dot")
     figure.add_scatter(x=[-1], y=[0], mode="markers", marker={"color": INK, "symbol": "x", "size": 9}, showlegend=False)
     return figure.update_xaxes(range=[-3, 2]).update_yaxes(range=[-3, 2], scaleanchor="x")
 
@@ -100,7 +95,7 @@ def sensitivity_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     figure = axes("frequency in Hz", "|1/(1 + L)| in dB", 380)
     for loop in loops:
         values = 20 * np.log10(loop.sensitivity())
-        line(figure, loop.omega / (2 * math.pi), values, _label(loop), _look(loops, loop))
+        line(figure, loop.omega / (2 * math.pi), values, *_look(loops, loop))
     return figure.update_xaxes(type="log")
 
 
@@ -144,12 +139,18 @@ def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Poles of the closed loops in the discrete plane; stable inside the circle."""
     figure = axes("real part", "imaginary part", 480)
     for loop in loops:
-        look = _look(loops, loop)
+        name, look = _look(loops, loop)
         marker = {"color": look["color"], "symbol": "x" if loop.phase == "stick" else "circle-open", "size": 9}
-        figure.add_scatter(x=loop.poles.real, y=loop.poles.imag, mode="markers", name=_label(loop), marker=marker)
-    turn, look = np.linspace(0, 2 * math.pi, 200), {"color": MUTED, "width": 1}
-    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=look, showlegend=False)
-    return figure.update_yaxes(scaleanchor="x")
+        figure.add_scatter(x=loop.poles.real, y=loop.poles.imag, mode="markers", name=name, marker=marker)
+    return _with_circle(figure, "solid").update_yaxes(scaleanchor="x")
+
+
+def _with_circle(figure: go.Figure, dash: str) -> go.Figure:
+    """The unit circle."""
+    turn, look = np.linspace(0, 2 * math.pi, 200), {"color": MUTED, "width": 1, "dash": dash}
+    return figure.add_scatter(
+        x=np.cos(turn), y=np.sin(turn), mode="lines", line=look, showlegend=False, hoverinfo="skip"
+    )
 
 
 def run_figure(found: Study) -> go.Figure:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from hil.app.console import answer, json_text, output_to_notes
+from hil.app.export.fmu_archive import FmuUnit, fmu
 from hil.app.export.found import TEXT, Found, read_found
 from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
@@ -58,33 +59,29 @@ def export(
 
 
 def _targets(form: str, out: Path) -> list[Path]:
-    if form == "table":
-        if out.exists():
-            check_folder(out, "--out")
-        return [out / name for name in TABLE]
-    return [check_file(out, "--out", (".fmu",) if form == "fmu" else (".xml",))]
+    if form != "table":
+        return [check_file(out, "--out", (".fmu",) if form == "fmu" else (".xml",))]
+    if out.exists():
+        check_folder(out, "--out")
+    return [out / name for name in TABLE]
 
 
 def _plant(scenario: Path, out: Path) -> Made:
-    from hil.app.export.fmu_archive import fmu
     from hil.app.export.fmu_plant import plant_unit, read_truth
 
     run, rig = read_truth(scenario)
-    unit = plant_unit(run.name or scenario.stem, rig, run.duration_s)
-    missing = {"sensors": TEXT("sensors")}
-    return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": missing}
+    return _archive(out, plant_unit(run.name or scenario.stem, rig, run.duration_s), {"sensors": TEXT("sensors")})
 
 
 def _model(found: Found, out: Path) -> Made:
-    from hil.app.export.fmu_archive import fmu
     from hil.app.export.fmu_model import model_unit
 
-    unit = model_unit(out.stem, found)
-    return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": found.late()}
+    return _archive(out, model_unit(out.stem, found), found.late())
 
 
-def _listed(variables: Any) -> list[dict[str, str]]:
-    return [{"name": v.name, "causality": v.causality, "unit": v.unit, "is": v.description} for v in variables]
+def _archive(out: Path, unit: FmuUnit, missing: Mapping[str, str]) -> Made:
+    listed = [{"name": v.name, "causality": v.causality, "unit": v.unit, "is": v.description} for v in unit.variables]
+    return {out: fmu(unit)}, {"variables": listed, "not_mapped": missing}
 
 
 def _table(found: Found, out: Path) -> Made:

@@ -56,10 +56,6 @@ def seed_rows() -> list[Row]:
     return [*analytical_rows(), *flat_car_rows(), *viscoelastic_rows(), *dma_rows(), *base_rows(), *two_speeds_rows()]
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:#.4g}".rstrip(".")
-
-
 def print_rows(rows: list[Row], console: Console) -> None:
     """One table; notes are numbered and follow it."""
     notes: dict[str, int] = {}
@@ -67,15 +63,12 @@ def print_rows(rows: list[Row], console: Console) -> None:
     for name in ("quantity", "unit", "paper", "computed", "measured", "verdict", "note"):
         numeric = name in ("paper", "computed", "measured", "note")
         table.add_column(name, justify="right" if numeric else "left", no_wrap=numeric)
-    group = ""
-    for r in rows:
-        if group and r.id.split("_")[0] != group:
+    for before, r in zip([None, *rows], rows, strict=False):
+        if before and before.id.split("_")[0] != r.id.split("_")[0]:
             table.add_section()
-        group = r.id.split("_")[0]
-        number = str(notes.setdefault(r.note, len(notes) + 1)) if r.note else ""
-        verdict = f"[{_COLOURS[r.verdict]}]{r.verdict}[/]"
-        numbers = (_number(v) for v in (r.paper, r.computed, r.measured))
-        table.add_row(r.quantity, r.unit, *numbers, verdict, number)
+        note = str(notes.setdefault(r.note, len(notes) + 1)) if r.note else ""
+        numbers = ("-" if v is None else f"{v:#.4g}".rstrip(".") for v in (r.paper, r.computed, r.measured))
+        table.add_row(r.quantity, r.unit, *numbers, f"[{_COLOURS[r.verdict]}]{r.verdict}[/]", note)
     console.print(table)
     legend = Table.grid(padding=(0, 2))
     for note, index in notes.items():

@@ -29,7 +29,7 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     for stage, values in panel.predicted.items() if residual else ():
         if stage != "nominal" or len(panel.predicted) == 1:
             look, rest = {"color": STAGE_COLOURS[stage], "width": 1}, factor * (panel.measured - values)
-            shown: dict[str, Any] = {} if panel.dense else {"mode": "markers", "marker": {"size": 7, **look}}
+            shown: dict[str, Any] = {} if panel.dense else {"mode": "markers", "marker": {"size": 7}}
             line(figure, panel.abscissa, rest, f"residual, {stage}", look, 2, points=points, **shown)
     return figure
 

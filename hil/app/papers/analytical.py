@@ -4,27 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from hil.app.papers.comparison import (
-    DERIVED,
-    MEASURED,
-    MISSES,
-    MN,
-    NOT_REPRODUCIBLE,
-    PRINTED,
-    THIRD,
-    Drawing,
-    Row,
-    axes,
-    drawing,
-    line,
-    points,
-    row,
-    slug,
-)
+from hil.app.papers.comparison import MISSES, MN, NOT_REPRODUCIBLE, Drawing, Plot, Row, row, slug
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import mucus_drag
@@ -181,7 +165,7 @@ def analytical_drawings() -> Iterator[Drawing]:
     tensions = [a.printed(), *map(a.derived, a.lengths)]
     names = ["as printed (Eq. 18-20)", *(f"Eq. 1, 3, 12, L_s {length * 1e3:g} mm" for length in a.lengths)]
     teeth = [a.tooth(tension) for tension in tensions]
-    curves = list(zip(names, (PRINTED, DERIVED, THIRD), tensions, teeth, strict=True))
+    curves = list(zip(names, ("printed", "derived", "third"), tensions, teeth, strict=True))
     share = teeth[0].rise_s / teeth[0].period_s
     table, first, critical = (
         load_measurement("analytical_table2_periods"),
@@ -189,34 +173,34 @@ def analytical_drawings() -> Iterator[Drawing]:
         a.stated["critical_force_N"],
     )
 
-    rise, fall = axes("time since sticking, s", "friction, mN"), axes("time since slipping, s", "friction, mN")
+    rise, fall = Plot("time since sticking, s", "friction, mN"), Plot("time since slipping, s", "friction, mN")
     for name, colour, tension, tooth in curves:
         drag = np.linspace(0, 1, 200)
-        line(rise, tooth.rise_s * drag, (first + tension(tooth.drag_m * drag)) * MN, name, colour)
-        line(fall, tooth.fall_s * drag, (critical - tension(tooth.drag_m * drag)) * MN, name, colour)
-    points(rise, share * table["period_s"], table["peak_N"] * MN, "measured peaks (Table 2)", "circle")
-    points(rise, [0.0], [mean_of("valley_N") * MN], "measured mean valley", "diamond")
-    points(fall, (1 - share) * table["period_s"], table["valley_N"] * MN, "measured valleys (Table 2)", "diamond")
-    points(fall, [0.0], [mean_of("peak_N") * MN], "measured mean peak", "circle")
-    yield drawing("a_rise", rise, shortest=teeth[2].rise_s, longest=teeth[1].rise_s)
-    yield drawing("a_fall", fall)
+        rise.line(tooth.rise_s * drag, (first + tension(tooth.drag_m * drag)) * MN, name, colour)
+        fall.line(tooth.fall_s * drag, (critical - tension(tooth.drag_m * drag)) * MN, name, colour)
+    rise.points(share * table["period_s"], table["peak_N"] * MN, "measured peaks (Table 2)", "circle")
+    rise.points([0.0], [mean_of("valley_N") * MN], "measured mean valley", "diamond")
+    fall.points((1 - share) * table["period_s"], table["valley_N"] * MN, "measured valleys (Table 2)", "diamond")
+    fall.points([0.0], [mean_of("peak_N") * MN], "measured mean peak", "circle")
+    yield rise.captioned("a_rise", shortest=teeth[2].rise_s, longest=teeth[1].rise_s)
+    yield fall.captioned("a_fall")
 
-    saw, end = axes("time, s", "friction, mN"), _PERIODS * teeth[0].period_s
+    saw, end = Plot("time, s", "friction, mN"), _PERIODS * teeth[0].period_s
     for name, colour, tension, tooth in curves:
         corners = [k * tooth.period_s + x for k in range(_PERIODS) for x in (0.0, tooth.rise_s)]
         t = np.unique(np.concatenate([np.linspace(0, end, 600), [x for x in corners if x < end]]))
-        line(saw, t, friction_curve(t, tension, tooth, first) * MN, name, colour)
+        saw.line(t, friction_curve(t, tension, tooth, first) * MN, name, colour)
     _measured_teeth(saw, share)
-    yield drawing("a_saw", saw, period=teeth[0].period_s, measured=mean_of("period_s"))
+    yield saw.captioned("a_saw", period=teeth[0].period_s, measured=mean_of("period_s"))
 
 
-def _measured_teeth(figure: Any, share: float) -> None:
+def _measured_teeth(plot: Plot, share: float) -> None:
     table = load_measurement("analytical_table2_periods")
     periods, valleys, peaks = (table[name][:_PERIODS] for name in ("period_s", "valley_N", "peak_N"))
     starts = np.concatenate([[0.0], np.cumsum(periods)[:-1]])
     tips = starts + share * periods
-    line(
-        figure, np.ravel([starts, tips], "F"), np.ravel([valleys, peaks], "F") * MN, "measured, joined", MEASURED, "dot"
+    plot.line(
+        np.ravel([starts, tips], "F"), np.ravel([valleys, peaks], "F") * MN, "measured, joined", "measured", "dot"
     )
-    points(figure, starts, valleys * MN, "measured valleys", "diamond")
-    points(figure, tips, peaks * MN, "measured peaks", "circle")
+    plot.points(starts, valleys * MN, "measured valleys", "diamond")
+    plot.points(tips, peaks * MN, "measured peaks", "circle")

@@ -18,7 +18,7 @@ NOT_REPRODUCIBLE: Final = "not reproducible"
 MISSES: Final = "misses the measurement"
 # how many of a unit an SI unit is
 _PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mm/s": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
-PRINTED, DERIVED, MEASURED, THIRD, FOURTH = "#0072b2", "#d55e00", INK, "#009e73", "#cc79a7"
+COLOURS: Final = {"printed": "#0072b2", "derived": "#d55e00", "third": "#009e73", "fourth": "#cc79a7", "measured": INK}
 MN: Final = 1e3  # in a newton
 
 
@@ -79,28 +79,25 @@ class Drawing:
     figure: Any
 
 
-def drawing(key: str, figure: Any, **values: Any) -> Drawing:
-    """The figure under the title and over the caption `key`, which `values` go into."""
-    return Drawing(TEXT(f"title.{key}"), TEXT(f"caption.{key}", **values), figure)
+class Plot:
+    """A figure with titled axes, whose lines and points have the colours of `COLOURS`."""
 
+    def __init__(self, x: str, y: str, height: int = 420, **layout: Any) -> None:
+        self.figure: Any = styled(go.Figure(), height, margin={"l": 64, "r": 24, "t": 16, "b": 56})
+        self.figure.update_layout(legend={"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}, **layout)
+        self.figure.update_xaxes(title=x).update_yaxes(title=y)
 
-def axes(x: str, y: str, height: int = 420, **layout: Any) -> Any:
-    """An empty figure with titled axes."""
-    figure = styled(go.Figure(), height, margin={"l": 64, "r": 24, "t": 16, "b": 56})
-    figure.update_layout(legend={"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}, **layout)
-    return figure.update_xaxes(title=x).update_yaxes(title=y)
+    def line(self, x: ArrayLike, y: ArrayLike, name: str, colour: str, dash: str = "solid", **panel: int) -> None:
+        """Add a curve; `panel` names row and column where there are several."""
+        look = {"color": COLOURS.get(colour, colour), "dash": dash, "width": 2}
+        self.figure.add_scatter(x=x, y=y, name=name, mode="lines", line=look, **panel)
 
+    def points(self, x: ArrayLike, y: ArrayLike, name: str, symbol: str = "circle", **options: Any) -> None:
+        """Add markers, by default those of a measurement."""
+        marker = {"color": options.pop("colour", INK), "size": 9, "symbol": symbol}
+        edge = {"line": {"color": "white", "width": 1}}
+        self.figure.add_scatter(x=x, y=y, name=name, mode="markers", marker=marker | edge, **options)
 
-def line(figure: Any, x: ArrayLike, y: ArrayLike, name: str, colour: str, dash: str = "solid", **where: Any) -> None:
-    """Add a curve."""
-    look = {"color": colour, "dash": dash, "width": 2}
-    figure.add_trace(go.Scatter(x=x, y=y, name=name, mode="lines", line=look), **where)
-
-
-def points(
-    figure: Any, x: ArrayLike, y: ArrayLike, name: str, symbol: str = "circle", colour: str = MEASURED, **options: Any
-) -> None:
-    """Add markers, by default those of a measurement; `row` and `col` name a panel, other `options` go to the trace."""
-    where = {key: options.pop(key) for key in ("row", "col") if key in options}
-    marker = {"color": colour, "size": 9, "symbol": symbol, "line": {"color": "white", "width": 1}}
-    figure.add_trace(go.Scatter(x=x, y=y, name=name, mode="markers", marker=marker, **options), **where)
+    def captioned(self, key: str, **values: Any) -> Drawing:
+        """The figure under the title and over the caption `key`, which `values` go into."""
+        return Drawing(TEXT(f"title.{key}"), TEXT(f"caption.{key}", **values), self.figure)

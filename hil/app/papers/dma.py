@@ -11,21 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
-from hil.app.papers.comparison import (
-    CONSISTENT,
-    DERIVED,
-    NOT_REPRODUCIBLE,
-    PRINTED,
-    TEXT,
-    THIRD,
-    Drawing,
-    Row,
-    axes,
-    drawing,
-    line,
-    points,
-    row,
-)
+from hil.app.papers.comparison import CONSISTENT, NOT_REPRODUCIBLE, TEXT, Drawing, Plot, Row, row
 from models.laws.five_elements import (
     DynamicModulus,
     Reading,
@@ -237,20 +223,20 @@ def _refits(table: DmaTable) -> Iterator[Row]:
 def moduli_drawing() -> Drawing:
     """Table 2: the dynamic moduli, and three laws through them."""
     table = DmaTable.load()
-    figure = axes("frequency, Hz", "modulus, kPa", 500)
+    plot = Plot("frequency, Hz", "modulus, kPa", 500)
     for name, symbol, part in (("storage", "circle", np.real), ("loss", "diamond-open", np.imag)):
-        points(figure, table.frequency, part(table.modulus) / 1e3, f"measured {name} modulus, three samples", symbol)
+        plot.points(table.frequency, part(table.modulus) / 1e3, f"measured {name} modulus, three samples", symbol)
     f = np.linspace(18, 62, 120)
     omega = np.asarray(angular_frequency(f))
     fits = {law.name: fit_spectrum(law, table.omega, table.modulus) for law in (FIVE_ELEMENTS, SPRINGPOT)}
     curves = {f"{name}, refitted": fit(omega) for name, fit in fits.items()}
     scale = best_scale(table.table3("hertz"), table.modulus)
     curves[f"Table 3 times {scale:.0f}"] = scale * _complex(five_element_modulus(omega, high_speed_moduli()))
-    for (name, values), colour in zip(curves.items(), (PRINTED, THIRD, DERIVED), strict=True):
-        line(figure, f, values.real / 1e3, f"{name}: storage", colour)
-        line(figure, f, values.imag / 1e3, f"{name}: loss", colour, "dash")
+    for (name, values), colour in zip(curves.items(), ("printed", "third", "derived"), strict=True):
+        plot.line(f, values.real / 1e3, f"{name}: storage", colour)
+        plot.line(f, values.imag / 1e3, f"{name}: loss", colour, "dash")
     shares = residual_shares(table, fits[FIVE_ELEMENTS.name](table.omega))
     dip = shares.pop((_DIP_HZ, "storage"))[1]
     rest = sorted(sorted(shares, key=lambda key: -shares[key][1])[:3])
     others = [TEXT("off", name=name, f=f, off=shares[f, name][0]) for f, name in rest]
-    return drawing("v_table_2", figure, dip=dip, others=others, rest=sum(shares[key][1] for key in rest))
+    return plot.captioned("v_table_2", dip=dip, others=others, rest=sum(shares[key][1] for key in rest))

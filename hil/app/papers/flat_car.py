@@ -6,19 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.papers.comparison import (
-    DERIVED,
-    MN,
-    NOT_REPRODUCIBLE,
-    PRINTED,
-    Drawing,
-    Row,
-    axes,
-    drawing,
-    line,
-    points,
-    row,
-)
+from hil.app.papers.comparison import MN, NOT_REPRODUCIBLE, Drawing, Plot, Row, row
 from models.laws.flat_car import FlatCar
 from models.parameter import load_set
 from models.sets import load_measurement
@@ -54,23 +42,23 @@ def flat_car_rows() -> Iterator[Row]:
 def flat_car_drawing() -> Drawing:
     """Fig. 8: force above its valley over two measured periods."""
     car, s = FlatCar.from_set(), load_set("zhang2014_constant_velocity")
-    figure = axes("time, s", "friction above its valley, mN", 460)
+    plot = Plot("time, s", "friction above its valley, mN", 460)
     end = 2 * max(measured_teeth("period"))
     t = np.linspace(0, end, 1500)
     rise = car.time_to(s["amplitude_N"])
     force = car.spring_force(rise - np.abs(t % (2 * rise) - rise))
-    line(figure, t, force * MN, "Eq. 4-9 with Table 1, up to 56 mN", DERIVED)
+    plot.line(t, force * MN, "Eq. 4-9 with Table 1, up to 56 mN", "derived")
     wave = _wave(t, s["period_s"], s["amplitude_N"])
-    line(figure, t, wave * MN, "paper's simulation: stated amplitude and period", PRINTED)
+    plot.line(t, wave * MN, "paper's simulation: stated amplitude and period", "printed")
     teeth = zip(measured_teeth("period"), measured_teeth("peak_to_peak_force"), _SHADES, strict=True)
     for i, (period, amplitude, shade) in enumerate(teeth, start=1):
         name = f"measured, sample {i}: mean amplitude and period"
-        line(figure, t, _wave(t, period, amplitude) * MN, name, shade, "dot")
+        plot.line(t, _wave(t, period, amplitude) * MN, name, shade, "dot")
         instants = period * np.arange(0.5, end / period)
         peaks = np.full(len(instants), amplitude * MN)
-        points(figure, instants, peaks, "measured peak", colour=shade, showlegend=False)
-    points(figure, measured_teeth("period"), [0.0] * len(_SHADES), "measured valleys", "diamond")
-    return drawing("c_fig_8", figure, rise=rise, stress=car.limiting_hoop_stress())
+        plot.points(instants, peaks, "measured peak", colour=shade, showlegend=False)
+    plot.points(measured_teeth("period"), [0.0] * len(_SHADES), "measured valleys", "diamond")
+    return plot.captioned("c_fig_8", rise=rise, stress=car.limiting_hoop_stress())
 
 
 def _wave(t: NDArray[np.float64], period: float, amplitude: float) -> NDArray[np.float64]:

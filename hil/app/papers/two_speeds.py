@@ -5,21 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hil.app.papers.analytical import mean_of
-from hil.app.papers.comparison import (
-    DERIVED,
-    MN,
-    PRINTED,
-    THIRD,
-    Drawing,
-    Row,
-    at_speed,
-    axes,
-    drawing,
-    line,
-    points,
-    row,
-    slug,
-)
+from hil.app.papers.comparison import MN, Drawing, Plot, Row, at_speed, row, slug
 from hil.app.papers.flat_car import measured_teeth
 from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods import Cycle, PeriodsKind
@@ -55,24 +41,25 @@ def two_speeds_rows() -> Iterator[Row]:
 
 def two_speeds_drawing() -> Drawing:
     """Period, valley and peak over speed."""
-    figure = axes("", "").set_subplots(rows=1, cols=2)
+    plot = Plot("", "")
+    plot.figure.set_subplots(rows=1, cols=2)
     speeds = np.geomspace(0.3e-3, 20e-3, 60)
     cycles = [base_cycle(v) for v in speeds]
-    line(figure, speeds * MN, [c.tooth.period_s for c in cycles], "base model: period", PRINTED, row=1, col=1)
+    plot.line(speeds * MN, [c.tooth.period_s for c in cycles], "base model: period", "printed", row=1, col=1)
     table, band = load_measurement("analytical_table2_periods"), measured_band()
     for speed, periods in ((SLOW, table["period_s"]), (FAST, np.array(measured_teeth("period")))):
         name = f"measured periods at {at_speed(speed)}"
-        points(figure, np.full(len(periods), speed * MN), periods, name, "circle", row=1, col=1)
-    for name, colour in (("valley", DERIVED), ("peak", THIRD)):
+        plot.points(np.full(len(periods), speed * MN), periods, name, "circle", row=1, col=1)
+    for name, colour in (("valley", "derived"), ("peak", "third")):
         forces = np.array([getattr(c, name) for c in cycles]) * MN
-        line(figure, speeds * MN, forces, f"base model: {name}", colour, row=1, col=2)
+        plot.line(speeds * MN, forces, f"base model: {name}", colour, row=1, col=2)
     for name, symbol, slow, fast in (
         ("valleys", "diamond", table["valley_N"], band[0]),
         ("peaks", "triangle-up", table["peak_N"], band[1]),
     ):
         x = np.append(np.full(len(slow), SLOW * MN), FAST * MN)
-        points(figure, x, np.append(slow, fast) * MN, f"measured {name}", symbol, row=1, col=2)
-    figure.update_xaxes(title="speed, mm/s", type="log").update_yaxes(title="period, s", type="log", col=1)
-    figure.update_yaxes(title="force, mN", type="log", col=2)
+        plot.points(x, np.append(slow, fast) * MN, f"measured {name}", symbol, row=1, col=2)
+    plot.figure.update_xaxes(title="speed, mm/s", type="log").update_yaxes(title="period, s", type="log", col=1)
+    plot.figure.update_yaxes(title="force, mN", type="log", col=2)
     first, last = (base_cycle(speed).tooth.period_s for speed in (SLOW, FAST))
-    return drawing("two_speeds", figure, slow=first, fast=last)
+    return plot.captioned("two_speeds", slow=first, fast=last)

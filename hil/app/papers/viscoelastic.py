@@ -7,26 +7,18 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from hil.app.papers.comparison import (
+    COLOURS,
     CONSISTENT,
-    DERIVED,
-    FOURTH,
-    MEASURED,
     MISSES,
     MN,
     NOT_REPRODUCIBLE,
-    PRINTED,
     TEXT,
-    THIRD,
     Drawing,
+    Plot,
     Row,
     at_speed,
-    axes,
-    drawing,
-    line,
-    points,
     row,
     slug,
 )
@@ -128,33 +120,33 @@ def viscoelastic_drawings() -> Iterator[Drawing]:
     v = np.linspace(0.2e-3, top, 480)
     low, blend = _force(v, "low"), _force(v, "blend")
 
-    figure = axes("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
+    plot = Plot("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
     parts = [
-        (low.total, "total F", PRINTED),
-        (low.environmental, "environmental resistance F_e", DERIVED),
-        (low.coulomb, "Coulomb friction F_c", THIRD),
-        (low.viscous, "viscous resistance F_v", FOURTH),
+        (low.total, "total F", "printed"),
+        (low.environmental, "environmental resistance F_e", "derived"),
+        (low.coulomb, "Coulomb friction F_c", "third"),
+        (low.viscous, "viscous resistance F_v", "fourth"),
     ]
     for values, name, colour in parts:
-        line(figure, v * 1e3, values * MN, name, colour)
-    _draw_band(figure)
+        plot.line(v * 1e3, values * MN, name, colour)
+    _draw_band(plot)
     coulomb = load_set("zhang2014_viscoelastic_rig")["mean_coulomb_force_N"] * MN
-    points(figure, [0.5], [coulomb], "measured: weight alone, lumen held open (40.07 mN)", "diamond")
-    yield drawing("v_fig_5", figure)
+    plot.points([0.5], [coulomb], "measured: weight alone, lumen held open (40.07 mN)", "diamond")
+    yield plot.captioned("v_fig_5")
 
     slow, fast = np.linspace(0.2e-3, jump, 100), np.linspace(jump, top, 120)
-    figure = axes("speed, mm/s", "force, mN")
-    line(figure, slow * 1e3, _force(slow, "low").total * MN, "low-speed moduli (Eq. 13)", PRINTED)
-    line(figure, fast * 1e3, _force(fast, "high").total * MN, "high-speed moduli (Table 3)", DERIVED)
-    line(figure, v * 1e3, blend.total * MN, "blend over 2 mm/s", THIRD, "dot")
-    _draw_band(figure)
-    yield drawing("v_fig_7", figure, drop=float(_force(jump, "low").total) - float(_force(jump, "high").total))
+    plot = Plot("speed, mm/s", "force, mN")
+    plot.line(slow * 1e3, _force(slow, "low").total * MN, "low-speed moduli (Eq. 13)", "printed")
+    plot.line(fast * 1e3, _force(fast, "high").total * MN, "high-speed moduli (Table 3)", "derived")
+    plot.line(v * 1e3, blend.total * MN, "blend over 2 mm/s", "third", "dot")
+    _draw_band(plot)
+    yield plot.captioned("v_fig_7", drop=float(_force(jump, "low").total) - float(_force(jump, "high").total))
 
-    figure = axes("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
-    line(figure, v * 1e3, blend.total * MN, "theory (blend of both sets)", PRINTED)
-    line(figure, v * 1e3, (blend.environmental + blend.viscous) * MN, "without the Coulomb part", PRINTED, "dot")
-    _draw_band(figure)
-    yield drawing("v_fig_9", figure)
+    plot = Plot("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
+    plot.line(v * 1e3, blend.total * MN, "theory (blend of both sets)", "printed")
+    plot.line(v * 1e3, (blend.environmental + blend.viscous) * MN, "without the Coulomb part", "printed", "dot")
+    _draw_band(plot)
+    yield plot.captioned("v_fig_9")
 
 
 def _force(speed: Any, regime: Regime) -> Resistance:
@@ -163,11 +155,11 @@ def _force(speed: Any, regime: Regime) -> Resistance:
     return sliding_resistance(speed, capsule, replace(tissue, regime=regime))
 
 
-def _draw_band(figure: Any) -> None:
+def _draw_band(plot: Plot) -> None:
     valley, peak = (f * MN for f in measured_band())
     half = (peak - valley) / 2
     name = f"measured at 10 mm/s with C's capsule of 3.9 g:<br>{valley:.0f} to {peak:.0f} mN (A Section 5.1)"
-    marker = {"color": MEASURED, "size": 9}
-    spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": MEASURED}
+    marker = {"color": COLOURS["measured"], "size": 9}
+    spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": COLOURS["measured"]}
     middle = {"x": [BAND_SPEED * 1e3], "y": [valley + half]}
-    figure.add_trace(go.Scatter(**middle, error_y=spread, mode="markers", marker=marker, name=name))
+    plot.figure.add_scatter(**middle, error_y=spread, mode="markers", marker=marker, name=name)

@@ -16,7 +16,7 @@ from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, op
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
 from hil.report.closed_loop import report_html
-from hil.report.dependence import story
+from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json
 from hil.report.words import PARTS, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue
@@ -131,7 +131,7 @@ def print_summary(finding: Finding, out: Path) -> None:
     console, depends = summary(), finding.dependence
     console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding))
-    say(*(f"  {sentence}" for sentence in (*finding.reasons, *(story(depends) if depends else ()))))
+    say(*(f"  {sentence}" for sentence in (*finding.reasons, *(dependence_words(depends) if depends else ()))))
     if depends and depends.term:
         say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):

@@ -68,7 +68,7 @@ def page(records: Sequence[Record]) -> str:
             line(figure, record[over][there], record[name][there], record.name, look | {"width": None}, row, **more)
     title = listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
     eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
-    return builder.page("plot.html.j2", title=title, eyebrow=eyebrow, story="", heading="Columns", drawn=figure)
+    return builder.page("plot.html.j2", title=title, eyebrow=eyebrow, lead="", heading="Columns", drawn=figure)
 
 
 def _title(column: str) -> str:

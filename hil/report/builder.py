@@ -63,10 +63,10 @@ class _Parts:
         self.figures = 0
 
     def header(
-        self, title: str, eyebrow: str, story: str = "", kind: str = "", style: str = "", caller: Any = None
+        self, title: str, eyebrow: str, lead: str = "", kind: str = "", style: str = "", caller: Any = None
     ) -> str:
         """The header: eyebrow, title and a sentence, the caller's HTML below; `style` names a further style sheet."""
-        self.head = {"title": title, "eyebrow": eyebrow, "story": story, "kind": kind, "style": style}
+        self.head = {"title": title, "eyebrow": eyebrow, "lead": lead, "kind": kind, "style": style}
         self.head["more"] = "" if caller is None else caller()
         return ""
 

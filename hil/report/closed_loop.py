@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from hil.report.builder import page
-from hil.report.dependence import curves_figure, story, surface_figure
+from hil.report.dependence import curves_figure, dependence_words, surface_figure
 from hil.report.figure_residuals import agreement_figure, residual_figure, speed_map
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html, symbol_html
 from hil.report.numbers import error_rows, parameters, smallest_rows
 from hil.report.panels import Panel, closer, panels
-from hil.report.words import PARTS, TEXT, column_words, error_story, grouped, headline, interpolation
+from hil.report.words import PARTS, TEXT, column_words, error_words, grouped, headline, interpolation
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
@@ -59,7 +59,7 @@ def report_html(finding: Finding) -> str:
 
 
 def _head(finding: Finding) -> dict[str, Any]:
-    """Headline and story; a warning where the report allows no verdict or checks fail."""
+    """Headline and lead; a warning where the report allows no verdict or checks fail."""
     train = sum(trace.role != "holdout" for trace in finding.traces)
     failed = [check for check in finding.checks if not check.ok]
     doubts = [*finding.reasons] or [
@@ -72,7 +72,7 @@ def _head(finding: Finding) -> dict[str, Any]:
         "headline": headline(finding),
         "train": train,
         "held_out": len(finding.traces) - train,
-        "story": error_story(finding),
+        "lead": error_words(finding),
         "chip": TEXT(f"verdict.{finding.verdict}"),
         "failed": len(failed),
         "doubts": doubts,
@@ -131,7 +131,7 @@ def _depends(found: Dependence | None) -> dict[str, Any]:
     """What the residual of an `unknown` depends on, and the proposed term."""
     if found is None:
         return {}
-    shown = {"dependence": story(found), "curves": curves_figure(found), "surface": surface_figure(found)}
+    shown = {"dependence": dependence_words(found), "curves": curves_figure(found), "surface": surface_figure(found)}
     term = found.term
     if term is None:
         return shown

@@ -14,7 +14,7 @@ _OVER = {"+x": "over", "-v": "resistance"}
 _BAND = "rgba(14, 110, 115, 0.18)"
 
 
-def story(found: Dependence) -> list[str]:
+def dependence_words(found: Dependence) -> list[str]:
     """What the residual depends on, in sentences for page and terminal."""
     best, surface, tone, term = _best(found), found.surface, found.tone, found.term
     over = [TEXT(f"depends.{_OVER[c.along]}", share=c.share, variable=column_words(c.variable)[0]) for c in best]

@@ -133,7 +133,7 @@ def tested_part(finding: Finding) -> str:
     return "holdout" if any(math.isfinite(v) for v in errors.values() if v is not None) else "train"
 
 
-def error_story(finding: Finding) -> str:
+def error_words(finding: Finding) -> str:
     """The error from the nominal to the last model, and the noise floor."""
     part = tested_part(finding)
     if part == "train" and (said := interpolation(finding)):

@@ -24,7 +24,7 @@ def page_html(answers: Sequence[SeriesAnswer]) -> str:
     return page(
         "series.html.j2",
         headline=headline(answers),
-        story=_story(answers),
+        lead=_lead(answers),
         lacking=lacks,
         bar=160 / max((named + part for _, named, part in lacks), default=1),
         disagreeing=_alike(answers),
@@ -44,7 +44,7 @@ def headline(answers: Sequence[SeriesAnswer]) -> str:
     return TEXT("headline", count=len(answers), verdicts=words)
 
 
-def _story(answers: Sequence[SeriesAnswer]) -> str:
+def _lead(answers: Sequence[SeriesAnswer]) -> str:
     compared = [answer for answer in answers if math.isfinite(answer.better)]
     if not compared:
         return TEXT("no_error")

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Final
 
 from hil.app.close_loop import NUMBERS, REPORT
 from hil.app.console import json_text, print_json, say, summary, text_table
-from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
+from hil.app.demo.example import BEFORE, NEXT_RECORD, PRINTED, TEXT, End, Example, Learned, title_of
+from hil.app.demo.loop import LEARNING, LOOPS, LearningExample, LoopExample
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import BEFORE, NEXT_RECORD, PRINTED, TEXT, End, Learned, Story, title_of
-from hil.app.demo.worker import results_of, story_progress
+from hil.app.demo.worker import example_progress, results_of
 from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.learning_page import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.learning_page import PAGE as LEARNED
@@ -24,7 +24,7 @@ from models.effects import effect_words
 from models.identification.finding import STAGES
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
-STORIES: Final[tuple[Story, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
+EXAMPLES: Final[tuple[Example, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
 
 
 def demo(
@@ -32,21 +32,21 @@ def demo(
     json_output: Json = False,
     seed: Seed = 0,
 ) -> None:
-    """Run every story, print the errors before and after, and write the reports: `out`/demo.html and demo.json, and a
-    folder for each story with its own, all of them or none. Raises ValueError.
+    """Run every example, print the errors before and after, and write the reports: `out`/demo.html and demo.json, and a
+    folder for each example with its own, all of them or none. Raises ValueError.
     """
     began = time.monotonic()
     with sole_writer(out, "--out"), TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
         work = Path(hidden)
         longest_first = sorted(
-            STORIES, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)
+            EXAMPLES, key=lambda s: (not isinstance(s, LoopExample | LearningExample), s.name != LOOPS[-1].name)
         )
-        with story_progress([story.name for story in STORIES]) as report:
+        with example_progress([example.name for example in EXAMPLES]) as report:
             found = results_of(longest_first, work, seed, report)
-        ends = [(story, found[story.name]) for story in STORIES]
+        ends = [(example, found[example.name]) for example in EXAMPLES]
         seconds = time.monotonic() - began
         document = {
-            "stories": [_numbers(story, one, out / story.name) for story, one in ends],
+            "stories": [_numbers(example, one, out / example.name) for example, one in ends],
             "report": str(out / PAGE),
             "seed": seed,
             "seconds": seconds,
@@ -62,12 +62,12 @@ def demo(
         _say(ends, out, seconds)
 
 
-def _numbers(story: Story, one: End, folder: Path) -> dict[str, Any]:
-    """A story as JSON: the numbers of its report and of the one before the proposed record; of a driven one the
+def _numbers(example: Example, one: End, folder: Path) -> dict[str, Any]:
+    """An example as JSON: the numbers of its report and of the one before the proposed record; of a driven one the
     acceptance and the tracking of each model; of a run that learned its outcome.
     """
     page, numbers = (LEARNED, LEARNED_NUMBERS) if isinstance(one, Learned) else (REPORT, NUMBERS)
-    document: dict[str, Any] = {"story": story.name, "title": title_of(story), "report": str(folder / page)}
+    document: dict[str, Any] = {"story": example.name, "title": title_of(example), "report": str(folder / page)}
     document |= {"numbers": str(folder / numbers), "hidden": ", ".join(one.hidden) or None}
     if isinstance(one, Learned):
         document |= {"came_to": one.sentence, "hard_violations": one.found["hard_violations"]}
@@ -86,22 +86,22 @@ def _numbers(story: Story, one: End, folder: Path) -> dict[str, Any]:
     return document
 
 
-def _say(ends: Sequence[tuple[Story, End]], out: Path, seconds: float) -> None:
+def _say(ends: Sequence[tuple[Example, End]], out: Path, seconds: float) -> None:
     console = summary()
-    heads = ("story", "error of", *STAGES, "noise floor", "verdict")
-    table = text_table(TEXT("table"), heads, ("story", "error of", "verdict"))
+    heads = ("example", "error of", *STAGES, "noise floor", "verdict")
+    table = text_table(TEXT("table"), heads, ("example", "error of", "verdict"))
     table.show_lines = True
     lines = []
-    for story, one in ends:
-        folder = out / story.name
+    for example, one in ends:
+        folder = out / example.name
         if isinstance(one, Learned):
-            lines.append(TEXT("learned", story=story.name, sentence=one.sentence, page=folder / LEARNED))
+            lines.append(TEXT("learned", example=example.name, sentence=one.sentence, page=folder / LEARNED))
             continue
-        table.add_row(title_of(story), *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
+        table.add_row(title_of(example), *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
         if one.missions:
             gate = (TEXT("gate", stage=stage, sentence=verdict.sentence) for stage, verdict in one.gate.items())
             table.add_row(f"  {TEXT('again')}", TEXT("tracking"), *one.tracked(), "", "; ".join(gate))
-        lines.append(TEXT("report", story=story.name, page=folder / REPORT))
+        lines.append(TEXT("report", example=example.name, page=folder / REPORT))
         if one.before is not None:
             lines.append(f"  {TEXT('before', headline=headline(one.before), page=folder / BEFORE / REPORT)}")
         if one.hidden:

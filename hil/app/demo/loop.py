@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
-from hil.app.demo.story import HOLDOUT, RIG, SCENARIOS, SEEDS, Learned, Mission, Progress, StoryResult, found_in
+from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, Progress, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.learning_page import NUMBERS, came_to, learning_files
@@ -38,7 +38,7 @@ Tables = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class LoopStory:
+class LoopExample:
     """A rig on the simulated bus. `scenario` is a file of `capsule sil` with all of [belief]. Its run is the mission,
     driven with the nominal model and with each model that is accepted, under one seed. `training` and `holdout`,
     each a table [reference] and a `duration_s`, are driven before, with the nominal model, under seeds of their own.
@@ -60,7 +60,7 @@ class LoopStory:
             runs[name] = {**mission, "scenario": run, "reference": one["reference"]}
         return runs
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
+    def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
         """The whole loop; `folder` gets each run's scenario and log, the rig file and what close-loop writes."""
         runs = self.runs(seed)
         belief = toml_text(runs[MISSION]["belief"])
@@ -86,7 +86,7 @@ class LoopStory:
                 folder, MISSION, runs[MISSION], model.believed(stage), stage, f"{MISSION}_{stage}"
             )[0]
         report("done", 1.0)
-        return StoryResult(finding, gate, missions, truth=runs[MISSION].get("effects", {}))
+        return ExampleResult(finding, gate, missions, truth=runs[MISSION].get("effects", {}))
 
 
 def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Acceptance]]:
@@ -113,22 +113,22 @@ def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, l
     return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-def _loops() -> Iterator[LoopStory]:
+def _loops() -> Iterator[LoopExample]:
     for name, table in tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8")).items():
-        yield LoopStory(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
+        yield LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
 
 
 LOOPS: Final = tuple(_loops())
 
 
 @dataclass(frozen=True)
-class LearningStory:
-    """A scenario as `capsule sil --learn` runs it; the search runs in the story's own process."""
+class LearningExample:
+    """A scenario as `capsule sil --learn` runs it; the search runs in the example's own process."""
 
     name: str
     scenario: Path
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Learned:
+    def run(self, folder: Path, seed: int, report: Progress) -> Learned:
         """The run, its page and its numbers."""
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         number = raw["scenario"].get("seed", 0) + SEEDS * seed
@@ -143,4 +143,4 @@ class LearningStory:
         return Learned(came_to(trace.lessons), numbers, found, tuple(scenario.loop.truth.hidden))
 
 
-LEARNING = LearningStory("learning", SCENARIOS / "demo_learning.toml")
+LEARNING = LearningExample("learning", SCENARIOS / "demo_learning.toml")

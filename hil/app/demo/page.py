@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.app.close_loop import MODEL, REPORT
-from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, StoryResult, title_of
+from hil.app.demo.example import BEFORE, End, Example, ExampleResult, Learned, Mission, title_of
 from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.sil.learning_page import error_figure
 from hil.report.builder import page
@@ -22,7 +22,7 @@ from hil.report.words import (
     classes_words,
     column_words,
     error_scale,
-    error_story,
+    error_words,
     headline,
     parameter_words,
     tested_part,
@@ -34,19 +34,19 @@ from models.words.sentences import listed
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
-Line = tuple[Story, StoryResult]
+Line = tuple[Example, ExampleResult]
 
 
-def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
-    """The page for all stories, driven ones first and in full, then those that learned while they ran."""
-    lines = [(story, one) for story, one in ends if isinstance(one, StoryResult)]
+def demo_html(ends: Sequence[tuple[Example, End]], seconds: float) -> str:
+    """The page for all examples, driven ones first and in full, then those that learned while they ran."""
+    lines = [(example, one) for example, one in ends if isinstance(one, ExampleResult)]
     loops = [line for line in lines if line[1].missions]
     return page(
         "demo.html.j2",
-        lines=[_line(story, one) for story, one in lines],
+        lines=[_line(example, one) for example, one in lines],
         learned=[
-            {**_head(story), "result": one, "error": error_figure(one.numbers)}
-            for story, one in ends
+            {**_head(example), "result": one, "error": error_figure(one.numbers)}
+            for example, one in ends
             if isinstance(one, Learned)
         ],
         seconds=seconds,
@@ -56,20 +56,18 @@ def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
     )
 
 
-def _head(story: Story) -> dict[str, str]:
-    title = title_of(story)
-    return {"name": story.name, "title": title[:1].upper() + title[1:]}
+def _head(example: Example) -> dict[str, str]:
+    title = title_of(example)
+    return {"name": example.name, "title": title[:1].upper() + title[1:]}
 
 
-def _line(story: Story, one: StoryResult) -> dict[str, Any]:
-    """A story's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record; none
-    of a printed one.
-    """
-    finding, shown = one.finding, {**_head(story), "result": one, "headline": headline(one.finding)}
+def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
+    """An example's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record."""
+    finding, shown = one.finding, {**_head(example), "result": one, "headline": headline(one.finding)}
     if not one.missions and one.before is None:
         return shown
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    shown |= {"truth": truth_rows(one), "error_story": error_story(finding)}
+    shown |= {"truth": truth_rows(one), "error_words": error_words(finding)}
     shown["held"] = trace_figure(panels(finding, held)[0], POINTS)
     if one.before is not None:
         proposal = one.before.proposal
@@ -84,7 +82,7 @@ def _verdict(finding: Finding) -> str:
     return ": ".join(filter(None, (finding.verdict, listed(classes_words(finding)))))
 
 
-def truth_rows(one: StoryResult) -> list[list[str]]:
+def truth_rows(one: ExampleResult) -> list[list[str]]:
     """The numbers that the simulated rig hid beside those that were found."""
     rows: dict[tuple[str, str], list[str]] = {}
     for name, numbers in one.truth.items():
@@ -105,13 +103,13 @@ def truth_rows(one: StoryResult) -> list[list[str]]:
 def improvement_figure(loops: Sequence[Line]) -> go.Figure:
     """Bars by stage, two panels a loop: error of the prediction and of the tracking."""
     shown: list[tuple[str, dict[str, float]]] = []
-    for story, one in loops:
+    for example, one in loops:
         factor, unit = error_scale(one.finding)
         errors = one.finding.error[tested_part(one.finding)]
-        shown.append((f"{story.name}: prediction, {unit}", {s: factor * errors[s] for s in STAGES if s in errors}))
+        shown.append((f"{example.name}: prediction, {unit}", {s: factor * errors[s] for s in STAGES if s in errors}))
         rms = {stage: mission.numbers["tracking_rmse_m"] for stage, mission in one.missions.items()}
         factor, unit = scale(rms.values(), "m")
-        shown.append((f"{story.name}: tracking, {unit}", {stage: factor * error for stage, error in rms.items()}))
+        shown.append((f"{example.name}: tracking, {unit}", {stage: factor * error for stage, error in rms.items()}))
     titles = [title for title, _ in shown]
     figure = make_subplots(rows=1, cols=len(shown), subplot_titles=titles, horizontal_spacing=0.07)
     for column, (_, errors) in enumerate(shown, start=1):

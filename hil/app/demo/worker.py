@@ -1,4 +1,4 @@
-"""The demo's stories, a process each and two at a time, with progress for each one."""
+"""The demo's examples, a process each and two at a time, with progress for each one."""
 
 import contextlib
 import signal
@@ -12,25 +12,25 @@ from pathlib import Path
 from typing import Final
 
 from hil.app.console import notes, output_to_notes, progress_bar, stage_lines
-from hil.app.demo.story import TEXT, End, Story
+from hil.app.demo.example import TEXT, End, Example
 
-WORKERS: Final = 2  # stories at a time
+WORKERS: Final = 2  # examples at a time
 Reporter = Callable[[str, str, float], None]
 
 
-def results_of(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, End]:
-    """What came of each story by name. Each has a process and `folder`/name to itself; the first ones begin first.
+def results_of(examples: Sequence[Example], folder: Path, seed: int, report: Reporter) -> dict[str, End]:
+    """What came of each example by name. Each has a process and `folder`/name to itself; the first ones begin first.
 
-    Raises a story's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an
+    Raises an example's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an
     interruption.
     """
-    waiting, working, found = list(stories), dict[Connection, tuple[str, BaseProcess]](), dict[str, End]()
+    waiting, working, found = list(examples), dict[Connection, tuple[str, BaseProcess]](), dict[str, End]()
     try:
         while waiting or working:
             while waiting and len(working) < WORKERS:
-                story = waiting.pop(0)
-                process, words = _begin(story, folder / story.name, seed)
-                working[words] = story.name, process
+                example = waiting.pop(0)
+                process, words = _begin(example, folder / example.name, seed)
+                working[words] = example.name, process
             ready = wait(list(working))
             for words in [words for words in working if words in ready]:
                 name, process = working[words]
@@ -38,7 +38,7 @@ def results_of(stories: Sequence[Story], folder: Path, seed: int, report: Report
                     word = words.recv()
                 except EOFError:
                     process.join()
-                    raise RuntimeError(TEXT("dead", story=name, status=process.exitcode)) from None
+                    raise RuntimeError(TEXT("dead", example=name, status=process.exitcode)) from None
                 if isinstance(word, Exception):
                     raise word
                 if isinstance(word, tuple):
@@ -54,11 +54,11 @@ def results_of(stories: Sequence[Story], folder: Path, seed: int, report: Report
     return found
 
 
-def _begin(story: Story, folder: Path, seed: int) -> tuple[BaseProcess, Connection]:
+def _begin(example: Example, folder: Path, seed: int) -> tuple[BaseProcess, Connection]:
     """A process that leaves Ctrl-C to this one, which ends it, and the end of its pipe."""
     context = get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_tell, args=(story, folder, seed, theirs), daemon=True)
+    process = context.Process(target=_tell, args=(example, folder, seed, theirs), daemon=True)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         process.start()
@@ -68,12 +68,12 @@ def _begin(story: Story, folder: Path, seed: int) -> tuple[BaseProcess, Connecti
     return process, ours
 
 
-def _tell(story: Story, folder: Path, seed: int, words: Connection) -> None:
-    """In the story's process: send progress, then the result or the error."""
+def _tell(example: Example, folder: Path, seed: int, words: Connection) -> None:
+    """In the example's process: send progress, then the result or the error."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with output_to_notes():
-            words.send(story.tell(folder, seed, lambda stage, share: words.send((stage, share))))
+            words.send(example.run(folder, seed, lambda stage, share: words.send((stage, share))))
     except ValueError as error:
         words.send(ValueError(str(error)))
     except BrokenPipeError:
@@ -83,8 +83,8 @@ def _tell(story: Story, folder: Path, seed: int, words: Connection) -> None:
 
 
 @contextlib.contextmanager
-def story_progress(names: Sequence[str]) -> Iterator[Reporter]:
-    """Show progress on standard error: one bar for all stories on a terminal, else a line for each new stage of each.
+def example_progress(names: Sequence[str]) -> Iterator[Reporter]:
+    """Show progress on standard error: one bar for all examples on a terminal, else a line for each new stage of each.
     Yields `report(name, stage, share)`.
     """
     console, shares = notes(), dict.fromkeys(names, 0.0)

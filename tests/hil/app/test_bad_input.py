@@ -101,7 +101,11 @@ BAD_RECORDS = {
         HEADS["dma"] + "20,1,5e5,4e5\n30,1,6e5,4e5\n40,1,7e5,4e5\n",
         "more numbers than the 5 that are fitted",
     ),
-    "friction, one condition": ("friction", HEADS["friction"] + "0.001,0.2,0.02\n" * 6, "a training and a validation part"),
+    "friction, one condition": (
+        "friction",
+        HEADS["friction"] + "0.001,0.2,0.02\n" * 6,
+        "a training and a validation part",
+    ),
     "friction, at rest": (
         "friction",
         HEADS["friction"] + "0,0.2,0.02\n" + "0.001,0.2,0.02\n0.002,0.2,0.02\n" * 3,
@@ -112,7 +116,11 @@ BAD_RECORDS = {
         HEADS["friction"] + "0.001,0,0.02\n0.001,0.2,0.02\n0.002,0.2,0.02\n" * 2,
         "positive, at most 1e9 N",
     ),
-    "table, one condition": ("vibro_table", HEADS["vibro_table"] + "0.03,0.3,100,0.003\n" * 6, "a training and a validation part"),
+    "table, one condition": (
+        "vibro_table",
+        HEADS["vibro_table"] + "0.03,0.3,100,0.003\n" * 6,
+        "a training and a validation part",
+    ),
     "table, two conditions": (
         "vibro_table",
         HEADS["vibro_table"] + "0.03,0.3,100,0.003\n0.04,0.3,100,0.003\n" * 3,

@@ -17,7 +17,7 @@ from hil.report.mathml import equations_html, line_html, math_html
 from hil.report.numbers import report_json
 from hil.report.panels import binned, panels
 from hil.report.theme import thinned
-from hil.report.words import column_words, error_story, headline, interpolation
+from hil.report.words import column_words, error_words, headline, interpolation
 from models.effects import CATALOGUE
 from models.effects.effect import Effect
 from models.effects.equation import equations_of, legend
@@ -257,15 +257,15 @@ def test_as_many_numbers_as_means_are_an_interpolation() -> None:
 
 
 def test_story_without_hold_out_says_so() -> None:
-    assert "none were held out" in error_story(spectrum_finding())
+    assert "none were held out" in error_words(spectrum_finding())
 
 
 def test_a_held_out_error_by_chance_is_named_as_such() -> None:
     errors = {part: {"nominal": 0.011, "calibrated": 0.009, "augmented": 0.009} for part in ("train", "holdout")}
     check = Check("held_out", "held-out error over chance", 0.9, 2.0, True, "of the free run")
     finding = replace(pull_finding("none"), error=errors, noise_floor=1e-3, checks=(check,))
-    assert error_story(finding).endswith("Noise and uncertain parameters alone cause up to 10 mN.")
-    assert "uncertain" not in error_story(replace(finding, noise_floor=8e-3))
+    assert error_words(finding).endswith("Noise and uncertain parameters alone cause up to 10 mN.")
+    assert "uncertain" not in error_words(replace(finding, noise_floor=8e-3))
 
 
 def test_headlines() -> None:

@@ -1,4 +1,4 @@
-"""What a story of the demo is and what comes of it; the stories of records: printed ones, and a pull with its next."""
+"""The examples of the demo and their results; those on records: printed measurements, a pull and its next record."""
 
 import tomllib
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ from plant.experiments.series import rig_text
 TEXT: Final = Sentences(__file__)
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 RIG, BEFORE, HOLDOUT = "rig.toml", "before", "holdout"
-SEEDS = 1000  # by which seeds of two stories are apart
+SEEDS = 1000  # by which seeds of two examples are apart
 _SEARCHED: Final = 0.45  # share of the work up to the end of the first search
 Array = NDArray[np.float64]
 Tables = Mapping[str, Any]
@@ -46,8 +46,8 @@ class Mission:
 
 
 @dataclass(frozen=True)
-class StoryResult:
-    """What came of a story. `gate` holds the acceptance of each stage that was tested, `missions` the runs of those
+class ExampleResult:
+    """What came of an example. `gate` holds the acceptance of each stage that was tested, `missions` the runs of those
     that passed, `truth` the numbers of what the simulated plant hid, by effect; all three are empty where nothing was
     driven. `caution` says what the error must not be taken for. `before` is what was found without the proposed record.
     """
@@ -87,22 +87,22 @@ class Learned:
     hidden: tuple[str, ...]
 
 
-End = StoryResult | Learned
+End = ExampleResult | Learned
 
 
-class Story(Protocol):
+class Example(Protocol):
     """One line of the demo: its `name`, which is its folder's."""
 
     @property
     def name(self) -> str: ...
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> End:
+    def run(self, folder: Path, seed: int, report: Progress) -> End:
         """Do it all, with every file in `folder`."""
         ...
 
 
-def title_of(story: Story) -> str:
-    return TEXT(f"title.{story.name}") if f"title.{story.name}" in TEXT else story.name
+def title_of(example: Example) -> str:
+    return TEXT(f"title.{example.name}") if f"title.{example.name}" in TEXT else example.name
 
 
 def found_in(
@@ -115,7 +115,7 @@ def found_in(
 
 
 @dataclass(frozen=True)
-class PrintedStory:
+class PrintedExample:
     """A measurement that a paper prints, through close-loop: its file in `models/sets`, and the rig file."""
 
     name: str
@@ -123,12 +123,12 @@ class PrintedStory:
     rig: str
     caution: Callable[[Finding], str] | None = None
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
+    def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
         """Records and rig file, then the loop."""
         record = folder / f"{self.measured}.csv"
         write_files({folder / RIG: self.rig, record: measured_path(self.measured).read_bytes()})
         finding = found_in([record], [], read_rig(folder / RIG), folder, seed, report)[0]
-        return StoryResult(finding, caution=self.caution(finding) if self.caution else "")
+        return ExampleResult(finding, caution=self.caution(finding) if self.caution else "")
 
 
 def against_thirty(finding: Finding) -> str:
@@ -143,7 +143,7 @@ def against_thirty(finding: Finding) -> str:
 
 
 @dataclass(frozen=True)
-class NextRecordStory:
+class NextRecordExample:
     """A simulated pull. `scenario` is a file of `capsule simulate`; its run, done twice, makes the first records.
     `further` is the table [profile] of the held-out record, which lasts `further_s`.
     """
@@ -153,7 +153,7 @@ class NextRecordStory:
     further: Tables
     further_s: float
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
+    def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
         """Both loops. `folder` gets scenario and record of every run, the rig file and what the second writes, its
         folder `before` what the first does.
         """
@@ -181,15 +181,15 @@ class NextRecordStory:
             records.append(record("next", 2, profile, duration_s=length_s))
         held = record(HOLDOUT, 3, self.further, duration_s=self.further_s)
         finding, _ = found_in(records, [held], rig, folder, seed, part(_SEARCHED, 1.0))
-        return StoryResult(finding, truth=raw["effects"], before=unsure)
+        return ExampleResult(finding, truth=raw["effects"], before=unsure)
 
 
 _PERIODS_RIG = '[rig]\nkind = "periods"\nvelocity_m_s = 0.5e-3\n'
 PRINTED: Final = (
-    PrintedStory("periods", "analytical_table2_periods", _PERIODS_RIG, against_thirty),
-    PrintedStory("spectrum", "viscoelastic_table2_dma", '[rig]\nkind = "dma"\n'),
+    PrintedExample("periods", "analytical_table2_periods", _PERIODS_RIG, against_thirty),
+    PrintedExample("spectrum", "viscoelastic_table2_dma", '[rig]\nkind = "dma"\n'),
 )
-NEXT_RECORD: Final = NextRecordStory(
+NEXT_RECORD: Final = NextRecordExample(
     "next_record",
     SCENARIOS / "demo_next_record.toml",
     {"kind": "runs", "speeds_m_s": [0.0, 0.003, -0.002, 0.001, -0.004], "durations_s": [0.5, 5.0, 6.0, 6.0, 2.0]},

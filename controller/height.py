@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from models.parameter import Name
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import drive_of, surface_of
 from models.rigs.rig import Rig, at_height
 from models.theta import Theta
 

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 SETS = Path(__file__).parent / "sets"
 Name = str | tuple[str, str]
-"""What a parameter or a state is found by: its name; of an effect (or a drive) the id and its own name."""
+"""Key of a parameter or a state: its name; of an effect (or a drive) the id and the name."""
 _ROUNDING = 1e-9  # of a value, by which it may be beyond its bounds
 Role = Literal["", "phase", "place"]
 LETTERS: Final = MappingProxyType(
@@ -78,7 +78,7 @@ class Parameter:
 
     @property
     def key(self) -> Name:
-        """What its value is found by in a model."""
+        """The key of its value in a model."""
         return (self.effect, self.name) if self.effect else self.name
 
     def __post_init__(self) -> None:
@@ -100,7 +100,7 @@ class Parameter:
         return replace(self, value=float(value))
 
     def holds(self, value: float) -> bool:
-        """Whether `value` lies within the bounds, but for rounding."""
+        """Whether `value` lies within the bounds, up to rounding."""
         slack = _ROUNDING * max(abs(value), 1e-12)
         return math.isfinite(value) and self.lower - slack <= value <= self.upper + slack
 

@@ -9,12 +9,12 @@ from models.parameter import Name, Parameter
 
 
 def spelled(name: Name) -> str:
-    """`name` as files and sentences have it: an effect's as `effect_id.name`."""
+    """`name` as it is written in files and sentences: an effect's as `effect_id.name`."""
     return name if isinstance(name, str) else ".".join(name)
 
 
 def bare(name: Name) -> str:
-    """`name` without the id of whom it belongs to."""
+    """`name` without the id of its effect."""
     return name if isinstance(name, str) else name[1]
 
 
@@ -43,7 +43,7 @@ class Theta(Mapping[Name, float]):
 
     @classmethod
     def read(cls, values: Mapping[str, float]) -> Theta:
-        """The vector whose values a file has under their `spelled` names."""
+        """The vector from the values of a file under their `spelled` names."""
         parts = ((text.partition("."), float(value)) for text, value in values.items())
         return cls.of(((effect, own) if dot else effect, value) for (effect, dot, own), value in parts)
 
@@ -69,7 +69,7 @@ class Theta(Mapping[Name, float]):
         return Theta({**self.base, **other.base}, {**self.effects, **own})
 
     def spelled(self) -> dict[str, float]:
-        """As files have it: each value under its `spelled` name."""
+        """The values for a file, each under its `spelled` name."""
         return {spelled(name): value for name, value in self.items()}
 
     def with_(self, effect: str, values: Mapping[str, float]) -> Theta:

@@ -21,7 +21,7 @@ from controller.signals import Array
 from models.assembly.model import assemble
 from models.compiled.kernel import lower
 from models.drives.pull import Pull
-from models.rigs.parts import surface_of
+from models.rigs.kinds import surface_of
 from models.surfaces.surface import Plate
 
 AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)

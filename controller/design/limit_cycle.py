@@ -13,7 +13,7 @@ from controller.model.control_model import ControlModel
 from controller.move import SetpointMove
 from controller.signals import Array, Estimate
 from models.assembly.model import Assembly, assemble
-from models.rigs.parts import surface_of
+from models.rigs.kinds import surface_of
 
 STILL = 1e-6  # m, peak to peak: below it the loop rests
 _LONGEST_STEP_S = 1e-3  # longest step of the simulation

@@ -21,7 +21,7 @@ from models.effects.refinements import LevelOverSpeed
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import HELD_OUT
 from models.parameter import Name, nearest
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 

@@ -1,7 +1,7 @@
 """What friction a control model has on average, and how far off its forces proved to be."""
 
 from controller.model.control_model import ControlModel
-from models.rigs.parts import surface_of
+from models.rigs.kinds import surface_of
 
 LEAST_OFF_N = 1e-4  # however good a model proved
 AT_FIRST = 5.0  # times what it proved off that it may be off at the start

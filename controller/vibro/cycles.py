@@ -20,7 +20,7 @@ from models.drives.vibro import Vibro
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.parameter import Name, nearest
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta, spelled

@@ -12,7 +12,7 @@ from models.checks.settings import SET
 from models.checks.view import View
 from models.laws.dipole import too_strong
 from models.rigs.columns import TIME
-from models.rigs.parts import surface_of
+from models.rigs.kinds import surface_of
 from models.words.sentences import Quantity
 
 

@@ -55,13 +55,11 @@ class Winding:
 
     @classmethod
     def of(cls, resistance: float, inductance: float | None, limit: float | None, force_constant: float) -> Winding:
-        """A coil whose back-EMF per speed is its force per current, as power demands."""
+        """A coil whose back-EMF constant equals its force constant, by conservation of power."""
         return cls(resistance, inductance or 0.0, float("inf") if limit is None else limit, force_constant)
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Resistance and back-EMF; of the resistance and the force constant a record of positions shows the ratio
-        alone.
-        """
+        """Resistance and back-EMF. A record of positions shows only the ratio of resistance and force constant."""
         r, e = self.resistance_ohm, self.back_emf_V_s_per_m
         spread = max(abs(e), 0.1)
         return (

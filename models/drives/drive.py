@@ -14,9 +14,9 @@ TEXT: Final = Sentences(__file__)
 
 @dataclass(frozen=True)
 class Actuation:
-    """What a drive acts on within one step of `h` s: the body's position `x` in m and speed `v` in m/s at mid-step, its
-    speed `start` before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name, and what
-    effects make of it: the factor `gain` on the force, `suspension(stretch, rate)` in N beside an inner mass's spring,
+    """Inputs of a drive in one step of `h` s: the body's position `x` in m and speed `v` in m/s at mid-step, its speed
+    `start` before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name. Effects add
+    the factor `gain` on the force, `suspension(stretch, rate)` in N to an inner mass's spring, and the factor
     `reach(stretch)` on its coil's force.
     """
 
@@ -34,9 +34,8 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Push:
-    """What a drive does to the body in one step: its mean `force` in N, the `inertia` in kg that the body feels beside
-    its own (a mass on a spring, solved implicitly), and the drive's states `after(speed at the step's end, mean speed)`
-    of the body.
+    """Output of a drive in one step: its mean `force` in N, the `inertia` in kg that it adds to the body's (a mass on a
+    spring, solved implicitly), and its states `after(speed at the step's end, mean speed)`.
     """
 
     force: Any
@@ -74,7 +73,7 @@ class Drive:
 
     @property
     def carried_kg(self) -> float:
-        """Mass in kg that the body carries beside its own."""
+        """Mass in kg that the body carries in addition to its own."""
         return 0.0
 
     @property
@@ -83,7 +82,7 @@ class Drive:
         return None
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """What calibration may fit of the drive."""
+        """The parameters of the drive that calibration may fit."""
         return ()
 
     def equations(self, p: Values) -> list[Line]:
@@ -95,8 +94,8 @@ class Drive:
         return [] if self.imposed else [TEXT("start")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
-        """The command that pushes with `force` in N at `x` in m and `v` in m/s, held for long: the inverse of `force`
-        within the drive's reach; 0 where there is none.
+        """The command that pushes with `force` in N at `x` in m and `v` in m/s in the steady state: the inverse of
+        `force` within the drive's range; 0 where there is none.
         """
         return 0.0
 
@@ -109,7 +108,7 @@ class Drive:
         return 0.0
 
     def pressing(self, x: Any, command: Any, p: Values) -> Any:
-        """Force in N with which the drive presses the body on its surface, beside the weights."""
+        """Force in N with which the drive presses the body on its surface, in addition to the weights."""
         return 0.0
 
     def push(self, at: Actuation) -> Push:

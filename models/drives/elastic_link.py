@@ -1,4 +1,4 @@
-"""An elastic link that pulls a body: what a string, a thread or a stem between a rig and its capsule does."""
+"""An elastic link that pulls a body: a string, a thread or a stem between a rig and its capsule."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -76,7 +76,7 @@ class Vibro(Drive):
         return p["force_N"] * called("on", Formula("t"))
 
     def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
-        """`S` in N: how the inner mass is drawn back at `stretch` in m and `rate` in m/s."""
+        """Force `S` in N that pulls the inner mass back at `stretch` in m and `rate` in m/s."""
         force = p["spring_stiffness_N_per_m"] * stretch + p["spring_damping_N_s_per_m"] * rate
         if self.front is not None:
             force = force + self.front.force(stretch)
@@ -111,7 +111,9 @@ class Vibro(Drive):
 
 @dataclass(frozen=True)
 class RatedVibro(Vibro):
-    """The same drive commanded by its coil's voltage: force F at the rated voltage, in proportion below it, at once."""
+    """The same drive commanded by its coil's voltage: force F at the rated voltage, proportional below it, without
+    delay.
+    """
 
     commanded: ClassVar[str] = "coil_voltage_V"
     rated_voltage_V: float = 12.0

@@ -1,5 +1,6 @@
-"""What every effect must keep to, ours and a user's: declarations that something reads, hooks with the right signatures
-that each of its rigs asks, that serve numbers, arrays and CasADi symbols alike, and that say nothing at amplitude zero.
+"""The rules for every effect, ours and a user's: declarations that something reads; hooks of the right signature that
+each of its kinds of rig calls, that work for numbers, arrays and CasADi symbols, and that change nothing at amplitude
+zero.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -25,7 +26,7 @@ _MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load"}
 
 
 def hooks_of(kind: RigKind) -> frozenset[str]:
-    """The hooks that a kind of rig asks."""
+    """The hooks that a kind of rig calls."""
     return kind.hooks | _BODY if kind.of_capsule or kind.runs else kind.hooks
 
 
@@ -71,11 +72,11 @@ _BEHIND: Final = 2e-4  # share by which a hidden state is off what it follows
 _FACTORS: Final = ("level", "stiffening", "gain", "reach")
 _STATE: Final = 0.2  # value of every hidden state
 _UNSEEN: Final = ("advance", "follow", "response")
-"""Hooks whose answers no prediction shows by themselves."""
+"""Hooks whose values alone change no prediction."""
 
 
 def first_failure(effect: type[Effect], known: Collection[str]) -> str | None:
-    """The first rule that `effect` breaks, in a sentence; None where it keeps to all. `known` are the ids in use."""
+    """The first rule that `effect` breaks, in a sentence; None where it breaks none. `known` are the ids in use."""
     for check in CHECKS.values():
         try:
             with np.errstate(all="ignore"):
@@ -97,7 +98,7 @@ def values_of(effect: type[Effect]) -> dict[str, float]:
 
 
 def answers(effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any]) -> dict[str, Any]:
-    """What every hook that `effect` answers says at parameters `p`, states `z` and signals `s`."""
+    """The value of every hook that `effect` defines at parameters `p`, states `z` and signals `s`."""
     return dict(answered(effect, p, z, s, _ARGUMENTS))
 
 
@@ -112,7 +113,7 @@ def _points(effect: type[Effect]) -> Iterator[tuple[str, dict[str, float]]]:
 
 
 def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _ARGUMENTS) -> float:
-    """What `hook` says where there is no effect."""
+    """The value of `hook` without an effect."""
     unchanged = {"command": s["command"], "measured": given["y"], "recovery": given["speed"]}
     unchanged |= dict.fromkeys(SIDES, given["factors"])
     return unchanged.get(hook, 1.0 if hook in _FACTORS else 0.0)
@@ -125,11 +126,11 @@ def _of_kinds(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         yield f".kinds must be among {', '.join(KINDS)}; got {repr(strange[0]) if strange else 'none'}"
     own = [hook for hook in HOOKS if effect.answers(hook)]
     if not own:
-        yield f" must answer a hook; got none; hooks are {', '.join(HOOKS)}"
+        yield f" must define a hook; got none; hooks are {', '.join(HOOKS)}"
     for kind in sorted(effect.kinds):
         for unread in (hook for hook in own if hook not in hooks_of(KINDS[kind])):
             asked = ", ".join(hook for hook in HOOKS if hook in hooks_of(KINDS[kind]))
-            yield f".kinds must be rigs that ask its hooks; got {kind!r}, which asks {asked}, never {unread}"
+            yield f".kinds must be rigs that call its hooks; got {kind!r}, which calls {asked}, never {unread}"
 
 
 def _numbers(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
@@ -170,10 +171,10 @@ def _symbols(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     got = evaluate.call([value for table in (p, z, TRIED) for value in table.values()])
     for hook, value in zip(symbolic, got, strict=True):
         if value.shape != (1, 1) or not np.isclose(float(value), float(plain[hook]), rtol=1e-10, atol=1e-15):
-            yield f".{hook} must say the same to symbols as to numbers; got {value} and {float(plain[hook]):g}"
+            yield f".{hook} must give the same for symbols as for numbers; got {value} and {float(plain[hook]):g}"
         same = np.shape(arrays[hook]) in ((), (3,)) and np.allclose(arrays[hook], plain[hook], rtol=1e-10, atol=1e-15)
         if not same:
-            yield f".{hook} must say the same to arrays as to numbers; got {arrays[hook]} and {plain[hook]:g}"
+            yield f".{hook} must give the same for arrays as for numbers; got {arrays[hook]} and {plain[hook]:g}"
     said = ca.vertcat(*symbolic.values())
     for key in (key for key, symbol in symbols[0].items() if not ca.depends_on(said, symbol)):
         yield f" must use each parameter; got {key!r}, which changes no hook"
@@ -254,8 +255,8 @@ Drawn = tuple[dict[str, float], dict[str, float], dict[str, float], dict[str, fl
 
 
 def _drawn(effect: type[Effect], asked: Collection[str], rng: np.random.Generator, *, usual: bool) -> Drawn:
-    """Parameters, states, signals and arguments: anywhere within their bounds, or of `usual` size, at which no bound
-    that is left out of an equation acts.
+    """Parameters, states, signals and arguments: anywhere within their bounds, or of `usual` size, where no bound acts
+    that an equation leaves out.
     """
     own = values_of(effect)
     given = {name: value * rng.uniform(0.5, 2) for name, value in _ARGUMENTS.items()}
@@ -276,7 +277,7 @@ def _drawn(effect: type[Effect], asked: Collection[str], rng: np.random.Generato
 def _stated(
     effect: type[Effect], p: dict[str, float], z: dict[str, float], s: dict[str, float], given: dict[str, float]
 ) -> Iterator[str]:
-    """Where equations that it states are not those of its hooks: of a hidden state by its rate over a short step."""
+    """The stated equations that are not those of the hooks; of a hidden state by its rate over a short step."""
     letters = effect.letters()
     said, names = dict(answered(effect, p, z, s, given | {"h": _SHORT_S})), names_in(effect, p, z, s, given)
     for state in effect.states:

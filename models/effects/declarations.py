@@ -1,4 +1,4 @@
-"""What an effect states of itself: names that something reads, of the right sort, and hooks of the right form."""
+"""Checks of an effect's declarations: known names, values of the right type, hooks of the right signature."""
 
 import inspect
 import math
@@ -13,7 +13,7 @@ from models.parameter import Parameter, nearest
 _TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
 _WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of")
 DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "symbols", "follows", "grid", "probe", "by_speed", "forms")
-"""What an effect may declare beside its parameters and hooks."""
+"""What an effect may declare in addition to its parameters and hooks."""
 _OURS: Final = (*DECLARATIONS, "parameters")
 _OWN_HOOKS: Final = ("suspension", "reach")
 _UNITS: Final = ("kg", "K", "J", "W", "T", "C", "F", "H", "ohm", "degC", "Wb", "or", "at")
@@ -111,7 +111,7 @@ def hooked(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     for key, value in _own(effect).items():
         if key in HOOKS:
             if key in _OWN_HOOKS and not inner:
-                yield f" must be a subclass of InnerMassEffect to answer {key!r}; got one of Effect"
+                yield f" must be a subclass of InnerMassEffect to define {key!r}; got one of Effect"
             if not inspect.isfunction(value):
                 yield f".{key} must be a method; got {value!r}"
             wanted, got = (list(inspect.signature(f).parameters) for f in (HOOKS[key], value))

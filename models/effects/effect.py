@@ -24,13 +24,11 @@ NEEDS: Final = ("both_ways", "reversals", "speeds", "places", "rests", "time", "
 
 @dataclass(frozen=True)
 class Signals:
-    """What an effect may look at within one step; numbers, arrays or CasADi symbols alike, SI units.
-
-    `t` time, `x` position along the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at
-    rest), `command` the drive's command (carriage position, coil current, drive on), `rate` its rate of change,
-    `travelled` path length so far, `tension` the wall's quasi-static tension, `drag` the wall's displacement u,
-    `drag_rate` its rate, `dwell` time at rest, `load` the logged load. A rig kind that has no such signal leaves it
-    at 0.
+    """Inputs of an effect within one step, SI units: numbers, arrays or CasADi symbols. `t` time, `x` position along
+    the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at rest), `command` the drive's
+    command (carriage position, coil current, drive on), `rate` its rate of change, `travelled` path length so far,
+    `tension` the wall's quasi-static tension, `drag` the wall's displacement, `drag_rate` its rate, `dwell` time at
+    rest, `load` the logged load. A kind of rig without such a signal leaves it at 0.
     """
 
     t: Value = 0.0
@@ -131,19 +129,19 @@ class Effect:
 
     @classmethod
     def start(cls) -> dict[str, float]:
-        """Where a search begins that knows nothing of the effect: its declared values."""
+        """The declared values, at which a search without prior knowledge begins."""
         return {p.name: p.value for p in cls.parameters()}
 
     @classmethod
     def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
-        """Equations as a textbook has them, and conditions on them, in place of those traced from the hook of that name
-        or from the step of a hidden state of that name; `STATE'` is the symbol of its rate.
+        """Textbook equations and conditions on them, by the name of the hook or the hidden state whose traced equation
+        they replace. The symbol of a state's rate is the state's with a prime.
         """
         return {}
 
     @classmethod
     def answers(cls, hook: str) -> bool:
-        """Whether the effect has an answer of its own under `hook`."""
+        """Whether the effect defines `hook`."""
         return getattr(cls, hook, HOOKS[hook]) is not HOOKS[hook]
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
@@ -151,7 +149,7 @@ class Effect:
         return 1.0
 
     def shared(self, p: Values, factors: Shares) -> Shares:
-        """Factors on F_e, `mu m g` and `mu N_p` (the slip limit's parts), given those that `level` would give them."""
+        """Factors on F_e, `mu m g` and `mu N_p` (the slip limit's parts), given the product of all `level`s."""
         return factors
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
@@ -159,7 +157,7 @@ class Effect:
         return 0.0
 
     def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
-        """Extra force in N that presses the capsule on its surface, beside the weights."""
+        """Extra force in N that presses the capsule on its surface, in addition to the weights."""
         return 0.0
 
     def stiffening(self, s: Signals, p: Values, z: Values) -> Value:
@@ -167,7 +165,7 @@ class Effect:
         return 1.0
 
     def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
-        """Extra force in N with which the wall resists being dragged; does not count towards the slip condition."""
+        """Extra force in N of the wall against being dragged; it does not count in the slip condition."""
         return 0.0
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Value, onset: Value) -> Value:
@@ -175,7 +173,7 @@ class Effect:
         return speed
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
-        """The command that reaches the capsule, given the one that was sent."""
+        """The command that arrives at the capsule."""
         return s.command
 
     def response(self, p: Values) -> Value:
@@ -191,7 +189,7 @@ class Effect:
         return None
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
-        """What the sensor shows of the true output `y`."""
+        """The reading of the true output `y`."""
         return y
 
     def delay(self, p: Values) -> Value:
@@ -230,4 +228,4 @@ HOOKS: Final[Mapping[str, Callable[..., Any]]] = {
     for name, hook in vars(base).items()
     if isfunction(hook) and not name.startswith("_")
 }
-"""Every hook with the answer of its base class; the last two are `InnerMassEffect`'s alone."""
+"""Every hook with its default; the last two are `InnerMassEffect`'s alone."""

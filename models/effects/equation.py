@@ -1,7 +1,6 @@
 """An effect's equations, traced from its hooks: what is written is what is computed."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
 from inspect import signature
 from typing import Any, Final
 
@@ -57,7 +56,7 @@ ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = {
     "e": ("e", "stretch of the link, m"),
     "e_rate": ("e'", "rate of the link's stretch, m/s"),
 }
-"""What hooks get beside signals, parameters and states: the symbol, and what it is."""
+"""Inputs of hooks other than signals, parameters and states: the symbol, and what it is."""
 _BASE: Final = {
     "F_act": "force of the drive",
     "F_e": "resistance of the wall at the nose",
@@ -74,8 +73,8 @@ _UNWRITTEN: Final = ("response",)
 def equations_of(
     effect: type[Effect], values: Mapping[str, float] | None = None, *, turns: bool = False
 ) -> list[Formula]:
-    """The equations of every hook that `effect` answers, and conditions on them; with `values` their numbers stand in
-    place of the parameters, and what they make 0 drops out. About an axis that `turns` a force is a torque.
+    """The equations of every hook that `effect` defines, and conditions on them. Parameters with `values` are numbers,
+    and terms that are 0 drop out. About an axis that `turns` a force is a torque.
     """
     p, z = Symbols(effect, values or {}), _states(effect)
     forms, found = effect.forms(_signals(), p, z), list[Formula]()
@@ -116,16 +115,14 @@ def lines_of(effects: Iterable[type[Effect]], theta: Theta, *, turns: bool = Fal
 
 
 def legend(lines: Iterable[Line]) -> dict[str, str]:
-    """What the symbols in `lines` mean that are no parameters, in alphabetical order."""
+    """The meaning of the symbols in `lines` that are no parameters, in alphabetical order."""
     known = _BASE | dict(entry for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values())
     found = {name for line in lines for part in line if isinstance(part, Formula) for name in part.names()}
     return {name: known[name] for name in sorted(found & set(known), key=str.lower)}
 
 
 def symbols_of(theta: Theta, fitted: Iterable[Name]) -> Theta:
-    """`theta` with the symbols of those that were `fitted` in place of their numbers: what writes a model's equations
-    with its numbers writes them with these too.
-    """
+    """`theta` with symbols in place of the `fitted` numbers, for a model's equations in symbols."""
     symbols: dict[Name, Any] = {name: _symbol(name) for name in fitted if name in theta}
     return theta | symbols
 
@@ -161,10 +158,9 @@ def answered(
 
 
 def traced(effect: type[Effect], p: Mapping[str, Any]) -> Iterator[tuple[str, Formula]]:
-    """What every hook that `effect` answers says of symbols."""
-    s = {field.name: getattr(_signals(), field.name) for field in fields(Signals)}
+    """The formula of every hook that `effect` defines."""
     given = {name: Formula(symbol) for name, (symbol, _) in ARGUMENTS.items()}
-    for hook, right in answered(effect, p, _states(effect), s, given):
+    for hook, right in answered(effect, p, _states(effect), vars(_signals()), given):
         yield hook, Formula.of(right)
 
 

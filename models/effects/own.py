@@ -1,5 +1,5 @@
 """Effects from outside the project: classes in a user's file, or in an installed package under the entry point group
-`capsule.effects`. A catalogue that holds them lets them take part like our own.
+`capsule.effects`. A catalogue that holds them treats them like our own.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """Finer shapes of effects that are already named; a search never names one of these by itself."""
 
-import itertools
-
 import numpy as np
 
 from models.effects.drive import ActuatorLag
@@ -9,8 +7,9 @@ from models.effects.effect import Effect, InnerMassEffect, Shares, Signals, Valu
 from models.effects.force import PeristalticWave, StressRelaxation, wave_turn, with_harmonics
 from models.effects.friction import TissueDrying, settling_time
 from models.effects.sensor import SensorLowpass
+from models.effects.shapes import knots
 from models.effects.wall import WallViscosity
-from models.formula import at_least, interpolated, named, polynomial, shown_as
+from models.formula import at_least, named, polynomial
 from models.parameter import Parameter
 
 _WEIGHT = "paper V Eq. 11: of the normal load only what the wall presses follows the hoop stress, not the weight"
@@ -101,18 +100,9 @@ class LevelOverSpeed(Effect):
     odd_1, odd_2, odd_3, odd_4, odd_5, odd_6, odd_7, odd_8 = _knots_of("o")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        even, odd = p["even_1"], p["odd_1"]
-        for k, (low, high) in enumerate(itertools.pairwise(KNOTS_M_S), start=1):
-            share = np.clip((np.abs(s.v) - low) / (high - low), 0.0, 1.0)
-            even = even + (p[f"even_{k + 1}"] - p[f"even_{k}"]) * share
-            odd = odd + (p[f"odd_{k + 1}"] - p[f"odd_{k}"]) * share
-        even = named("e", shown_as(even, lambda: _knots(np.abs(s.v), p, "even")))
-        odd = named("o", shown_as(odd, lambda: _knots(np.abs(s.v), p, "odd")))
-        return at_least(1 + even + odd * s.direction, 0.05)
-
-
-def _knots(speed: Value, p: Values, side: str) -> Value:
-    return interpolated(speed, KNOTS_M_S, [p[f"{side}_{k}"] for k in range(1, len(KNOTS_M_S) + 1)])
+        even, odd = ([p[f"{side}_{k}"] for k in range(1, len(KNOTS_M_S) + 1)] for side in ("even", "odd"))
+        e, o = (named(name, knots(np.abs(s.v), KNOTS_M_S, values)) for name, values in (("e", even), ("o", odd)))
+        return at_least(1 + e + o * s.direction, 0.05)
 
 
 _MINUTE_S = 60.0  # time after which both shapes are the same
@@ -255,10 +245,6 @@ class DampingOverSpeed(InnerMassEffect):
     c_1, c_2, c_3, c_4 = (number(0.0, "N s/m", -2.0, 2.0, spread=0.2) for _ in range(4))
 
     def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
-        damping, below = 0.0, 0.0
-        for k, (low, high) in enumerate(itertools.pairwise(DAMPING_KNOTS_M_S), start=1):
-            damping = damping + (p[f"c_{k}"] - below) * np.clip((np.abs(rate) - low) / (high - low), 0.0, 1.0)
-            below = p[f"c_{k}"]
         values = [0.0, *(p[f"c_{k}"] for k in range(1, len(DAMPING_KNOTS_M_S)))]
-        damping = named("c", shown_as(damping, lambda: interpolated(np.abs(rate), DAMPING_KNOTS_M_S, values)))
+        damping = named("c", knots(np.abs(rate), DAMPING_KNOTS_M_S, values))
         return damping * rate

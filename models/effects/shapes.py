@@ -1,6 +1,5 @@
-"""Shapes of a curve over one signal, dimensionless: what a term that was proposed from a residual is written in.
-
-Each serves numbers, arrays, CasADi symbols and formulas, for an effect's hook calls it.
+"""Dimensionless shapes of a curve over one signal, for terms that are proposed from a residual. Each works for numbers,
+arrays, CasADi symbols and formulas, since an effect's hook calls it.
 """
 
 from collections.abc import Sequence

@@ -15,8 +15,8 @@ TABLE_ROWS = 100_000  # most rows of a table
 
 @dataclass(frozen=True)
 class Columns:
-    """What a kind's record holds: `driven` lists the columns that must be there, alternatives side by side; those of
-    `given_by_rig` may stand in the rig file instead, `optional` ones are used where they are there.
+    """Columns of a kind's record. `driven` lists the required ones, each with its alternatives; those of `given_by_rig`
+    may stand in the rig file instead; `optional` ones are used if present.
     """
 
     driven: tuple[tuple[str, ...], ...]
@@ -32,7 +32,7 @@ class Columns:
         return TIME_SERIES_ROWS if self.time else TABLE_ROWS
 
     def required(self, with_measured: bool = True) -> tuple[tuple[str, ...], ...]:
-        """Every column that must be there, each as a tuple of alternatives."""
+        """The required columns, each as a tuple of alternatives."""
         time = ((TIME,),) if self.time else ()
         return time + self.driven + (tuple((name,) for name in self.measured) if with_measured else ())
 
@@ -45,7 +45,7 @@ class Columns:
         return [names for names in self.required(with_measured) if not set(names) & set(header)]
 
     def known(self) -> tuple[str, ...]:
-        """Every name this kind gives a meaning to."""
+        """Every name that has a meaning for this kind."""
         return (
             *(name for alternatives in self.required() for name in alternatives),
             *self.given_by_rig,
@@ -54,8 +54,8 @@ class Columns:
 
 
 class Range(NamedTuple):
-    """Lower and upper limit of a column's values and both in words; the lower one is no value itself where `above`, nor
-    is 0 without `zero`.
+    """Lower and upper limit of a column's values and both in words; `above` excludes the lower one, `zero` false
+    excludes 0.
     """
 
     lower: float
@@ -65,14 +65,14 @@ class Range(NamedTuple):
     zero: bool = True
 
     def holds(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Where `values` (n,) are within, or there is none (NaN)."""
+        """Where `values` (n,) are within the limits or missing (NaN)."""
         within = ((values > self.lower) if self.above else (values >= self.lower)) & (values <= self.upper)
         return np.asarray((within if self.zero else within & (values != 0)) | np.isnan(values))
 
 
 _FORCE = Range(-1e3, 1e3, "between -1000 and 1000 N")  # of a capsule
 SLOWEST_PULL = 1e-7
-"""In m/s: a tooth of a tenth of a millimetre every quarter of an hour."""
+"""In m/s: a slip of a tenth of a millimetre every quarter of an hour."""
 _PLACE = Range(-100.0, 100.0, "between -100 and 100 m")  # of the same
 
 RANGES = MappingProxyType(  # what a value of a column may be, by column

@@ -1,4 +1,4 @@
-"""A kind of rig: one declaration of its columns, tables, drive, template and the properties that code asks."""
+"""A kind of rig: one declaration of its columns, tables, drive, template and properties."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ Tables = Mapping[str, Mapping[str, Any]]
 Array = NDArray[np.float64]
 Record = Mapping[str, Array]
 Template = Callable[[np.random.Generator], tuple[Tables, Record]]
-"""Tables of a rig file and the columns of a record, whose measured ones are the nominal model's where left out."""
+"""Tables of a rig file and the columns of a record; measured ones that are left out are the nominal model's."""
 IN_GUT: Mapping[str, type[Table]] = {"capsule": CapsuleTable, "tissue": TissueTable}
 
 
@@ -35,20 +35,20 @@ class Instead:
 @dataclass(frozen=True)
 class RigKind:
     """A kind of rig. Records hold the columns of one of `layouts`, in the kind's own `ranges`. A rig file has the
-    `tables` (those without a key that must be there may be left out) and may have the `further` ones.
+    `tables` (those without a required key may be left out) and may have the `further` ones.
     """
 
     id: str
     layouts: tuple[Columns, ...]
     ranges: Mapping[str, Range] = field(default_factory=dict)
     usual: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
-    """Within what the greatest amount of a column is on any such rig, and the unit."""
+    """Usual range of a column's greatest amount on such a rig, and the unit."""
     tables: Mapping[str, type[Table]] = field(default_factory=dict)
     further: Mapping[str, type[Table]] = field(default_factory=dict)
     head: type[Head] = Head
     instead: Instead | None = None
     nominal: Tables = field(default_factory=dict)
-    """What an experimenter believes who states nothing, beside the papers' capsule and gut."""
+    """Nominal values where nothing is stated, in addition to the papers' capsule and gut."""
     drive: Callable[[Rig, bool], Drive] | None = None
     """The drive of a time series of a capsule; the flag says that a record logs the coil's voltage."""
     template: Template | None = None
@@ -56,23 +56,23 @@ class RigKind:
     turning_template: Template | None = None
     """The same of a rig that turns."""
     effects: frozenset[str] = frozenset()
-    """Effects that can act here, by id, beside those that name this kind."""
+    """Effects that can act here, by id, in addition to those that name this kind."""
     hooks: frozenset[str] = frozenset()
-    """Hooks of an effect that are asked, beside those of a body's that moves."""
+    """Hooks of an effect that are called, in addition to those of a moving body."""
     signals: frozenset[str] | None = None
     """The signals that an effect gets; None: all of a moving body's."""
     longest_s: float = np.inf
     """Longest motion that one record may ask to be computed."""
     wanted: str = "more records, or a longer one"
-    """What records lack that have no two parts to fit on and to judge by."""
+    """What to add to records that have no two parts, one to fit and one to validate."""
     rising: tuple[str, str] | None = None
     """Two columns of which the second is above the first in every row."""
     scatters: bool = False
-    """Whether rows of a table are repeats, which differ by chance alone."""
+    """Whether rows of a table are repeats, which differ only by chance."""
     runs: bool = False
     """Whether each row of a table is a run of `cycles` periods."""
     vibrates: bool = False
-    """Whether the motion may be no slower than the sampling."""
+    """Whether the motion may be as fast as the sampling."""
     switched: bool = False
     """Whether the drive switches, so that it cannot be read between samples."""
     stage: bool = False
@@ -82,11 +82,11 @@ class RigKind:
     follows: bool = False
     """Whether the capsule follows a driven position."""
     pushed: bool = False
-    """Whether a field pushes the capsule from anywhere."""
+    """Whether a field pushes the capsule at any position."""
 
     @property
     def layout(self) -> Columns:
-        """The columns of a record that holds none of another layout's."""
+        """The default columns of a record."""
         return self.layouts[0]
 
     @property
@@ -106,7 +106,7 @@ class RigKind:
 
     @property
     def of_paper(self) -> bool:
-        """Whether capsule and gut matter little: both are the papers' where nothing is stated."""
+        """Whether capsule and gut are the papers' where nothing is stated."""
         return self.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
 
     @property

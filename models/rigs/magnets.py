@@ -1,4 +1,4 @@
-"""The magnets of carriage and capsule: as a spring with a range, or by their own numbers."""
+"""The magnets of carriage and capsule: a spring with a range, or their moments."""
 
 import math
 from collections.abc import Mapping
@@ -76,7 +76,7 @@ class Magnets(Table):
         return stiffness_N_per_m(self.moment("outer") * self.moment("inner"), self.height_m, self.moments)
 
     def check(self) -> None:
-        """Raises ValueError of one sentence for numbers that do not go together."""
+        """Raises ValueError of one sentence for numbers that contradict each other."""
         self.stiffness_N_per_m()
         if self.height_range_m is not None:
             low, high = self.height_range_m

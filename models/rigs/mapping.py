@@ -1,4 +1,4 @@
-"""`[columns]` of a rig file: names, units, signs and offsets that make ours of another file's columns."""
+"""`[columns]` of a rig file: names, units, signs and offsets that map a file's columns to ours."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -43,7 +43,7 @@ class MappedColumn:
         return values
 
     def factor(self, stated: str = "") -> float:
-        """By what a difference in the file is multiplied, but for the sign. Raises ValueError as the class does."""
+        """The factor on a difference in the file, without the sign. Raises ValueError as the class does."""
         if self.scale is not None:
             return self.scale * (_factor(self.unit, self.target) if self.unit else 1.0)
         own = self.unit or stated or split_unit(self.column)[1]
@@ -79,7 +79,7 @@ class ColumnMap:
     entries: tuple[MappedColumn, ...] = ()
 
     def entry(self, target: str) -> MappedColumn:
-        """What the column `target` of ours is read from; itself where nothing is stated."""
+        """The source of our column `target`; the column of that name where nothing is stated."""
         return next((entry for entry in self.entries if entry.target == target), MappedColumn(target, target))
 
     def sources(
@@ -103,6 +103,6 @@ class ColumnMap:
 
 
 def contradiction(target: str, source: MappedColumn, units: Mapping[str, str]) -> str:
-    """The unit that a file states for a column of ours which it has under our name, where it is another than ours."""
+    """The unit that a file states for a column with our name, where it differs from ours; else empty."""
     stated = units.get(source.column, "")
     return stated if source.plain and unit(stated) and factor(stated, unit_of(target)) != 1.0 else ""

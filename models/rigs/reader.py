@@ -1,4 +1,4 @@
-"""Rig files: read from TOML, checked, and handed on as plain records."""
+"""Rig files: read from TOML and checked, as plain records."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -98,7 +98,7 @@ def _kind(raw: Mapping[str, Any], where: str) -> RigKind:
 
 @dataclass
 class _File:
-    """The tables of one rig file; remembers which were used, so that the rest is refused."""
+    """The tables of one rig file, and which of them were used: the rest is refused."""
 
     raw: Mapping[str, Any]
     where: str
@@ -108,7 +108,7 @@ class _File:
         self.used = {"rig"}
 
     def head(self) -> dict[str, Any]:
-        """What `[rig]` and a table within it say."""
+        """The values of `[rig]` and of a table within it."""
         content, nested, instead = dict(self.raw["rig"]), None, self.kind.instead
         if instead is not None and instead.name in content:
             nested = instead.read(content.pop(instead.name), self.where)
@@ -117,7 +117,7 @@ class _File:
         return checked(self.where, "rig", head, content, owners).parts(nested)
 
     def body(self, surface: SurfaceTable | None) -> tuple[Capsule, Tissue]:
-        """Body and gut of a rig whose body lies on `surface`, the gut where nothing is said."""
+        """Body and gut of a rig whose body lies on `surface`; None is the gut."""
         paper, gut = self.kind.of_paper, surface is None or surface.is_gut
         body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable
         capsule = self.read("capsule", body, optional=paper).capsule()

@@ -1,4 +1,4 @@
-"""What the experimenter believes about a rig, as plain records."""
+"""The nominal values of a rig, as plain records."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -63,11 +63,11 @@ def at_height(rig: Rig, height_m: float) -> Rig:
 
 
 class Head(Table):
-    """`[rig]` of a kind that needs nothing else there."""
+    """`[rig]` of a kind without further keys there."""
 
     kind: str
     name: str = ""
 
     def parts(self, nested: Any) -> dict[str, Any]:
-        """What it states of a `Rig`; `nested` is the table within it, None where there is none."""
+        """Its fields of a `Rig`; `nested` is the table within it, None where there is none."""
         return {"name": self.name}

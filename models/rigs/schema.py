@@ -1,4 +1,4 @@
-"""Tables of a file: their keys with range, meaning and example, and sentences for what is wrong with them."""
+"""Tables of a file: keys with range, meaning and example, and sentences for wrong values."""
 
 import math
 import typing
@@ -47,7 +47,7 @@ class Table(BaseModel):
     """A table of the file: unknown keys are refused, numbers must be finite and of their own type."""
 
     purpose: ClassVar[str] = ""
-    """What a table is for that a rig may do without."""
+    """The purpose of an optional table."""
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     @classmethod
@@ -66,15 +66,13 @@ R = TypeVar("R")
 def key(
     meaning: str, default: Any = ..., least: float | None = None, most: float | None = None, *, example: str = ""
 ) -> Any:
-    """A key of a table: what it means, its default (none: it must be there), the least and the most that it may be, and
-    a value of it as TOML writes it.
-    """
+    """A key of a table: its meaning, default (none: it is required), least and most value, and an example as TOML."""
     return Field(default, description=meaning, examples=[example], ge=least, le=most)
 
 
 @dataclass(frozen=True, eq=False)
 class Among:
-    """Of a word: it is one of the `choices`, also of those that join them later."""
+    """A word is one of the `choices`, also of those that are added later."""
 
     choices: Collection[str]
 
@@ -93,13 +91,13 @@ class Among:
 
 
 class NamedTable(Table):
-    """The table `[where]` of a scenario, a deployment or a campaign. One that breaks what its keys declare, or what
-    `model_post_init` asks of them, is not made: a ValueError of one sentence names table and key.
+    """The table `[where]` of a scenario, a deployment or a campaign. Values that break the declaration of a key or
+    `model_post_init` raise ValueError, one sentence with table and key.
     """
 
     where: ClassVar[str]
     weighed: ClassVar[bool] = True
-    """Whether numbers that nothing in their unit can have are refused as it is made."""
+    """Whether impossible magnitudes are refused when it is made."""
 
     def __init__(self, /, **values: Any) -> None:
         try:
@@ -110,7 +108,7 @@ class NamedTable(Table):
             self.weigh(values)
 
     def weigh(self, names: Iterable[str]) -> None:
-        """Raises ValueError for a number that nothing in its unit can have."""
+        """Raises ValueError for a number of an impossible magnitude."""
         for name in names:
             check_magnitude(getattr(self, name), f"{self.where}.{name}")
 
@@ -123,12 +121,12 @@ class NamedTable(Table):
         return cls(**content)
 
     def but(self, **changed: Any) -> Self:
-        """The same but for what is `changed`. Raises ValueError."""
+        """The same with what is `changed`. Raises ValueError."""
         return type(self)(**{**dict(self), **changed})
 
 
 def from_table(cls: type[R], content: Mapping[str, Any], where: str, skip: Collection[str] = ()) -> R:
-    """The frozen dataclass that the table `[where]` describes, its fields being the known keys but for those to `skip`.
+    """The frozen dataclass that the table `[where]` describes; its fields are the known keys, except those to `skip`.
     Raises ValueError of one sentence.
     """
     if skip and isinstance(content, Mapping):
@@ -158,7 +156,7 @@ def _required(field: Any) -> bool:
 
 
 def _from_toml(hint: Any, where: str) -> Any:
-    """A hint as it is read from TOML, where tuples are lists and records tables."""
+    """The type hint of a key in TOML, where tuples are lists and records are tables."""
     if typing.get_origin(hint) is tuple:
         return Annotated[hint, Strict(False)]
     for part in (hint, *typing.get_args(hint)):
@@ -172,7 +170,7 @@ def _record(cls: type[R], where: str, content: Any) -> R:
 
 
 def field_of(table: type[Table], name: str) -> FieldInfo:
-    """A key as the table that says what it means declares it, this one or one that it goes back to."""
+    """The declaration of a key that has a description: this table's or one of its bases'."""
     declared = (one.model_fields[name] for one in table.__mro__ if issubclass(one, Table) and name in one.model_fields)
     return next((one for one in declared if one.description), table.model_fields[name])
 
@@ -209,7 +207,7 @@ def bounds(table: type[Table], key: str) -> tuple[Ge | Gt | None, Le | Lt | None
 
 
 def _within(hint: Any) -> Iterator[Any]:
-    """The marks of a hint and of all that is in it."""
+    """The metadata of a hint and of its arguments."""
     for mark in getattr(hint, "__metadata__", ()):
         yield from getattr(mark, "metadata", (mark,))
     for part in typing.get_args(hint):
@@ -243,9 +241,7 @@ def checked(
     content: Mapping[str, Any],
     owners: Mapping[str, str] = MappingProxyType({}),
 ) -> T:
-    """The content of the table `[name]`, else a ValueError of one sentence; `owners` says of keys to which kind of rig
-    they belong.
-    """
+    """The content of the table `[name]`, else a ValueError of one sentence; `owners` gives the kind of rig of a key."""
     try:
         made = table.model_validate(dict(content))
     except ValidationError as error:
@@ -342,7 +338,7 @@ def _refused(table: type[NamedTable], content: Mapping[str, Any], error: Validat
 
 
 def ends(table: type[Table], key: str) -> tuple[float, float]:
-    """The least and the most that a key may be; infinite where there is no bound."""
+    """The bounds of a key; infinite where there is none."""
     lower, upper = bounds(table, key)
     least = lower.ge if isinstance(lower, Ge) else -math.inf
     return float(least), float(upper.le) if isinstance(upper, Le) else math.inf  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from models.rigs.schema import (
 
 
 class Noise(Table):
-    """Standard deviations of the measurement, where known; what is left out is estimated from the record."""
+    """Standard deviations of the measurement; one that is left out is estimated from the record."""
 
     position_std_m: Annotated[float, Field(ge=1e-9, le=0.1)] | None = key(
         "standard deviation of the position measurement; left out: estimated from the record", None
@@ -46,7 +46,7 @@ class Noise(Table):
 
 
 class ChecksTable(Table):
-    """What is known of the records of this rig: findings of `capsule check` that no longer stop a fit, by id."""
+    """Findings of `capsule check` that no longer stop a fit, by id."""
 
     accept: list[str] = key(
         "findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict",
@@ -79,8 +79,8 @@ class ClockTable(Table):
 
 
 class ColumnTable(Table):
-    """One key of `[columns]`: which column of a file is this column of ours, `sign * scale * (column - offset)` in
-    `unit`, its numbers beginning again after `wrap`.
+    """One key of `[columns]`: the column of a file that is ours, `sign * scale * (column - offset)` in `unit`; its
+    numbers begin again after `wrap`.
     """
 
     column: Annotated[str, Field(min_length=1)] = key(
@@ -232,7 +232,7 @@ class BodyTable(CapsuleTable):
 
 
 class PaperCapsuleTable(BodyTable):
-    """`[capsule]` of paper A where nothing else is said."""
+    """`[capsule]` of paper A where nothing else is stated."""
 
     mass_kg: Mass = Capsule.mass_kg
 
@@ -268,7 +268,7 @@ class TissueTable(Table):
 
 
 class PaperTissueTable(TissueTable):
-    """`[tissue]` of paper A where nothing else is said."""
+    """`[tissue]` of paper A where nothing else is stated."""
 
     preset: Literal["jejunum"] = "jejunum"
     wall_thickness_m: Annotated[float, Field(ge=1e-5, le=0.05)] = Tissue.wall_thickness_m

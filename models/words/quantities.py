@@ -19,7 +19,7 @@ _WRITTEN: Final = MappingProxyType({"1": "", "deg": "°", "Ohm": "Ω"})
 _POWER: Final = re.compile(r"(?<=[A-Za-z])\^?([23])(?![0-9])")
 _IN_WORDS: Final = frozenset({"at", "of", "or", "the", "log10"})
 LEAST_PERCENT: Final = 0.01
-"""Per cent below which only that it is less is said."""
+"""Per cent below which a share is printed as less than this."""
 PLAIN: Final = (1e-4, 1e6)
 """Sizes that are written without a power of ten."""
 
@@ -78,7 +78,7 @@ def change(value: float, before: float) -> str:
 
 
 def amount(value: float | None, unit: str, digits: int = 3) -> str:
-    """A value with its unit as it stands; a tiny share only as less than the least that is printed."""
+    """A value with its unit as given; a tiny share as less than the least that is printed."""
     if value is None or not math.isfinite(value):
         return number(value)
     if unit == "%" and 0 < abs(value) < LEAST_PERCENT:
@@ -106,14 +106,14 @@ def scale(values: Iterable[float | None], unit: str) -> tuple[float, str]:
 
 
 def unit_words(unit: str) -> str:
-    """A unit as it is printed: nothing for 1, powers raised, products with a point; one in words keeps them."""
+    """A unit as it is printed: nothing for 1, powers raised, products with a point; a unit in words stays."""
     shown = _POWER.sub(lambda found: found[1].translate(_RAISED), _WRITTEN.get(unit, unit))
     return shown if _IN_WORDS.intersection(shown.replace("(", " ").split()) else shown.replace(" ", "·")
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A value and the ends of its interval as text, all with the places that the interval gives."""
+    """A value and the ends of its interval as text, all with the same decimal places."""
 
     value: str
     low: str
@@ -121,7 +121,7 @@ class Interval:
 
 
 def with_interval(value: float, interval: tuple[float, float]) -> Interval:
-    """`value` and `interval` with as many places as give half the interval's width two significant digits; four
+    """`value` and `interval` with the decimal places that give half the interval's width two significant digits; four
     significant digits without an interval.
     """
     low, high = interval

@@ -14,8 +14,7 @@ from models.identification.finding import STAGES
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
 from models.parameter import nearest
-from models.rigs.kinds import KINDS
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta, spelled

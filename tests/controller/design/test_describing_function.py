@@ -14,7 +14,7 @@ from controller.design.limit_cycle import exactly, pid_law, simulate
 from controller.design.tuning import Pid, tuned_pid
 from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise
-from models.rigs.parts import surface_of
+from models.rigs.kinds import surface_of
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
 from models.theta import Theta

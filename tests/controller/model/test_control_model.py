@@ -10,7 +10,7 @@ import pytest
 from controller.model.control_model import ControlModel, control_model
 from models.assembly.model import assemble
 from models.identification.model import HELD_OUT
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import drive_of, surface_of
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
 from models.theta import Theta

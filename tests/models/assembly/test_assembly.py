@@ -17,7 +17,7 @@ from models.drives.vibro import RatedVibro, Stop, Vibro
 from models.effects.friction import DirectionalAsymmetry
 from models.identification.kinds.vibro_table.solver import VibroCycle, mean_velocities
 from models.laws.geometry import GRAVITY, Capsule, Tissue
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import drive_of, surface_of
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
 from models.surfaces.surface import Plate

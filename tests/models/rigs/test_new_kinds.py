@@ -26,8 +26,7 @@ from models.identification.fitting.fit import Problem
 from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record, read_record, record_of
-from models.rigs.kinds import KINDS
-from models.rigs.parts import SURFACES, drive_of, surface_of
+from models.rigs.kinds import KINDS, SURFACES, drive_of, surface_of
 from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
 from plant.drives.kinds import DRIVES as SIMULATED

@@ -25,8 +25,7 @@ from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.kinds import KINDS
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta

@@ -10,7 +10,7 @@ import pytest
 from hil.app.main import run
 from models.identification.model import Model
 from models.records.record import record_of
-from models.rigs.parts import drive_of, surface_of
+from models.rigs.kinds import drive_of, surface_of
 from models.rigs.reader import read_rig
 from models.theta import Theta
 from plant import layout as at

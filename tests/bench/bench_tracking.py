@@ -70,7 +70,7 @@ def runs_of(controller: str, runs: list[tuple[TrackScenario, int]], model: Contr
         trace = run_loop(one, model, controller, seed)
         result.found.append(score(one, trace))
         result.mean_N.append(float(np.mean(np.abs(wall_force(one.truth, trace.rows)))))
-        checks = one.checks.of(controller)
+        checks = one.checks[controller]
         if checks.drift_mm is not None and checks.drift_from_s is not None:
             late = trace.rows[trace.rows[:, at.O_T] > checks.drift_from_s]
             result.drift_m.append(float(np.ptp(late[:, at.O_X])) if late.size else np.nan)

@@ -162,7 +162,7 @@ $("play").onclick = () => {
 
 function label() {
   $("play").textContent = page.playing ? "Stop" : "Play";
-  $("pause").textContent = page.paused === null ? "Pause" : "Go on";
+  $("pause").textContent = page.paused === null ? "Pause" : "Resume";
   $("pause").classList.toggle("on", page.paused !== null);
 }
 
@@ -275,7 +275,7 @@ function show(state) {
   });
   showModel(model);
   $("nodes").replaceChildren(table(["node", "state", "up"], nodes.map(one => [one.node, dotted(one.state, one.grade, one.more), one.up])));
-  const counts = [["frames", bus.rate], ["load", bus.load], ["good", bus.good], ["lost on the way", bus.lost], ["of no known frame", bus.unknown], ["refused", bus.refused]];
+  const counts = [["frames", bus.rate], ["load", bus.load], ["good", bus.good], ["lost", bus.lost], ["unknown", bus.unknown], ["refused", bus.refused]];
   const rows = [table(["", ""], counts.map(([name, value]) => [name, String(value)]))];
   if (state.refused.length) rows.push(table(["refused frame", "reason", ""], state.refused.map(one => one.map(String))));
   $("bus").replaceChildren(...rows);

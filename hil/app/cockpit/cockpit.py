@@ -23,6 +23,7 @@ from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.drives.makers import carriage_bus
+from hil.drives.table import ActuatorTable
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
@@ -75,9 +76,13 @@ def cockpit(
 
 @contextmanager
 def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | LogSource, OperatorPanel | None]]:
-    """The bus and its operator panel, or a log; of a simulated run the frames alone."""
+    """The bus and its operator panel, or a log; of a simulated run on the local bus `watch` the frames alone."""
     if watch is not None:
-        with _simulated(path, watch) as source:
+        scenario, _ = load_sil_scenario(path)
+        loop = scenario.loop
+        about = f"{loop.kind} rig, simulated, {loop.control.controller}, local bus {watch}"
+        facts = Facts(loop.name, about, frame_map_of(loop.kind), load_catalogue())
+        with _heard_on(watched_bus(watch), facts, scenario.drive, loop.control.tick_s) as source:
             yield source, None
         return
     if path.suffix.lower() in ENDINGS and is_log(path):
@@ -86,36 +91,28 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
     if path.suffix.lower() != ".toml":
         raise ValueError(f"{path} must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)})")
     deployment = load_deployment(path)
-    frame_map = frame_map_of(deployment.rig.kind)
-    table = deployment.bus
-    about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
+    kind, control, table, limits = deployment.rig.kind, deployment.control, deployment.bus, deployment.operator
+    about = f"{kind} rig, {control.controller}, {table.interface} {table.channel}"
     with output_to_notes():
         models = models_of(deployment.task())
-    facts = Facts(deployment.name, about, frame_map, load_catalogue(), models)
-    clock = Clock()
+    facts = Facts(deployment.name, about, frame_map_of(kind), load_catalogue(), models)
     with in_file(path):
-        bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
-    if deployment.drive is not None:
-        bus = carriage_bus(bus, deployment.drive, deployment.control.tick_s)
-    source = BusSource(bus, clock, facts)
-    operator = OperatorPanel(source, path, deployment.operator if deployment.operator.accept else None)
-    try:
-        yield source, operator
-    finally:
-        operator.close()
-        bus.shutdown()
+        bus = open_bus(table, path.parent)
+    with _heard_on(bus, facts, deployment.drive, control.tick_s) as source:
+        operator = OperatorPanel(source, path, limits if limits.accept else None)
+        try:
+            yield source, operator
+        finally:
+            operator.close()
 
 
 @contextmanager
-def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
-    """The frames that `capsule sil` of the scenario `path` puts on the local bus `channel`."""
-    scenario, _ = load_sil_scenario(path)
-    loop, clock, catalogue = scenario.loop, Clock(), load_catalogue()
-    about = f"{loop.kind} rig, simulated, {loop.control.controller}, local bus {channel}"
-    facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
-    bus: can.BusABC = ClockedBus(watched_bus(channel), clock, OLDEST_S)
-    if scenario.drive is not None:
-        bus = carriage_bus(bus, scenario.drive, loop.control.tick_s)
+def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick_s: float) -> Iterator[BusSource]:
+    """The source of what a bus carries, with another maker's `drive` on it or without."""
+    clock = Clock()
+    bus: can.BusABC = ClockedBus(inner, clock, OLDEST_S)
+    if drive is not None:
+        bus = carriage_bus(bus, drive, tick_s)
     try:
         yield BusSource(bus, clock, facts)
     finally:

@@ -64,22 +64,22 @@ def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel
         names = catalogue[frame].field(signal).names
         return Line(name, frame, _signal(signal), signal.lower(), "strip", names)
 
-    places = (
-        _said("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint"),
+    positions = (
+        _line("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint"),
         Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band"),
-        _said("estimate", "BelievedMotion", "Position_m", _MM, "teal"),
+        _line("estimate", "BelievedMotion", "Position_m", _MM, "teal"),
         Line("reference", "WantedMotion", _wanted, "amber", "dash"),
     )
     forces = (
-        _said("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint"),
+        _line("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint"),
         *(() if drive.shaken else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
         Line("wall", "BelievedForces", _force("Wall_N"), "red"),
         Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
     )
     error = Line("error", "WantedMotion", _error, "red")
     command = Line("command", frame_map.command, seen, "amber", "dash")
-    surprise = _said("surprise", "BelievedMotion", "Surprise", 1.0, "blue")
-    evidence = _said("evidence", "ModelHealth", "Evidence", _PERCENT, "red")
+    surprise = _line("surprise", "BelievedMotion", "Surprise", 1.0, "blue")
+    evidence = _line("evidence", "ModelHealth", "Evidence", _PERCENT, "red")
     states = (
         strip("controller", "ControllerHeartbeat", "State"),
         strip(frame_map.node.lower(), frame_map.feedback, "State"),
@@ -87,7 +87,7 @@ def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel
         strip("model", "ModelHealth", "State"),
     )
     return (
-        LivePanel("Position", "mm", places, 3, 1.0),
+        LivePanel("Position", "mm", positions, 3, 1.0),
         LivePanel("Estimate less reference", "mm", (error,), 3, 0.1, (0.0,)),
         LivePanel(word, unit, (*reported, command), 3, 0.01),
         LivePanel("Forces on the capsule", "mN", forces, 1, 2.0, (0.0,)),
@@ -104,7 +104,7 @@ def _signal(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Va
     return of
 
 
-def _said(name: str, frame: str, signal: str, factor: float, colour: str, look: str = "line") -> Line:
+def _line(name: str, frame: str, signal: str, factor: float, colour: str, look: str = "line") -> Line:
     """A line of a signal, with gaps where the signal is absent."""
 
     def of(values: Values, _: Mapping[str, Values]) -> Span | None:

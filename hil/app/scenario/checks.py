@@ -1,7 +1,6 @@
 """The table `[checks]`: limits of a closed-loop run for all controllers or, as `[checks.mpc]`, for one."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated, Any, Final
 
@@ -52,21 +51,12 @@ class TrackChecks(NamedTable):
     speed_after_s: Annotated[float, Field(ge=0)] = 3.0
 
 
-@dataclass(frozen=True)
-class CheckTable:
-    """`common` limits hold for controllers without a table of their `own`, which includes the common ones."""
-
-    common: TrackChecks = TrackChecks()
-    own: Mapping[str, TrackChecks] = field(default_factory=dict)
-
-    def of(self, controller: str) -> TrackChecks:
-        return self.own.get(controller, self.common)
-
-
 def read_checks(
     table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
-) -> CheckTable:
-    """`[checks]` of a scenario. Raises ValueError for unknown keys and for checks that this run cannot decide."""
+) -> Mapping[str, TrackChecks]:
+    """`[checks]` of a scenario by controller: the common ones, then its own. Raises ValueError for unknown keys and for
+    checks that this run cannot decide.
+    """
     able = [name for name in CONTROLLERS if kind in leads(name)]
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
@@ -82,7 +72,7 @@ def read_checks(
         return checks
 
     own = {name: read({**shared, **numbers}, f"checks.{name}") for name, numbers in tables.items()}
-    return CheckTable(read(shared, "checks"), own)
+    return {**dict.fromkeys(able, read(shared, "checks")), **own}
 
 
 def last_fault_s(instruments: Instruments) -> float | None:

@@ -1,7 +1,7 @@
 """SCENARIO.toml of a closed loop: true plant, instruments, reference, and the controller's belief."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -9,7 +9,7 @@ from controller.drives import DRIVES
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS, leads
 from controller.trajectory import Trajectory
-from hil.app.scenario.checks import CheckTable, read_checks
+from hil.app.scenario.checks import TrackChecks, read_checks
 from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
@@ -74,7 +74,7 @@ class TrackScenario:
     reference: Trajectory
     limits: Limits
     control: Control
-    checks: CheckTable = CheckTable()
+    checks: Mapping[str, TrackChecks] = field(default_factory=dict)
     offer: OfferTable | None = None
 
     def knowing(self, effects: Catalogue) -> Self:

@@ -153,7 +153,7 @@ def document(
 
 def verdicts(scenario: TrackScenario, controller: str, trace: LoopTrace, found: Score) -> list[dict[str, Any]]:
     """Each check of `controller`: name, `value` in its unit (inf: never), `limit`, whether passed."""
-    checks = scenario.checks.of(controller)
+    checks = scenario.checks.get(controller, TrackChecks())
     values = dict(_scored(found)) | dict(_traced(scenario, checks, trace))
     limits = {name: getattr(checks, name) for name in values}
     return [

@@ -19,7 +19,11 @@ from plant.experiments.series import write_text
 
 def test_a_folder_is_for_one_command_and_goes_where_nothing_came(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with sole_writer(out, "--out"), pytest.raises(ValueError, match="another one has"), sole_writer(out, "--out"):
+    with (
+        sole_writer(out, "--out"),
+        pytest.raises(ValueError, match="no other command writes"),
+        sole_writer(out, "--out"),
+    ):
         pass
     assert not out.exists()
     with sole_writer(tmp_path / "above" / "below", "--out"):

@@ -48,7 +48,7 @@ def test_each_shipped_scenario_is_held_to_something(path: Path) -> None:
     """No hard limit may be broken, and something is asked of the controller that the scenario is for."""
     scenario = load_track_scenario(path)
     for name in ("vibro",) if scenario.kind == "vibro" else ("feedforward", "mpc"):
-        checks = scenario.checks.of(name)
+        checks = scenario.checks[name]
         assert checks.hard_violations == 0
         asked = (
             checks.rmse_mm,
@@ -111,8 +111,8 @@ def test_mean_speeds_are_judged_leg_by_leg() -> None:
 def test_a_controller_s_own_table_stands_over_the_common_one() -> None:
     """What it does not name it takes from there."""
     scenario = scenario_of(RAMP, {"rmse_mm": 1, "worst_mm": 2, "mpc": {"rmse_mm": 0.1}})
-    assert (scenario.checks.of("mpc").rmse_mm, scenario.checks.of("mpc").worst_mm) == (0.1, 2)
-    assert scenario.checks.of("pid").rmse_mm == 1
+    assert (scenario.checks["mpc"].rmse_mm, scenario.checks["mpc"].worst_mm) == (0.1, 2)
+    assert scenario.checks["pid"].rmse_mm == 1
 
 
 @pytest.mark.parametrize(("limit", "status", "word"), [("1.0", 0, "passed"), ("0.0001", 1, "FAILED")])

@@ -28,6 +28,8 @@ _NAMES: Final = MappingProxyType(
         "a": "acceleration",
         "u": "wall drag",
         "period_index": "number of the period",
+        "tracking_rmse": "rms tracking error",
+        "tracking_max": "largest tracking error",
         "storage_modulus": "storage modulus G′",
         "loss_modulus": "loss modulus G″",
     }

@@ -19,8 +19,9 @@ from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
 from hil.app.write import own_folder, write_files
+from hil.report.words import column_words
 from models.effects import Catalogue
-from models.words.quantities import number
+from models.words.quantities import quantity
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5  # worst cases that the terminal shows
@@ -85,12 +86,14 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers) -> Outcome:
         rows = run_missing(plan.name, jobs, results, plan.head.chunk, on)
     metric = plan.head.metric
     found = document(plan, rows, repeat) | {"resumed": resumed}
-    heads = ("", "runs", "failed", "unsafe", "hard_violations", "median", "p95", "max")
-    table = text_table("", heads, bare=True)
+    words, unit = column_words(metric)
+    counts, sizes = ("runs", "failed", "unsafe", "hard_violations"), ("median", "p95", "max")
+    table = text_table("", ("", *(head.replace("_", " ") for head in counts), *sizes), bare=True)
     for name, numbers in found["groups"].items():
-        table.add_row(name, *(number(numbers[head]) for head in heads[1:]))
-    worst = [TEXT("worst", value=one["value"], repeat=one["repeat"]) for one in found["worst"][:_SHOWN]]
-    head = TEXT("head", name=plan.name, runs=len(plan), resumed=resumed, metric=metric)
+        cells = (quantity(numbers[head], unit) for head in sizes)
+        table.add_row(name, *(str(numbers[head]) for head in counts), *cells)
+    worst = [TEXT("worst", value=quantity(one["value"], unit), repeat=one["repeat"]) for one in found["worst"][:_SHOWN]]
+    head = TEXT("head", name=plan.name, runs=len(plan), resumed=resumed, metric=words)
     page = page_html(plan.name, metric, rows, list(plan.draws), repeat)
     return page, found, [head, table, *worst], any("error" in row for row in rows)
 

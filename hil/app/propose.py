@@ -94,8 +94,8 @@ def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:
         raise ValueError(
             f"--out must be a file named like a new effect, in lower-case letters, digits and underscores; got {name!r}"
         )
-    left = report.get("residual")
-    term = left.get("term") if isinstance(left, Mapping) else None
+    residual = report.get("residual")
+    term = residual.get("term") if isinstance(residual, Mapping) else None
     if not isinstance(term, Mapping):
         raise ValueError(
             f"{where}: report must have a term that is proposed for a residual, as one of a verdict 'unknown' may; got"
@@ -118,8 +118,8 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
     size = _finite(term["amplitude"]["value"])
     if against:
         size /= _finite(term["level"])
-    left = report["residual"]
-    centres = next(curve["centres"] for curve in left["curves"] if curve["variable"] == term["variable"])
+    residual = report["residual"]
+    centres = next(curve["centres"] for curve in residual["curves"] if curve["variable"] == term["variable"])
     numbers = [_number(row, _finite(one["value"]), UNITS[symbol], centres) for row, one in term["numbers"].items()]
     most = max(_RANGE * abs(size), _SHARE if against else 0.0)
     offset = _finite(term["offset"])
@@ -137,7 +137,7 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
         kind=repr(str(report["kind"])),
         words=column_words(term["variable"])[0],
         text=repr(str(term["text"])),
-        records=repr(tuple(str(record) for record in left["records"])),
+        records=repr(tuple(str(record) for record in residual["records"])),
         probe=f"{size:.6g}",
         parameters="\n".join(map(_line, (amplitude, constant, *numbers))),
         hook="level" if against else "force",

@@ -109,7 +109,7 @@ def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str
 
 
 def _records(finding: Finding, drawn: list[Panel], last: str) -> dict[str, Any]:
-    """The records and what is drawn of them: held-out ones first, and not all of many."""
+    """The figures of the records, held-out ones first, at most `MOST_PANELS` of them."""
     found: dict[str, Any] = {"maps": [], "shown": [], "left_out": 0}
     if KINDS[finding.kind].runs:
         return found | {"maps": [speed_map(drawn, last), agreement_figure(drawn, last)]}

@@ -15,7 +15,7 @@ POINTS = 4000  # of a line
 INK, MUTED, GRID, FLOOR = "#1d2733", "#66727f", "#e6eaee", "#8792a0"
 STAGE_COLOURS = MappingProxyType({"nominal": "#a9b4c2", "calibrated": "#e0913a", "augmented": "#0b7a84"})
 QUANTITY_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7d1a")
-"""Okabe and Ito's colours, which people of every colour vision tell apart; the yellow one darker, for white paper."""
+"""Okabe and Ito's colours, distinguishable in every colour vision; the yellow one is darker, for white paper."""
 DASHES = ("solid", "dash", "dot", "dashdot")
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "x", "star")
 FONT = "Inter, 'Segoe UI', system-ui, -apple-system, 'Helvetica Neue', Arial, sans-serif"

@@ -57,7 +57,7 @@ class FmuUnit:
 
 
 def reference(variables: Sequence[Variable], name: str) -> int:
-    """The value reference of a variable: its place after time, which is 0."""
+    """The value reference of a variable: its number after that of time, which is 0."""
     return 1 + next(k for k, v in enumerate(variables) if v.name == name)
 
 

@@ -40,7 +40,7 @@ def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:
         "rms_off_N": float(np.sqrt(np.mean(off**2))),
     }
     missing = {name: why for name, why in table.not_mapped.items() if name != "added_mass"}
-    missing["friction over place and direction"] = TEXT("curvature", off=numbers["rms_off_N"])
+    missing["friction over position and direction"] = TEXT("curvature", off=numbers["rms_off_N"])
     missing["drive"] = TEXT(f"drive.{found.rig.kind}")
     return _mjcf(found, numbers), numbers, missing
 

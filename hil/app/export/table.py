@@ -68,20 +68,20 @@ def _acts(effect: type[Effect]) -> bool:
 
 
 def _steady(effect: type[Effect]) -> bool:
-    """Whether what an effect adds to friction follows from speed, direction and place alone."""
+    """Whether what an effect adds to friction follows from speed, direction and position alone."""
     names = ("t", "travelled", "dwell", "tension", "drag", "drag_rate", "rate", "load")
     history = {name: ca.SX.sym(name) for name in names}
     owners = [effect, *([CATALOGUE[effect.of]] if effect.of else [])]
     p = {q.name: ca.SX.sym(q.name) for owner in owners for q in owner.parameters()}
     z = {name: ca.SX.sym(name) for name in effect.states}
     s = Signals(x=ca.SX.sym("x"), v=ca.SX.sym("v"), direction=ca.SX.sym("d"), command=0.0, **history)
-    asked = [getattr(effect(), hook)(s, p, z) for hook in ("level", "force", "normal_load")]
-    added = ca.vertcat(*(ca.SX(value) for value in asked))
+    terms = [getattr(effect(), hook)(s, p, z) for hook in ("level", "force", "normal_load")]
+    added = ca.vertcat(*(ca.SX(value) for value in terms))
     return not any(ca.depends_on(added, symbol) for symbol in (*history.values(), *z.values()))
 
 
 def _law(found: Found, effects: tuple[type[Effect], ...]) -> Any:
-    """Numbers (4, n) of friction, mucus, other forces and the wall's limit in N, of (3, n) speed, direction, place."""
+    """Numbers (4, n) in N of friction, mucus, other forces and the wall's limit at (3, n) speed, direction, position."""
     v, d, x = (ca.SX.sym(name) for name in ("v", "d", "x"))
     z = Theta.of(((e.id, name), 0.0) for e in effects for name in e.states)
     stepper = Stepper(found.surface, found.drive, Active(effects, found.numbers, z))

@@ -102,7 +102,7 @@ class CampaignTable(NamedTable):
 
 @dataclass(frozen=True)
 class Campaign:
-    """All runs, computed on demand. Runs of one case follow each other and share seed and draws, so that controllers can
+    """All runs, computed on demand. Runs of one case follow each other and share seed and draws, so controllers can
     be compared.
     """
 

@@ -81,7 +81,7 @@ def _steady(effect: type[Effect]) -> bool:
 
 
 def _law(found: Found, effects: tuple[type[Effect], ...]) -> Any:
-    """Numbers (4, n) in N of friction, mucus, other forces and the wall's limit at (3, n) speed, direction, position."""
+    """Friction, mucus, other forces and the wall's limit (4, n) in N at (3, n) speed, direction, position."""
     v, d, x = (ca.SX.sym(name) for name in ("v", "d", "x"))
     z = Theta.of(((e.id, name), 0.0) for e in effects for name in e.states)
     stepper = Stepper(found.surface, found.drive, Active(effects, found.numbers, z))

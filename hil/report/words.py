@@ -75,6 +75,12 @@ def classes_words(finding: Finding) -> list[str]:
     return [listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects]
 
 
+def verdict_words(finding: Finding) -> str:
+    """The verdict and the effects that it names."""
+    names = listed(classes_words(finding))
+    return f"{finding.verdict}: {names}" if names else finding.verdict
+
+
 def headline(finding: Finding) -> str:
     """The verdict in one or two sentences."""
     names = classes_words(finding)

@@ -19,7 +19,7 @@ from hil.app.sil.learning_page import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
 from hil.report.numbers import report_json
-from hil.report.words import headline
+from hil.report.words import verdict_words
 from models.effects import effect_words
 from models.identification.finding import STAGES
 
@@ -97,13 +97,15 @@ def _say(ends: Sequence[tuple[Example, End]], out: Path, seconds: float) -> None
         if isinstance(one, Learned):
             lines.append(TEXT("learned", example=example.name, sentence=one.sentence, page=folder / LEARNED))
             continue
-        table.add_row(title_of(example), *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
+        table.add_row(title_of(example), *one.errors(), verdict_words(one.finding))
         if one.missions:
             gate = (TEXT("gate", stage=stage, sentence=verdict.sentence) for stage, verdict in one.gate.items())
             table.add_row(f"  {TEXT('again')}", TEXT("tracking"), *one.tracked(), "", "; ".join(gate))
         lines.append(TEXT("report", example=example.name, page=folder / REPORT))
+        if one.caution:
+            lines.append(f"  {one.caution}")
         if one.before is not None:
-            lines.append(f"  {TEXT('before', headline=headline(one.before), page=folder / BEFORE / REPORT)}")
+            lines.append(f"  {TEXT('before', verdict=verdict_words(one.before), page=folder / BEFORE / REPORT)}")
         if one.hidden:
             lines.append(f"  {TEXT('hidden', effects=map(effect_words, one.hidden))}")
     console.print(table)

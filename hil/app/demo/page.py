@@ -19,18 +19,17 @@ from hil.report.numbers import parameters
 from hil.report.panels import panels
 from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
-    classes_words,
     column_words,
     error_scale,
     error_words,
     headline,
     parameter_words,
     tested_part,
-)  # fmt: skip
+    verdict_words,
+)
 from models.effects import effect_words
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 from models.words.quantities import DASH, quantity, scale, unit_words
-from models.words.sentences import listed
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
@@ -64,6 +63,7 @@ def _head(example: Example) -> dict[str, str]:
 def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
     """An example's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record."""
     finding, shown = one.finding, {**_head(example), "result": one, "headline": headline(one.finding)}
+    shown["verdict"] = verdict_words(finding)
     if not one.missions and one.before is None:
         return shown
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
@@ -72,14 +72,10 @@ def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
     if one.before is not None:
         proposal = one.before.proposal
         shown |= {"motion": proposal and motion_figure(proposal), "before": headline(one.before)}
-        return shown | {"verdicts": [_verdict(one.before), _verdict(finding)]}
+        return shown | {"first_verdict": verdict_words(one.before)}
     driven = [stage for stage in STAGES if stage in one.missions]
     shown |= {"tracked": {stage: mission.numbers for stage, mission in one.missions.items()}, "last": driven[-1]}
     return shown | {"residual": residuals_figure(finding), "mission": mission_figure(one.missions)}
-
-
-def _verdict(finding: Finding) -> str:
-    return ": ".join(filter(None, (finding.verdict, listed(classes_words(finding)))))
 
 
 def truth_rows(one: ExampleResult) -> list[list[str]]:

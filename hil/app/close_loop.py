@@ -18,7 +18,7 @@ from hil.log.record import read_rig_record
 from hil.report.closed_loop import report_html
 from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json
-from hil.report.words import PARTS, error_cells, error_scale, grouped, headline
+from hil.report.words import PARTS, confidence_words, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
@@ -131,7 +131,8 @@ def print_summary(finding: Finding, out: Path) -> None:
     console, depends = summary(), finding.dependence
     console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding))
-    say(*(f"  {sentence}" for sentence in (*finding.reasons, *(dependence_words(depends) if depends else ()))))
+    said = (confidence_words(finding), *finding.reasons, *(dependence_words(depends) if depends else ()))
+    say(*(f"  {sentence}" for sentence in said if sentence))
     if depends and depends.term:
         say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):

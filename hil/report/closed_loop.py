@@ -12,7 +12,16 @@ from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html, symbol_html
 from hil.report.numbers import error_rows, parameters, smallest_rows
 from hil.report.panels import Panel, closer, panels
-from hil.report.words import PARTS, TEXT, column_words, error_words, grouped, headline, interpolation
+from hil.report.words import (
+    PARTS,
+    TEXT,
+    column_words,
+    confidence_words,
+    error_words,
+    grouped,
+    headline,
+    interpolation,
+)  # fmt: skip
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
@@ -72,7 +81,7 @@ def _head(finding: Finding) -> dict[str, Any]:
         "headline": headline(finding),
         "train": train,
         "held_out": len(finding.traces) - train,
-        "lead": error_words(finding),
+        "lead": f"{error_words(finding)} {confidence_words(finding)}".strip(),
         "chip": TEXT(f"verdict.{finding.verdict}"),
         "failed": len(failed),
         "doubts": doubts,

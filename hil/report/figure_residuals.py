@@ -40,7 +40,7 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
         cols=2,
         shared_yaxes=True,
         horizontal_spacing=0.03,
-        vertical_spacing=58 / (60 + 225 * len(names)),
+        vertical_spacing=72 / (60 + 240 * len(names)),
         column_titles=[f"before: {before} model", f"after: {after} model"],
     )
     for row, name in enumerate(names, start=1):
@@ -60,7 +60,7 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
         figure.update_yaxes(title=f"residual in {unit}", row=row, col=1)
     limit = 1.15 * factor * float(np.nanquantile(everything, 0.995))
     figure.update_yaxes(range=[-limit, limit])
-    return styled(figure, 60 + 225 * len(names), legend={"orientation": "h", "x": 0, "y": 1.05, "yanchor": "bottom"})
+    return styled(figure, 60 + 240 * len(names), legend={"orientation": "h", "x": 0, "y": 1.05, "yanchor": "bottom"})
 
 
 def _cloud(figure: go.Figure, signal: Array, rest: Array, colour: str, name: str, **here: int) -> None:

@@ -50,6 +50,6 @@ def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
     for stage, values in panel.predicted.items():
         edge = {"color": STAGE_COLOURS[stage], "width": 2 if stage == "nominal" else 0}
         marker = {"color": STAGE_COLOURS[stage], "symbol": symbols[stage], "size": 9, "line": edge}
-        figure.add_scatter(y=factor * values[order], name=stage, marker=marker, **here)
+        figure.add_scatter(y=factor * values[order], name=stage, legendgroup=stage, marker=marker, **here)
     marker = {"color": "white", "size": 9, "line": {"color": INK, "width": 2}}
-    figure.add_scatter(y=factor * panel.measured[order], name="measured", marker=marker, **here)
+    figure.add_scatter(y=factor * panel.measured[order], name="measured", legendgroup="measured", marker=marker, **here)

@@ -86,8 +86,7 @@ def headline(finding: Finding) -> str:
     names = classes_words(finding)
     if finding.verdict == "named":
         key = "equivalent" if any(effect.equivalent for effect in finding.effects) else "named"
-        least_sure = min(finding.effects, key=lambda effect: effect.confidence)
-        return TEXT(f"headline.{key}", effects=names, meaning=least_sure.meaning).rstrip()
+        return TEXT(f"headline.{key}", effects=names)
     if interpolation(finding):
         return TEXT("headline.interpolation")
     if finding.verdict == "none":
@@ -108,6 +107,12 @@ def headline(finding: Finding) -> str:
         key = "partly_gone" if after < before else "partly"
         said.append(TEXT(f"headline.{key}", effects=names, share=1 - after / before))
     return " ".join(said)
+
+
+def confidence_words(finding: Finding) -> str:
+    """What the confidence in the least sure effect of a verdict means; empty without a verdict."""
+    named = finding.effects if finding.verdict == "named" else ()
+    return min(named, key=lambda effect: effect.confidence).meaning if named else ""
 
 
 def best_curve(finding: Finding) -> ResidualCurve | None:

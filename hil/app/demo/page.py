@@ -20,13 +20,14 @@ from hil.report.panels import panels
 from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
     column_words,
+    confidence_words,
     error_scale,
     error_words,
     headline,
     parameter_words,
     tested_part,
     verdict_words,
-)
+)  # fmt: skip
 from models.effects import effect_words
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 from models.words.quantities import DASH, quantity, scale, unit_words
@@ -62,7 +63,14 @@ def _head(example: Example) -> dict[str, str]:
 
 def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
     """An example's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record."""
-    finding, shown = one.finding, {**_head(example), "result": one, "headline": headline(one.finding)}
+    finding, shown = (
+        one.finding,
+        {
+            **_head(example),
+            "result": one,
+            "headline": f"{headline(one.finding)} {confidence_words(one.finding)}".strip(),
+        },
+    )
     shown["verdict"] = verdict_words(finding)
     if not one.missions and one.before is None:
         return shown

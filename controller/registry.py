@@ -14,7 +14,6 @@ from controller.estimator.base import Estimator, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
-from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
 from controller.limits import Envelope, Limits
 from controller.model.control_model import AT_FIRST, ControlModel, level_off, mean_friction
@@ -156,6 +155,8 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
     sharp = model.sharp
     noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":
+        from controller.estimator.ukf import UnscentedEstimator  # filterpy loads half of SciPy
+
         return UnscentedEstimator(sharp, noise)
     if driven.shaken:
         return CubatureEstimator(sharp, noise)

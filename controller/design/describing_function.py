@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
-from scipy.optimize import root
 
 from controller.baselines import Gains
 from controller.design.tuning import Complex, Pid, feedback
@@ -42,10 +41,12 @@ class Describing:
     omega: Array
     N: Complex
 
-    def force(self) -> RegularGridInterpolator:
+    def force(self) -> "scipy.interpolate.RegularGridInterpolator":
         """`A N` in N over (log A, log omega), linear between grid points: of similar size where N spans decades."""
         grid = (np.log(self.amplitude_m), np.log(self.omega))
-        return RegularGridInterpolator(grid, self.amplitude_m[:, None] * self.N, bounds_error=False, fill_value=None)
+        return scipy.interpolate.RegularGridInterpolator(
+            grid, self.amplitude_m[:, None] * self.N, bounds_error=False, fill_value=None
+        )
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) 
     found: list[Array] = []
     for i, j in np.argwhere(_mixed(values.real) & _mixed(values.imag)):
         middle = np.array([a[i], w[j]]) + 0.5 * size
-        answer = root(lambda at: F(at[None, :]).view(np.float64), middle)
+        answer = scipy.optimize.root(lambda at: F(at[None, :]).view(np.float64), middle)
         new = all(np.any(np.abs(one - answer.x) > 0.5 * size) for one in found)
         if answer.success and new and np.all(np.abs(answer.x - middle) < size):
             found.append(answer.x)

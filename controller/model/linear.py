@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
 from controller.signals import Array
@@ -125,7 +125,7 @@ def _balancing(model: ControlModel, state: Array) -> float:
         raise ValueError(
             f"drive must be able to keep the capsule at {state[v]:g} m/s; got a resistance beyond its greatest force"
         )
-    return float(brentq(gained, -most, most, xtol=1e-12))
+    return float(scipy.optimize.brentq(gained, -most, most, xtol=1e-12))
 
 
 def _followed(model: ControlModel, state: Array, command: float) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from scipy.linalg import solve_discrete_are
+import scipy
 
 from controller.design.tuning import OpenLoop, closed_loop
 from controller.model.linear import Linear
@@ -116,7 +116,7 @@ def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSp
     # the steady gain of the filter; the known s has none
     Q = (f.wander + f.wander_share * abs(speed_m_s)) ** 2 * np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]])
     R = (f.reading_std_m**2 + f.ripple_m**2) * min(Tuning().sample_s / period_s, 1.0)
-    P = solve_discrete_are(F[kept].T, np.array([[1.0], [0.0]]), Q, np.array([[R]]))
+    P = scipy.linalg.solve_discrete_are(F[kept].T, np.array([[1.0], [0.0]]), Q, np.array([[R]]))
     K = np.array([P[0, 0], 0.0, P[1, 0]]) / (P[0, 0] + R)
     # the first command of the unbounded plan by the state and by the last command
     mpc = AveragedMpc(lag_s)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from models.laws.geometry import Capsule, Tissue, relaxed_diameter, shoulder_position, wall_diameter
 from models.laws.hyperelastic import WallConstants, circumferential_stress, wall_tension
@@ -64,7 +64,7 @@ def where_it_reaches(rising: Tension, value: float, end: float, tolerance: float
     """Argument at which a `rising` law from 0 has the `value`; the search starts below `end`."""
     while rising(end) < value:
         end *= 1.5
-    return float(brentq(lambda at: float(rising(at)) - value, 0.0, end, xtol=tolerance))
+    return float(scipy.optimize.brentq(lambda at: float(rising(at)) - value, 0.0, end, xtol=tolerance))
 
 
 def stick_slip_tooth(tension: Tension, amplitude_N: float, capsule_speed: float, recoil_speed: float) -> Tooth:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize, nnls
 
 from models.laws.five_elements import DynamicModulus, maxwell_branch, springpot_modulus
 
@@ -27,7 +27,9 @@ class Spectrum:
     def weights(self, shape: Real, omega: Real, target: Complex) -> tuple[Real, float]:
         """Best non-negative moduli at a given shape and what is left, `||Y - Y_law||` in Pa."""
         columns = self.basis(omega, shape)
-        left, residual = nnls(np.vstack([columns.real, columns.imag]), np.concatenate([target.real, target.imag]))
+        left, residual = scipy.optimize.nnls(
+            np.vstack([columns.real, columns.imag]), np.concatenate([target.real, target.imag])
+        )
         return left, float(residual)
 
 
@@ -73,7 +75,7 @@ def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> FittedSpectrum:
         return law.weights(shape, omega, target)[1] / float(np.linalg.norm(target))
 
     best = min(law.starts, key=lambda start: cost(np.array(start)))
-    found = minimize(cost, np.array(best), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10})
+    found = scipy.optimize.minimize(cost, np.array(best), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10})
     shape = np.asarray(found.x)
     return FittedSpectrum(law, shape, law.weights(shape, omega, target)[0])
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals, by_name
@@ -222,7 +222,7 @@ class PeriodsKind(Kind):
         least, most = 1e-3 * height, height
         if over(most) <= 0:
             return most
-        return least if over(least) >= 0 else float(brentq(over, least, most, xtol=1e-12))
+        return least if over(least) >= 0 else float(scipy.optimize.brentq(over, least, most, xtol=1e-12))
 
     def _std(self, record: Record) -> Array:
         """Standard deviations (n, 3) of one period, valley and peak at the speed of each row."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 from models.effects import effect_words
 from models.identification.finding import STAGES
@@ -188,7 +188,7 @@ def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
             others = np.array([v for name, (v, _) in values.items() if name != series])
             count, middle = len(others), float(others.mean())
             spread = max(float(others.std(ddof=1)) * np.sqrt(1 + 1 / count), deviation)
-            limit = float(student.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
+            limit = float(scipy.stats.t.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
             if abs(value - middle) > limit * spread > 0:
                 yield (
                     series,

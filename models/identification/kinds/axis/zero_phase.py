@@ -6,7 +6,7 @@ from functools import cache, cached_property, lru_cache
 from math import comb
 
 import numpy as np
-from scipy.signal import butter, cheby1, filtfilt, freqz
+import scipy
 
 from models.identification.kind import Array
 from models.identification.settings import SET
@@ -33,7 +33,7 @@ class AxisMotion:
 
 @cache
 def _low_pass(factor: int) -> tuple[Array, Array]:
-    b, a = cheby1(8, 0.05, 0.8 / factor)
+    b, a = scipy.signal.cheby1(8, 0.05, 0.8 / factor)
     return np.asarray(b), np.asarray(a)
 
 
@@ -81,12 +81,12 @@ def _unevenness(t: Array) -> float:
 def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> AxisMotion:
     """Butterworth of order 4, both ways, at five times the `band` in Hz, then differences; or the logged `velocity`."""
     rate = sampling_rate(t)
-    b, a = butter(4, min(5 * band / (rate / 2), 0.8))
-    x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))
+    b, a = scipy.signal.butter(4, min(5 * band / (rate / 2), 0.8))
+    x = scipy.signal.filtfilt(b, a, position, padlen=min(12, len(position) - 1))
     if velocity is None:
         v = np.gradient(x, 1 / rate)
     else:
-        v = np.asarray(filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
+        v = np.asarray(scipy.signal.filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
     return AxisMotion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
@@ -112,7 +112,7 @@ def decimate(signal: Array, rate: float, band: float = SET.band_hz) -> Array:
 
 def _passed_down(inner: Array, factor: int) -> Array:
     b, a = _low_pass(factor)
-    return np.asarray(filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
+    return np.asarray(scipy.signal.filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
 
 
 @lru_cache(maxsize=16)
@@ -126,7 +126,7 @@ def passed(rate: float, band: float = SET.band_hz) -> float:
     factor = reduction(rate, band)
     if factor == 1:
         return 1.0
-    _, gain = freqz(*_low_pass(factor), 4096)
+    _, gain = scipy.signal.freqz(*_low_pass(factor), 4096)
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 

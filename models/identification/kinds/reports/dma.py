@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import least_squares, nnls
-from scipy.stats import f as f_distribution
+import scipy
 
 from models.effects.equation import lines_of
 from models.formula import Formula, Line, equal, symbols
@@ -73,7 +72,7 @@ def common_residual(
     freedom = 2 * (frequencies - 1)
     rng = np.random.default_rng(0)
     shuffled = [ratio(np.stack([s[rng.permutation(frequencies)] for s in e])) for _ in range(permutations)]
-    p = float(f_distribution.sf(F, freedom, freedom * (samples - 1)))
+    p = float(scipy.stats.f.sf(F, freedom, freedom * (samples - 1)))
     p_permuted = (1 + sum(x >= F for x in shuffled)) / (1 + permutations)
     mean = raw.mean(0)
     share = samples * float(np.sum(mean**2)) / float(np.sum(raw**2))
@@ -94,7 +93,7 @@ def best_relaxation(kind: DmaKind, records: Sequence[Record]) -> float:
     tau = np.logspace(-6, 2, 321)
     G = np.hstack([w * tau / (1 + w * tau), np.ones_like(w), w / np.abs(w).max()])
     scale = float(np.abs(measured).max())
-    _, left = nnls(np.vstack([G.real, G.imag]), measured.T.ravel() / scale)
+    _, left = scipy.optimize.nnls(np.vstack([G.real, G.imag]), measured.T.ravel() / scale)
     return 100 * float(left) * scale / float(np.linalg.norm(measured))
 
 
@@ -110,7 +109,7 @@ def springpot_alone(kind: DmaKind, training: Sequence[Record], validation: Seque
 
     size = float(np.mean([np.abs(kind.measured(r)).mean() for r in training]))
     level = np.log10(size)
-    fit = least_squares(
+    fit = scipy.optimize.least_squares(
         misfit, [level - 1, level, 0.3], bounds=([level - 6, level - 6, 0.01], [level + 2, level + 2, 0.99])
     )
     return kind.error(validation, [predict(r, fit.x) for r in validation])

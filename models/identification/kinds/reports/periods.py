@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from models.effects.equation import LEFT, lines_of
 from models.formula import Formula, Line, called, equal, symbols
@@ -150,4 +150,4 @@ def _stiffer_by(kind: PeriodsKind, limit: float, period: float, speed: float) ->
             f" {given(SET.period_widest):.3g} to {given(-SET.period_widest):.3g} s, whatever the wall;"
             f" got {period:.3g} s: are the speed and the rig file's recovery_time_s right, and the forces in N?"
         )
-    return float(np.exp(brentq(lambda k: given(k) - period, -SET.period_widest, SET.period_widest)))
+    return float(np.exp(scipy.optimize.brentq(lambda k: given(k) - period, -SET.period_widest, SET.period_widest)))

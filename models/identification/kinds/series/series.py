@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+import scipy
 
 from models.checks.estimators import estimated_noise, grid_step
 from models.checks.noise import noise_used
@@ -37,7 +37,7 @@ def low_passed(signal: Array, dt: float) -> Array:
     """`signal` below 2 Hz: Butterworth, second order, forward and back, so without phase."""
     if len(signal) < 16 or SET.low_pass_hz * 2 * dt >= 1:
         return signal
-    return np.asarray(sosfiltfilt(butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
+    return np.asarray(scipy.signal.sosfiltfilt(scipy.signal.butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The height of the carriage's magnet, a command beside its place: as high as the asked pull allows."""
+"""The height of the carriage's magnet, a command beside its position: as high as the wanted pull allows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from models.rigs.rig import Rig, at_height
 from models.theta import Theta
 
 RESERVE: Final = 2.0
-"""Times the friction at the speed asked for that the magnet must be able to pull (choice: folds and narrow places)."""
+"""Ratio of the magnet's greatest pull to the friction at the wanted speed (choice: folds and narrow segments)."""
 STIFFNESS: Final = "magnet_stiffness_N_per_m"
 _HEIGHTS: Final = 61  # heights that the command is chosen from
 
 
 @dataclass(frozen=True)
 class Height:
-    """A height in m: the greatest pull there, the friction it meets, what presses on the tissue, in N."""
+    """At a height in m: the greatest pull, the friction it meets, the force that presses on the tissue, in N."""
 
     height_m: float
     pull_N: float
@@ -28,11 +28,10 @@ class Height:
 
 
 def choose_height(rig: Rig, values: Mapping[Name, float], speed_m_s: float) -> Height | None:
-    """The greatest height within `[rig.magnet] height_range_m`, which is the gentlest, at which the magnet pulls
-    `RESERVE` times the friction at `speed_m_s` with its own attraction's part; None for a rig whose height is no
-    command. None is taken that presses with more than `pressing_limit_N`: where the magnet cannot pull so much within
-    that, the lowest one left. `values` are a stage of a model file. Raises ValueError where every height presses too
-    much.
+    """The greatest, so gentlest, height within `[rig.magnet] height_range_m` at which the magnet pulls `RESERVE` times
+    the friction at `speed_m_s`, its own attraction included. None for a rig without a height command. Heights that
+    press with more than `pressing_limit_N` are excluded; if no other pulls enough, the lowest remaining one. `values`
+    are a stage of a model file. Raises ValueError if every height presses too much.
     """
     magnets = rig.magnets
     if magnets is None or magnets.height_range_m is None or magnets.pressing_limit_N is None:
@@ -49,7 +48,7 @@ def choose_height(rig: Rig, values: Mapping[Name, float], speed_m_s: float) -> H
 
 
 def values_at(rig: Rig, values: Mapping[Name, float], height_m: float) -> Theta:
-    """A model's `values`, found at the rig file's height, at `height_m`."""
+    """A model's `values`, identified at the rig file's height, converted to `height_m`."""
     if rig.magnets is None or STIFFNESS not in values:
         return Theta.of(values)
     return Theta.of(values) | {STIFFNESS: values[STIFFNESS] * (rig.magnets.height_m / height_m) ** 5}

@@ -6,10 +6,8 @@ from numbers import Real
 from typing import Any
 
 _SHORTEST_TICK = 1e-6  # s
-_NEAR = 1e-9  # share of a range within which two commands count as the same
-
-
-_LEAST = 1e-6  # smallest that a limit may be set to, in its unit
+_NEAR = 1e-9  # share of the range within which two commands are equal
+_LEAST = 1e-6  # smallest value of a limit, in its unit
 
 
 def _limit(meaning: str, value: float, most: float, least: float = _LEAST) -> Any:
@@ -18,47 +16,39 @@ def _limit(meaning: str, value: float, most: float, least: float = _LEAST) -> An
 
 @dataclass(frozen=True)
 class Limits:
-    """What no command may exceed, SI. Every field carries its unit, its source, and the most that it may be set to,
-    beyond which it would limit nothing. Not clinical advice.
+    """What no command may exceed, SI. Each field states its unit, its source, and the largest value allowed for it,
+    beyond which it would not limit. Not clinical advice.
     """
 
     force_N: float = _limit(
-        "greatest force on the wall (choice: half of the 0.9 N/cm of weak contractions, Terry 2012, live pig)",
-        0.5,
-        20.0,
+        "greatest force on the wall (choice: half of weak contractions' 0.9 N/cm, Terry 2012, live pig)", 0.5, 20.0
     )
     speed_m_s: float = _limit(
-        "greatest speed of the capsule (choice: 15 times what paper V measured at; beyond, the law is extrapolated)",
-        0.3,
-        5.0,
+        "greatest speed of the capsule (choice: 15 times paper V's; beyond, the law is extrapolated)", 0.3, 5.0
     )
     carriage_speed_m_s: float = _limit(
         "greatest speed of the carriage (reduced speed beside a person, ISO 10218-1, from memory)", 0.25, 5.0
     )
     first_speed_m_s: float = _limit(
-        "speed of the carriage that is allowed as a run on a rig enables it; of a coil's or inner mass's range the same"
-        " share (choice: so that who stands beside it sees it begin)",
+        "speed of the carriage allowed when a run on a rig enables it; the same share of the range of a coil or inner"
+        " mass (choice: a person beside it sees it begin)",
         0.02,
         5.0,
     )
     first_acceleration_m_s2: float = _limit(
-        "by which that speed (or share) grows until all of it is allowed (choice: it is there after a second)",
-        0.25,
-        1e3,
+        "growth of that speed (or share) until all of it is allowed (choice: a second)", 0.25, 1e3
     )
     carriage_acceleration_m_s2: float = _limit(
         "greatest acceleration of the carriage (choice: from full speed to rest within 25 ms)", 10.0, 1e3
     )
     travel_m: float = _limit("greatest distance of the carriage from its zero (choice)", 1.0, 20.0)
     gap_share: float = _limit(
-        "share of the gap of greatest pull that may be used (choice: beyond r/sqrt(3) the magnet lets go)", 0.95, 1.0
+        "usable share of the gap of greatest pull (choice: beyond r/sqrt(3) the magnet lets go)", 0.95, 1.0
     )
-    gap_stds: float = _limit(
-        "standard deviations of the estimated position by which the gap is held smaller (choice)", 3.0, 100.0
-    )
+    gap_stds: float = _limit("margin of the gap in standard deviations of the estimated position (choice)", 3.0, 100.0)
     envelope_m: float = _limit(
-        "farthest that carriage and capsule may be from the wanted position; 0: the gap of greatest pull, 10 mm"
-        " for a coil, 20 mm for an inner mass (choice: a third or two thirds of a capsule's length)",
+        "greatest distance of carriage and capsule from the wanted position; 0: the gap of greatest pull, 10 mm for a"
+        " coil, 20 mm for an inner mass (choice: a third or two thirds of a capsule's length)",
         0.0,
         1.0,
         least=0.0,
@@ -68,10 +58,10 @@ class Limits:
         "fastest change of the coil current (12 V of the PWM capsubot across the default coil's 10 mH)", 1200.0, 1e6
     )
     temperature_C: float = _limit(
-        "temperature at which the drive is switched off (applied part for 10 min, IEC 60601-1, from memory)", 43.0, 80.0
+        "temperature at which the drive switches off (applied part for 10 min, IEC 60601-1, from memory)", 43.0, 80.0
     )
-    derate_C: float = _limit("temperature from which its range shrinks (choice: 2 K below that)", 41.0, 80.0)
-    age_s: float = _limit("age of the last localisation at which the drive is stopped (choice)", 0.15, 10.0)
+    derate_C: float = _limit("temperature above which its range shrinks (choice: 2 K below that)", 41.0, 80.0)
+    age_s: float = _limit("age of the last localisation at which the drive stops (choice)", 0.15, 10.0)
     longest_tick_s: float = _limit("longest pause that counts when a command's rate is limited (choice)", 0.02, 1.0)
 
     def __post_init__(self) -> None:
@@ -86,17 +76,17 @@ class Limits:
 
     @classmethod
     def ranges(cls) -> dict[str, tuple[float, float]]:
-        """Least and most of every limit by name."""
+        """Least and greatest value of each limit by name."""
         return {f.name: (f.metadata["least"], f.metadata["most"]) for f in fields(cls)}
 
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """`Limits` as one drive's command knows them (`controller.drives`): range [`low`, `high`], `rate` a second,
-    `acceleration` a second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply;
-    `sense` is the sign of the force of a positive command. `placed`: the command is the place of a carriage, which
-    rests where it is; every other one rests at 0. `shaken`: an inner mass shakes the capsule to and fro.
-    `without_gap_m`: half the width of the envelope around the wanted position where no gap sets it.
+    """`Limits` in the unit of one drive's command (`controller.drives`): range [`low`, `high`], `rate` per second,
+    `acceleration` per second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply.
+    `sense`: sign of the force of a positive command. `placed`: the command is a carriage position and rests where it
+    is; other commands rest at 0. `shaken`: an inner mass shakes the capsule. `without_gap_m`: half width of the
+    envelope around the wanted position without a gap.
     """
 
     low: float
@@ -118,7 +108,7 @@ class Envelope:
         return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else self.without_gap_m
 
     def neutral(self, position_m: float) -> float:
-        """The command without force: 0, a carriage's above the capsule (mid-travel where its place is unknown)."""
+        """The command without force: 0, or the carriage above the capsule (mid-travel if the position is unknown)."""
         if not self.placed:
             return 0.0
         return _within(position_m, self.low, self.high) if math.isfinite(position_m) else 0.5 * (self.low + self.high)
@@ -126,7 +116,7 @@ class Envelope:
 
 @dataclass(frozen=True, slots=True)
 class Issued:
-    """A command that went out, in the drive's unit, its rate of change a second, and the `aim` it was on its way to."""
+    """A command that was sent, in the drive's unit, its rate per second, and its `aim`."""
 
     command: float
     rate: float = 0.0
@@ -135,8 +125,8 @@ class Issued:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is believed when a command is limited, SI: `age_s` is how old that belief is, `lost` whether it is none,
-    `std_m` the standard deviation of the position.
+    """What is known when a command is limited, SI: `age_s` is the age of the estimate, `std_m` the standard deviation
+    of the position.
     """
 
     position_m: float
@@ -150,17 +140,20 @@ class Seen:
 def limited(
     wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope
 ) -> tuple[Issued, tuple[str, ...]]:
-    """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits it ran
-    into. Never raises.
+    """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits that
+    acted. Never raises.
 
-    Out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate differs by at most
-    `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt` counts as 0 below 1
-    us or where it is no number, and as `longest_tick_s` beyond that. The safe state (zero current, inner mass off,
-    carriage at rest) is for a `wanted` that is no finite number, a lost, stale or impossible belief, and the
-    temperature limit; above `derate_C` a current's range (the carriage's rate) shrinks in proportion. A capsule faster
-    than `speed_m_s` is not pushed on. The carriage does not leave the gap in which the magnet holds, less `gap_stds` of
-    the position: it brakes ahead of its end. A `previous` that is not finite or out of range counts as the nearest one
-    that is neither, at rest.
+    The result is a finite command in [`low`, `high`], at most `rate dt` from `previous`; its rate changes by at most
+    `acceleration dt`, and it can still stop within the range. `dt` counts as 0 below 1 us or if not a number, and as at
+    most `longest_tick_s`.
+
+    The safe state is zero current, inner mass off, carriage at rest. It answers a `wanted` that is not finite, a lost,
+    stale or impossible estimate, and the temperature limit. Above `derate_C` a current's range (a carriage's rate)
+    shrinks in proportion.
+
+    A capsule faster than `speed_m_s` is not accelerated further. The carriage stays within the gap in which the magnet
+    holds, less `gap_stds` of the position, and brakes ahead of its end. A `previous` out of range or not finite counts
+    as the nearest valid command at rest.
     """
     e, limits, broken = envelope, envelope.limits, list[str]()
     aim, before, rate, dt = number(wanted), number(previous.command), number(previous.rate), number(dt)
@@ -178,7 +171,7 @@ def limited(
     dt = min(dt, limits.longest_tick_s) if dt >= _SHORTEST_TICK else 0.0
     share = _within((limits.temperature_C - warm) / (limits.temperature_C - limits.derate_C), 0.0, 1.0)
     share = share if warm == warm else 0.0
-    # a carriage's capsule cannot be out of the magnet's reach from every place on its travel
+    # the capsule of a carriage lies within reach of the magnet from some position of its travel
     possible = math.isfinite(x) and (not e.placed or e.low - e.gap_m <= x <= e.high + e.gap_m)
     blind = bool(seen.lost) or not (0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and possible)
     unasked = not math.isfinite(aim)
@@ -203,7 +196,7 @@ def limited(
 
 
 def number(value: object) -> float:
-    """`value` as a float; NaN where it is none, be it text, None or too large. Never raises."""
+    """`value` as a float, NaN if it is not a number. Never raises."""
     if isinstance(value, float):
         return float(value)
     if not isinstance(value, Real):
@@ -228,8 +221,8 @@ def _reached(
     room: tuple[float, float],
     envelope: Envelope,
 ) -> Issued:
-    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room`. The
-    carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still brake.
+    """The part of `aim` reachable within `dt` under rate and acceleration, so that it stops within `room`. The carriage
+    moves with its aim (its rate since `last_aim`) and closes the distance as fast as it can still brake.
     """
     if dt == 0 or math.isinf(envelope.rate):
         command, new_rate = (before, rate) if dt == 0 else (aim, 0.0)
@@ -248,5 +241,5 @@ def _reached(
 
 
 def _braking(room: float, dt: float, a: float) -> float:
-    """Greatest rate w for `dt` that deceleration `a` still ends within `room`: `w dt + w^2/(2 a) = room`."""
+    """Greatest rate w for `dt` that deceleration `a` still stops within `room`: `w dt + w^2/(2 a) = room`."""
     return a * dt * (math.sqrt(1 + 2 * max(room, 0.0) / (a * dt * dt)) - 1)

@@ -1,53 +1,77 @@
-"""The controllers by name: each name's chain for the supervisor, best first."""
+"""The controllers by name, own ones of a user or package included: the chain for the supervisor, best first."""
 
+import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Final
 
-from controller.baselines.lqr import LQR
-from controller.baselines.pid import PID
+from controller.baselines import LQR, PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Estimator, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
-from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
 from controller.limits import Envelope, Limits
-from controller.model.control_model import ControlModel
-from controller.model.friction import AT_FIRST, level_off, mean_friction
+from controller.model.control_model import AT_FIRST, ControlModel, level_off, mean_friction
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Horizon
-from controller.own import own_controllers
 from controller.signals import Controller
-from controller.tuned import FilterNoise
+from controller.tuned import FilterNoise, Horizon
 from controller.vibro.controller import vibro_controller
+from models.files.python_file import classes_in, installed
 from models.parameter import nearest
 
+GROUP: Final = "capsule.controllers"
+
+
+def _declared(paths: Sequence[Path]) -> Iterator[tuple[str, type[Controller]]]:
+    for where, cls, _ in installed(GROUP, "controllers"):
+        yield where, cls
+    for path in paths:
+        classes = [c for c in classes_in(path, "controllers")[0] if Controller in c.__mro__]
+        if not classes:
+            raise ValueError(f"{path}: file must have a subclass of controller.signals.Controller; got none")
+        yield from ((str(path), cls) for cls in classes)
+
+
+def _failure(cls: type[Controller], taken: Collection[str]) -> str | None:
+    name, kinds = getattr(cls, "name", ""), getattr(cls, "kinds", ())
+    if not isinstance(name, str) or not name.isidentifier():
+        return f"{cls.__name__}.name must be letters, digits and underscores; got {name!r}"
+    if name in taken:
+        return f"{cls.__name__}.name must be one that is free; got {name!r}"
+    if not isinstance(kinds, tuple) or not kinds or not set(kinds) <= set(DRIVES):
+        return f"{cls.__name__}.kinds must be some of {', '.join(DRIVES)} in a tuple; got {kinds!r}"
+    if list(inspect.signature(cls).parameters) != ["model", "envelope"]:
+        return f"{cls.__name__} must be made from (model, envelope); got {inspect.signature(cls)}"
+    wanted = list(inspect.signature(Controller.act).parameters)
+    got = list(inspect.signature(cls.act).parameters)
+    return None if got == wanted else f"{cls.__name__}.act must take ({', '.join(wanted)}); got ({', '.join(got)})"
+
+
 LATE_SLIP, _LEAST_LATE = 0.25, 0.05
-"""By how much of its limit slip may come later than the model says; the lesser share where the model proved right. Of
-0, 0.05, 0.15, 0.3 and 0.5, those from 0.15 to 0.3 tracked best on ramp and sine in a straight tube and in random guts,
-seeds from 100 on; of 0.05, 0.15 and 0.25 the first behind models that close-loop augmented (fading grip, drag,
-drying).
+"""Share of its limit by which slip may come later than the model predicts; the lesser share for a proved model. Of 0 to
+0.5, those from 0.15 to 0.3 tracked best on ramp and sine in a straight tube and in random guts, seeds from 100 on. With
+augmented models (fading grip, drag, drying) 0.05 did.
 """
 HOLD_S = 0.01
 """A period of the localisation. Of 0, 10 and 20 ms the latter two tracked alike, and no worse than 0, on ramp, sine,
-folds and a coil's steps, seeds from 100 on; a plan for each tick takes three times as long.
+folds and a coil's steps, seeds from 100 on; a plan per tick takes three times as long.
 """
 ITERATIONS = 2
-"""SQP steps of a plan, which goes on in the next tick where it still gains. So two tracked as well as three in guts, on
-ramp and steps, over folds and under pushes, seeds from 100 on, and the longest plan takes two thirds of the time.
+"""SQP steps of a plan, which continues in the next tick if it still gains. Two tracked as well as three in guts, on
+ramp and steps, over folds and under pushes, seeds from 100 on; the longest plan takes two thirds of the time.
 """
 MPC_PUSH_N = 40e-3
-"""How strongly the estimator in front of a magnet's MPC believes that something may push, in N a root second, for the
-60 mN of others. With a lag of 0.1 to 0.15 s that no model is told of, an MPC that believes in pushes answers those that
-it makes itself and hunts by 2 mm: in five of eight runs, with 40 mN in one, with 30 in none, which costs it more under
-true pushes; seeds from 100 on.
+"""Random walk of a push for the estimator before a magnet's MPC, in N per root second, in place of 60 mN. With an
+unmodelled lag of 0.1 to 0.15 s an MPC answers the pushes that it causes itself and hunts by 2 mm: in five of eight
+runs, with 40 mN in one. 30 mN cost more under true pushes; seeds from 100 on.
 """
 ESTIMATORS = ("default", "ukf")
-"""The estimators that a scenario or deployment may ask for: the one that goes with the controller, or filterpy's."""
+"""The estimators of a scenario or deployment: the default of the controller, or filterpy's."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Estimator | KinematicFilter
@@ -66,7 +90,6 @@ _INNER_MASS: Mapping[str, Builder] = {
     "vibro_map": lambda model, envelope, _: (vibro_controller(model, feedback=False),),
 }
 _OWN: dict[str, type[Controller]] = {}
-"""Controllers from outside, by name."""
 _BUILDERS: dict[str, Builder] = {
     "pid": lambda model, envelope, _: (PID(model, envelope, driven_of(model.drive).pid),),
     "pid_friction": lambda model, envelope, _: (
@@ -80,27 +103,34 @@ _BUILDERS: dict[str, Builder] = {
     **_INNER_MASS,
 }
 CONTROLLERS: Mapping[str, Builder] = MappingProxyType(_BUILDERS)
-"""`pid` and `pid_friction` see the localisation through a kinematic filter, as a laboratory without a friction model
-has it; all others, the two PIDs called estimated among them, what the friction-aware estimator believes. `vibro_square`
-is `vibro` with square waves alone, `vibro_map` without its slow loop.
+"""`pid` and `pid_friction` use a kinematic filter, as in a laboratory without a friction model; all others, the two
+PIDs named estimated included, the friction-aware estimate. `vibro_square` is `vibro` with square waves alone,
+`vibro_map` without its slow loop.
 """
 
 
 def leads(name: str) -> tuple[str, ...]:
-    """The kinds of drive that the controller `name` can lead."""
+    """The kinds of drive that the controller `name` can control."""
     if name in _OWN:
         return tuple(getattr(_OWN[name], "kinds", ()))
     return tuple(kind for kind, driven in DRIVES.items() if driven.shaken == (name in _INNER_MASS))
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
-    """Let the controllers of the files `paths` and of installed packages be asked for by name, in place of those of an
-    earlier call; a PID steps in for one that leads a body. Raises ValueError, and uses none, where one cannot be used.
+    """Make the controllers of the files `paths` and of installed packages available by name, in place of those of an
+    earlier call; a PID is the fallback of one that moves a body. Raises ValueError, one sentence with the file, and
+    adds none, if one cannot be used.
     """
     for name in _OWN:
         del _BUILDERS[name]
     _OWN.clear()
-    for name, cls in own_controllers(paths, CONTROLLERS).items():
+    found: dict[str, type[Controller]] = {}
+    for where, cls in _declared(paths):
+        failure = _failure(cls, {*CONTROLLERS, *found})
+        if failure is not None:
+            raise ValueError(f"{where}: {failure}")
+        found[cls.name] = cls
+    for name, cls in found.items():
         _OWN[name], _BUILDERS[name] = cls, _own(cls)
 
 
@@ -108,7 +138,7 @@ def _own(cls: type[Controller]) -> Builder:
     def chain(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
         try:
             first = cls(model, envelope)  # type: ignore[call-arg]
-        except Exception as error:  # noqa: BLE001 - a user's class raises whatever it likes
+        except Exception as error:  # noqa: BLE001 - a user's class may raise anything
             got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             raise ValueError(f"controller {cls.__name__} must be one that can be made; got {got}") from None
         return (first, PID(model, envelope)) if not envelope.shaken else (first,)
@@ -117,7 +147,7 @@ def _own(cls: type[Controller]) -> Builder:
 
 
 def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
-    """What `name` sees the measurements through, those up to `age_s` old, unless `estimator` is another."""
+    """The estimator of the controller `name` for measurements up to `age_s` old, unless `estimator` is another."""
     driven = driven_of(model.drive)
     classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
     if estimator == "default" and classical is not None:
@@ -125,6 +155,8 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
     sharp = model.sharp
     noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":
+        from controller.estimator.ukf import UnscentedEstimator  # filterpy loads half of SciPy
+
         return UnscentedEstimator(sharp, noise)
     if driven.shaken:
         return CubatureEstimator(sharp, noise)
@@ -134,8 +166,8 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
 
 
 def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:
-    """The controller `name` for `model` within `envelope`, with those that step in for it; `deadline_s` is the MPC's.
-    Raises ValueError for an unknown name, naming the nearest, and for a drive that these controllers cannot lead.
+    """The controller `name` for `model` within `envelope`, with its fallbacks; `deadline_s` is the MPC's. Raises
+    ValueError for an unknown name, with the nearest one, and for a drive that it cannot control.
     """
     if name not in CONTROLLERS:
         raise ValueError(

@@ -23,7 +23,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
-    """Parameters (p,) in the model's order as the estimator believes them, and the force along +x that is left."""
+    """Parameters (p,) in the model's order as the estimator has learned them, and the remaining force along +x."""
 
     parameters: Array
     disturbance_N: float
@@ -31,12 +31,12 @@ class Adapted:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What the estimator believes at `time_s`: `state` (n,) in the control model's order, its standard deviations `std`
-    (n,), a slowly varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on.
-    `adapted`, where the estimator learns, says the same with other parameters: `disturbance_N` is what the model's own
-    ones lack in the present motion. `innovations` are by how many standard deviations the positions taken in with it
-    were off what was expected, signed; `surprise` is that of the newest position, be it taken in or refused, NaN where
-    none came.
+    """State estimate at `time_s`: `state` (n,) in the control model's order, standard deviations `std` (n,), and
+    `disturbance_N`, a slow force along +x that the model lacks. `lost`: not to be acted on.
+
+    `adapted`, from an estimator that learns, is the same estimate with learned parameters; `disturbance_N` is then what
+    the model's own parameters lack in the present motion. `innovations`: normalised, signed innovations of the accepted
+    positions. `surprise`: that of the newest position, accepted or refused; NaN without one.
     """
 
     time_s: float
@@ -50,7 +50,7 @@ class Estimate:
 
 
 class Reference(Protocol):
-    """Where the capsule shall be."""
+    """The wanted position of the capsule."""
 
     def position(self, t: Array) -> Array:
         """Position in m at the times `t` in s, same shape."""
@@ -63,9 +63,9 @@ class Reference(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A controller's answer for one tick: `command` in the drive's unit, how it came about, the path it expects ((k,)
-    positions in m or None) and how long each phase took in s; `cut_after` says after how many steps the clock cut a
-    plan short (None: it did not).
+    """A controller's answer for one tick: `command` in the drive's unit, its status, the predicted path ((k,) positions
+    in m or None) and the seconds each phase took. `cut_after`: the steps after which the deadline cut the plan; None if
+    it did not.
     """
 
     command: float
@@ -76,7 +76,7 @@ class Action:
 
 
 class Controller(Protocol):
-    """What every controller is. No method raises; all take bounded time."""
+    """What every controller implements. No method raises; all take bounded time."""
 
     name: str
 
@@ -85,17 +85,17 @@ class Controller(Protocol):
         ...
 
     def follow(self, command: float, rate: float) -> None:
-        """Hear the command in force and its `rate` a second, before each `act`: what limits left of the last answer,
-        for those who go on from their own commands. The others need not listen.
+        """Receive the command in force and its `rate` per second before each `act`, after limits. Controllers that
+        continue from their own commands need it.
         """
         return
 
     def allow(self, steps: int) -> None:
-        """Cut the next plan after so many steps, as the clock did once, for those who plan by a deadline."""
+        """Cut the next plan after `steps` iterations, as the deadline did before: replays are exact."""
         return
 
     def calm(self) -> bool:
-        """Take errors back at half the pace from here on, as the loop swings; whether this one can."""
+        """Halve the loop gain because the loop oscillates; returns whether this controller can."""
         return False
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:

@@ -1,4 +1,4 @@
-"""What a loop is tuned by for each drive: PID's gains, feedforward's correction, filter's noise, monitor's scales."""
+"""What each loop is tuned by: gains of the PID, correction, filter noise, monitor, horizon and weights of the MPC."""
 
 from __future__ import annotations
 
@@ -10,18 +10,16 @@ from typing import Any, Final
 from models.parameter import Name
 from models.theta import bare
 
-_SURPRISE: Final = 0.7
-"""Of the mean normalised difference, three standard deviations of its noise, beyond which something pushes."""
-_ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
+_SURPRISE: Final = 0.7  # mean normalised innovation, three of its standard deviations, beyond which a push is assumed
+_ASTRAY: Final = 1.5  # the same, more than six: model and capsule move apart
 _RECENT: Final = 0.1  # share of the newest position in that mean
-TOLD_S: Final = 0.4
-"""The greatest age in s that a localiser can tell."""
+OLDEST_S: Final = 0.4  # greatest age in s that a localiser can state
 # A, m and m/s by which the states of a drive wander
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
 def check_numbers(record: Any, word: str, but: str = "", positive: bool = False, finite: bool = True) -> None:
-    """ValueError unless the fields of `record`, `but` for one, are 0 or more, or `positive`, and `finite`."""
+    """ValueError unless the fields of `record`, except `but`, are 0 or more, or `positive`, and `finite`."""
     must = "a positive number" if positive else "zero or more"
     for name in (f.name for f in fields(record) if f.name != but):
         value = getattr(record, name)
@@ -31,9 +29,8 @@ def check_numbers(record: Any, word: str, but: str = "", positive: bool = False,
 
 @dataclass(frozen=True)
 class PidGains:
-    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within
-    `windup_N`. `jerkiness`, in m/s per root s, is that of the `KinematicFilter` that it sees through, nan
-    where it sees what the friction-aware estimator believes.
+    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m, the integral limited to `windup_N`.
+    `jerkiness` in m/s per root s is that of the `KinematicFilter` before it; nan: it uses the friction-aware estimate.
     """
 
     k_p: float = 0.0
@@ -48,14 +45,14 @@ class PidGains:
 
 @dataclass(frozen=True)
 class Correction:
-    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)`, corrected by at most `most_m_s`. While
-    the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not turn
-    friction round. At rest errors up to `slack_m` are left alone, so that a held capsule does not hunt; beyond it the
-    capsule is brought back to half of that. Within `reach_s` the inverse gets to the speed: a coil's current needs some
-    ticks, a lagging drive most of its time constant.
+    """Position feedback: the demanded speed is `r' + gain_1_s (r - x)`, the correction at most `most_m_s`. While the
+    reference moves, a capsule ahead by less than `noise_m` at most waits, so noise does not reverse friction. At rest
+    errors up to `slack_m` are left alone, so that the loop does not hunt; a larger one is reduced to half of that. The
+    inverse reaches the speed within `reach_s`: a coil's current needs some ticks, a lagging drive most of its time
+    constant.
     """
 
-    pace_1_s: float = 20.0
+    gain_1_s: float = 20.0
     noise_m: float = 1.6e-3
     most_m_s: float = 10e-3
     slack_m: float = 0.4e-3
@@ -68,21 +65,19 @@ class Correction:
 
 @dataclass(frozen=True)
 class FilterNoise:
-    """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by
-    `other_wander` of 1.
+    """Standard deviations, SI. `*_wander` are random walks over one second; states not named wander by `other_wander`.
 
-    The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no
-    friction explains; `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far
-    they may be off at the start. Half of the particles hold that the level wanders by `level_wander`, as in a tube,
-    half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while
-    positions come out on one side of what was expected: something pushes. While they are far off on one side the
-    position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
+    The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force is what
+    friction does not explain. `level_std` (`fitted_level_std` after a fit) and `force_std_N` are their initial
+    uncertainty. Half of the particles assume `level_wander`, as in a tube, half `brisk_level_wander`, as in an uneven
+    gut. While innovations have one sign, the force wanders by `push_wander_N`: something pushes. While they are far off
+    on one side, the position wanders by `slip_wander_m` too.
 
-    A measurement further than `gate` standard deviations from what was expected is an outlier. After `slips_in_a_row`
-    of them the believed place follows, where the capsule may have gone from one to the next at `slip_m_s`; else
-    `outliers_in_a_row` mean that the belief is wrong, not they. The estimate is lost without an accepted position for
-    `age_s`, above `lost_std_m`, and until `proof` positions in a row were accepted after a new start. A reading later
-    than `latest_s` is not used. Both are `Limits.age_s` of the rig (`up_to`).
+    A measurement beyond `gate` standard deviations is an outlier. After `slips_in_a_row` outliers the position estimate
+    follows, if the capsule may have moved between them at `slip_m_s`; else the estimate restarts after
+    `outliers_in_a_row`. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
+    `proof` positions in a row were accepted after a start. Readings older than `latest_s` are not used. Both ages are
+    `Limits.age_s` of the rig (`up_to`).
     """
 
     position_std_m: float = 0.5e-3
@@ -114,35 +109,35 @@ class FilterNoise:
         check_numbers(self, "noise", but="drive_wander", positive=True)
 
     def up_to(self, age_s: float) -> FilterNoise:
-        """The same for positions as old as a command may rest on (`Limits.age_s`), at most `TOLD_S`."""
-        return replace(self, age_s=age_s, latest_s=min(age_s, TOLD_S))
+        """The same for positions as old as `age_s` (`Limits.age_s`), at most `OLDEST_S`."""
+        return replace(self, age_s=age_s, latest_s=min(age_s, OLDEST_S))
 
     def surprised(self, before: float, size: float) -> float:
-        """By how many standard deviations recent positions were off on average, one more of them by `size`."""
+        """The running mean of the normalised innovations, updated with `size`."""
         return before + _RECENT * (size - before)
 
     def walks(self, surprise: float) -> tuple[float, float]:
-        """How force and position wander after positions that were off by `surprise` on average."""
+        """Random walks of force and position at a mean innovation of `surprise`."""
         force = self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N
         return force, self.slip_wander_m if abs(surprise) > _ASTRAY else self.position_wander_m
 
     def wander(self, state: Name) -> float:
-        """Standard deviation of the random walk of the model's `state` over a second."""
+        """Standard deviation of the random walk of the model's `state` over one second."""
         own: dict[Name, float] = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
         return own.get(state, self.drive_wander.get(bare(state), self.other_wander))
 
 
 @dataclass(frozen=True)
 class Expected:
-    """Of seconds in which the capsule moved by `least_m` or more: `miss_m` is the standard deviation of the forecast's
-    miss beside what begin and end are uncertain by, `innovation` that of the mean standardised innovation, `ahead`
-    that of `Second.ahead`, `lacking` that of the force that the model lacks, as a share of its mean friction. `alarm`
-    is the evidence of forecast, innovations and time that raises an alarm, `drift` that of the drift.
+    """Scatter of seconds in which the capsule moved by `least_m` or more: `miss_m` of the forecast's error beside the
+    uncertainty of its ends, `innovation` of the mean standardised innovation, `ahead` of `Second.ahead`, `lacking` of
+    the force that the model lacks, as a share of its mean friction. `alarm` is the evidence of forecast, innovations
+    and time that raises an alarm, `drift` that of the drift.
 
-    Evidence is a logarithm of a likelihood ratio: with scales that are not too small and independent seconds, false
-    alarms of one sum are e^alarm seconds of motion apart or more (Lorden 1971), 45 h with 12. The force that is
-    lacking is alike over several seconds in an uneven gut, so `lacking` and `drift` stand for that: in 40 h along 80
-    guts from 100 on (level and noise alone, without the loop) the sum stayed below 12.
+    Evidence is a log likelihood ratio. With scales not too small and independent seconds, false alarms of one sum are
+    e^alarm seconds of motion apart or more (Lorden 1971), 45 h with 12. In an uneven gut the lacking force is alike
+    over several seconds; `lacking` and `drift` account for that: in 40 h along 80 guts from 100 on the sum stayed below
+    12.
     """
 
     least_m: float = 0.2e-3
@@ -152,3 +147,65 @@ class Expected:
     lacking: float = 0.09
     alarm: float = 14.0
     drift: float = 20.0
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """`stages` of `stage_s` each, integrated in `substeps`; at most `iterations` SQP steps, none that would end later
+    than `deadline_s` after the plan's begin (inf: the same on every machine).
+
+    A capsule within `rest_m` of a resting reference, or within three standard deviations of the estimate up to three
+    times that, is left alone until it is twice as far. Smoothed friction creeps where real friction holds, so the loop
+    would hunt.
+
+    `late_slip`: share by which a plan takes the slip limit as higher. A plan that eases off before a late slip leaves
+    the capsule stuck; one that keeps pulling loses a few milliseconds.
+
+    A plan that its last step did not improve is followed for up to `hold_s`, while the estimate stays within `hold_m`
+    of its path and its rates change within a tick's acceleration. A new plan per tick reacts to the noise of one
+    reading several times.
+    """
+
+    stages: int = 30
+    stage_s: float = 5e-3
+    substeps: int = 2
+    iterations: int = 3
+    deadline_s: float = math.inf
+    rest_m: float = 1e-4
+    late_slip: float = 0.0
+    hold_s: float = 0.0
+    hold_m: float = 2e-5
+
+    def __post_init__(self) -> None:
+        whole = (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100), ("late_slip", 0, 1))
+        for name, low, high in whole:
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name):g}")
+        if not 0 <= self.hold_s <= 0.5 * self.stages * self.stage_s:
+            raise ValueError(
+                f"hold_s must lie within half the horizon of {self.stages * self.stage_s:g} s; got {self.hold_s:g}"
+            )
+        for name, most in (("stage_s", 1.0), ("rest_m", 1.0), ("hold_m", 1.0), ("deadline_s", math.inf)):
+            if not 0 < getattr(self, name) <= most:
+                raise ValueError(f"{name} must lie above 0, up to {most:g}; got {getattr(self, name):g}")
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Deviations that cost as much as each other, and the cost of soft bounds. The cost is `1/2 sum_k ((x -
+    r)/position_m)^2 + ((v - r')/speed_m_s)^2 + ((c' - c_r')/rate)^2 + ((c'_k - c'_{k-1})/jump)^2`, the last position
+    weighted by `final`; `rate` and `jump` are given as rates of the drive's force in N/s. A soft bound exceeded by its
+    share e costs `weight (e + 5 e^2)`.
+    """
+
+    position_m: float = 1e-4
+    speed_m_s: float = 2e-2
+    rate_N_s: float = 4.0
+    jump_N_s: float = 8.0
+    final: float = 5.0
+    gap: float = 2e4
+    speed: float = 5e3
+    force: float = 5e3
+
+    def __post_init__(self) -> None:
+        check_numbers(self, "weight", positive=True)

@@ -34,8 +34,7 @@ from models.identification.model import read_model
 from models.records.record import Record, record_of
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
-from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import load_scenario
+from plant.experiments.scenario import load_scenario, record_scenario
 
 __all__ = [
     "Finding",

@@ -1,4 +1,4 @@
-"""Properties that vary along the lumen: a level profile on the hoop stress, made by hand or at random."""
+"""Properties that vary along the lumen: a profile of the hoop stress, stated or random."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Anatomy:
             raise ValueError(f"anatomy step_m must be positive; got {self.step_m:g}")
 
     def times(self, other: Anatomy) -> Anatomy:
-        """Both profiles at once, on this one's grid refined to a quarter millimetre."""
+        """The product of both profiles, on a grid of a quarter millimetre."""
         ends = [(a.start_m, a.start_m + a.step_m * (len(a.level) - 1)) for a in (self, other)]
         x = np.arange(min(e[0] for e in ends), max(e[1] for e in ends) + 2.5e-4, 2.5e-4)
         return Anatomy(tuple(self.at(x) * other.at(x)), float(x[0]), 2.5e-4)
 
     def at(self, x: Floats) -> Floats:
-        """The level at places `x` in m, any shape."""
+        """The level at positions `x` in m, any shape."""
         grid = self.start_m + self.step_m * np.arange(len(self.level))
         return np.asarray(np.interp(x, grid, self.level))
 
 
 def along(places_m: Sequence[float], levels: Sequence[float], step_m: float = 2.5e-4) -> Anatomy:
-    """A profile through the given points, linear between them; places must increase."""
+    """A profile through the given points, linear between them; positions must increase."""
     if len(places_m) != len(levels) or len(places_m) < 2 or np.any(np.diff(places_m) <= 0):
         raise ValueError(
             f"anatomy places_m must increase and match level, two points or more; got {list(places_m)} and"
@@ -52,8 +52,8 @@ def along(places_m: Sequence[float], levels: Sequence[float], step_m: float = 2.
 def random_anatomy(
     seed: int, start_m: float = -0.1, end_m: float = 0.3, spread: float = 0.15, correlation_m: float = 12e-3
 ) -> Anatomy:
-    """A gut drawn by `seed`: a log-normal level field of standard deviation `spread` and correlation length
-    `correlation_m`, with folds of 5 to 10 mm, a slow taper and at times a stenosis. Same seed, same gut.
+    """A gut drawn with `seed`: a log-normal level field of standard deviation `spread` and correlation length
+    `correlation_m`, with folds of 5 to 10 mm, a slow taper and sometimes a stenosis.
     """
     if not 0 <= spread <= 0.5:
         raise ValueError(f"spread must lie in [0, 0.5]; got {spread:g}")

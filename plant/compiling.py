@@ -1,4 +1,4 @@
-"""The one way in which the plant is compiled: numba, no Python object inside, cached until a file changes."""
+"""How the plant is compiled: numba, without Python objects, cached until a file changes."""
 
 import hashlib
 from collections.abc import Callable
@@ -28,9 +28,9 @@ def source_digest() -> str:
 
 
 def compiled(function: F) -> F:
-    """Compile `function` on first use and keep the machine code beside the source, under the hash of all the plant's
-    files: numba renews it when its own file changes, not when a function in another file does. Without numba's memory
-    manager (`_nrt`) no array can be made inside, nor are references counted, three quarters of a step's time.
+    """Compile `function` on first use and cache the machine code beside the source. The cache is valid for the hash of
+    all the plant's files; numba checks the function's own file only. Without numba's memory manager (`_nrt`) no array
+    is made inside and no reference counted, which saves three quarters of a step's time.
     """
     dispatcher: Any = njit(**OPTIONS)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)

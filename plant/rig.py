@@ -1,4 +1,4 @@
-"""A simulated rig: capsule, tissue, surface, drive, anatomy and hidden effects put together, advanced in chunks."""
+"""A simulated rig: capsule, tissue, surface, drive, anatomy and hidden effects, advanced in chunks."""
 
 import itertools
 import math
@@ -10,11 +10,11 @@ import numpy as np
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from plant import layout as at
 from plant.anatomy import Anatomy
-from plant.drives.kinds import TrueDrive
-from plant.drives.steps import advance
-from plant.hidden.carriage import BEHIND, CARRIAGE_NUMBERS, real_drive
+from plant.drives import TrueDrive
+from plant.hidden.actuation import BEHIND, CARRIAGE_NUMBERS, real_drive
 from plant.hidden.registry import ONSET
 from plant.hidden.table import begun, effect_table
+from plant.steps import advance
 from plant.tables import Floats, tabulate
 
 STEP_S = 20e-6  # of the plant
@@ -22,7 +22,7 @@ STEP_S = 20e-6  # of the plant
 
 @dataclass(frozen=True)
 class TruePlate:
-    """A rigid plate: Coulomb friction, static coefficient at least the sliding one (None: the same)."""
+    """A rigid plate: Coulomb friction, static coefficient at least the sliding one (None: equal)."""
 
     friction_coefficient: float = 0.29
     static_friction_coefficient: float | None = None
@@ -44,7 +44,7 @@ class Truth:
 
 class Plant:
     """The state of a rig and its steps. `advance` takes drive values and returns recorded rows in the columns of
-    `plant.layout`. An effect that has an onset begins with the step nearest to it.
+    `plant.layout`. An effect with an onset begins at the nearest step.
     """
 
     def __init__(self, rig: Truth) -> None:
@@ -64,19 +64,18 @@ class Plant:
 
     @property
     def time(self) -> float:
-        """Seconds simulated so far."""
         return float(self.state[at.S_STEP] * self.rig.step_s)
 
     def stages(self) -> list[tuple[int, Floats]]:
-        """The tables of hidden effects in use, each with the step before which it comes into use, the first with 0."""
+        """The tables of hidden effects in use, each with the step before which it begins, the first with 0."""
         dt = self.rig.step_s
         later = [(max(math.ceil(t / dt - 0.5), 0), begun(self._all, t)) for t in self._onsets]
         return [(0, begun(self._all, 0.0)), *later]
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
-        """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last
-        rate): positions in m of a pull or carriage, a coil's V, an inner mass's N or V, each step's mean. Returns a row
-        each `every` steps. Raises `ValueError` for fewer than two values or values that are not finite.
+        """Do `len(drive) - 1` steps with the drive's values at each step's start; the last value only gives the last
+        rate. Values are positions in m of a pull or carriage, V of a coil, N or V of an inner mass, the mean of each
+        step. Returns a row every `every` steps. Raises `ValueError` for fewer than two values or values not finite.
         """
         values = np.ascontiguousarray(drive, dtype=float)
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
@@ -113,7 +112,7 @@ _POSITIVE = (
 
 
 def _check(record: object, where: str) -> None:
-    """Masses and the like must be positive, all other numbers but a force's or gain's sign not negative."""
+    """Masses and the like must be positive; all other numbers, except the sign of a force or gain, not negative."""
     for name, value in vars(record).items():
         if not isinstance(value, float | int) or isinstance(value, bool):
             continue

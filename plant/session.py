@@ -1,4 +1,4 @@
-"""The plant in a closed loop: a command goes in, time goes on, readings come out."""
+"""The plant in a closed loop: a command goes in, time advances, readings come out."""
 
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -8,7 +8,7 @@ import numpy as np
 from plant import layout as at
 from plant.hidden.table import effect_table
 from plant.rig import Plant, Truth
-from plant.sensing.instruments import Instrument, Reading, Stream
+from plant.sensing import Instrument, Reading, Stream
 from plant.tables import Floats
 
 _EVERY: Final = 10  # steps between rows of the truth
@@ -17,38 +17,37 @@ FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
 
 
 class Stepped(Protocol):
-    """What a session steps: a `Plant`, or what stands in for it with the same state and `advance`."""
+    """What a session steps: a `Plant` or a substitute with the same state and `advance`."""
 
     @property
     def rig(self) -> Truth:
-        """What is true of the rig."""
+        """The truth of the rig."""
 
     @property
     def state(self) -> Floats:
-        """The state now."""
+        """The present state."""
 
     @property
     def time(self) -> float:
-        """Seconds simulated so far."""
+        """Simulated time in s."""
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
-        """Go on under `drive`; the recorded rows."""
+        """Advance under `drive`; the recorded rows."""
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is measured in the loop: the capsule's place, and what the drive does (None: it says nothing)."""
+    """The sensors of the loop: localisation of the capsule, and the drive's feedback (None: none)."""
 
     localisation: Instrument = LOCALISATION
     feedback: Instrument | None = FEEDBACK
 
 
 class Session:
-    """A rig that is commanded step by step. `newest` is the last row of the truth, `rows` all of it where the session
-    `keeps` it for whoever judges the run; no controller may see either. A carriage goes in a straight line to each
-    command in m; a coil holds a voltage in V, an inner mass without a coil the share 0..1 of its force. A carriage's
-    feedback is its own encoder's, before lag and play. The same rig, instruments, seed and commands give the same
-    numbers, whatever the ticks.
+    """A rig commanded step by step. `newest` is the last row of the truth, `rows` all of it if the session `keeps` it
+    for the evaluation; no controller may see either. A carriage moves in a straight line to each command in m; a coil
+    holds a voltage in V, an inner mass without a coil the share 0..1 of its force. A carriage's feedback is its
+    encoder, before lag and play. Same rig, instruments, seed and commands give the same numbers for any tick.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class Session:
         *,
         keeps: bool = True,
     ) -> None:
-        """At rest at 0 under `command`. Raises ValueError for a capsule that is not free, impossible numbers."""
+        """At rest at 0 under `command`. Raises ValueError for a capsule that is not free or impossible numbers."""
         if not rig.drive.free:
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {rig.drive.kind}")
         self.instruments = instruments = instruments or Instruments()
@@ -83,12 +82,11 @@ class Session:
 
     @property
     def time(self) -> float:
-        """Seconds so far."""
         return self.plant.time
 
     def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
-        """Go on under `command` to the step nearest to `until_s`; the readings that are newly at hand then. Raises
-        ValueError for a command that is not finite or a time that is not a step ahead.
+        """Advance under `command` to the step nearest to `until_s`; the readings that have newly arrived. Raises
+        ValueError for a command not finite or a time less than a step ahead.
         """
         first = int(self.plant.state[at.S_STEP])
         steps = round(until_s / self.plant.rig.step_s) - first

@@ -1,4 +1,4 @@
-"""The seed papers' laws on dense even grids, so that a compiled step can read them in a few nanoseconds."""
+"""The seed papers' laws on dense even grids, read by a compiled step in a few nanoseconds."""
 
 import math
 from functools import lru_cache
@@ -22,7 +22,7 @@ _PER_DRAG = (at.NODES - 1) / at.DRAG_SPAN
 def tabulate(capsule: Capsule, tissue: Tissue) -> Floats:
     """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), SI, on the grids of
     `plant.layout`, within 1e-7 N, 2e-6 N about 20 mm/s where the moduli blend; shared and read-only. Raises
-    `ValueError` where the wall's tension does not grow with its drag over the grid: then there is no u_c.
+    `ValueError` if the wall's tension does not grow with its drag over the grid: u_c would not exist.
     """
     rows = np.empty((at.L_COUNT, at.NODES))
     speed = np.linspace(0.0, at.SPEED_SPAN, at.NODES)
@@ -56,7 +56,7 @@ def resistance(rows: Floats, speed: float) -> float:
 
 @compiled
 def pressure_load(rows: Floats, speed: float) -> float:
-    """`cos(theta) I1 + I2` in N at `|v|`: the part of N that the wall exerts."""
+    """`cos(theta) I1 + I2` in N at `|v|`: the wall's part of N."""
     return float(_read(rows, at.L_PRESSURE, abs(speed) * _PER_SPEED))
 
 

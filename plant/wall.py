@@ -1,4 +1,4 @@
-"""What holds the body, over one step: set-valued friction of gut or plate, the wall's stick and slip."""
+"""The resistance to the body over one step: set-valued friction of gut or plate, the wall's stick and slip."""
 
 import math
 from typing import Final
@@ -30,7 +30,7 @@ def rate_tension(rate: float, h: Floats) -> float:
 
 @compiled
 def recovery_speed(u: float, u_c: float, t_r: float, h: Floats) -> float:
-    """Speed in m/s at which a slipping wall draws back: `u_c/t_r`, or the hidden exponential one."""
+    """Recovery speed in m/s of a slipping wall: `u_c/t_r`, or the hidden exponential one."""
     if h[ROW.exponential_recovery, 0] == 0.0:
         return u_c / t_r
     return float(h[ROW.exponential_recovery, 0] * u_c * (0.15 + (abs(u) / u_c) ** 0.8) / t_r)
@@ -38,7 +38,7 @@ def recovery_speed(u: float, u_c: float, t_r: float, h: Floats) -> float:
 
 @compiled
 def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
-    """`hoop F_e(|v|)` of the gut or `hoop mu N` of a plate in N; a plate at `v = 0` has its static one."""
+    """`hoop F_e(|v|)` of the gut or `hoop mu N` of a plate in N; the static one of a plate at `v = 0`."""
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
     return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * (p[P_WEIGHT] + s[S_PRESSING]))
@@ -46,7 +46,7 @@ def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> f
 
 @compiled
 def kinetic_limit(v: float, limit: float, p: Floats) -> float:
-    """What resists in N once a body at `v` under `limit` slides on: less where a plate lets go."""
+    """Resistance in N once a body at `v` under `limit` slides: lower on a plate after break-away."""
     if p[P_SURFACE] != GUT and v == 0.0 and limit > 0.0:
         return float(limit * p[P_MU] / p[P_MU_STATIC])
     return limit
@@ -71,7 +71,7 @@ def wall_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> floa
 
 @compiled
 def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
-    """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
+    """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` at this moment."""
     limit = wall_limit(v, hoop, s, p, tab)
     u_c = drag_at(tab, limit)
     if stiffening(u_c, h) != 1.0:
@@ -84,7 +84,7 @@ def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab:
 
 @compiled
 def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
-    """`T(u) + F_v(w)` in N, `w = v - u'`, zero while the wall sticks. None on a plate."""
+    """`T(u) + F_v(w)` in N, `w = v - u'`, zero while the wall sticks; 0 on a plate."""
     if p[P_SURFACE] != GUT:
         return 0.0
     u, slip = s[S_U], s[S_SLIP]
@@ -96,9 +96,10 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
 
 @compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
-    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside it: the wall slips where
-    `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back, `s v > -v_i`. The tension is linear
-    in the step; its rest is spent in the other mode, so that the teeth's period does not grow with the step.
+    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside it. The wall slips if
+    `|T(u)| >= f_c` and the capsule does not push it back faster than it recovers, `s v > -v_i`. The tension is linear
+    within the step, and the rest of the step is spent in the other mode, so that the period of the saw-tooth does not
+    grow with the step.
     """
     if p[P_SURFACE] != GUT:
         return

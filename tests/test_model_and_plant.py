@@ -12,12 +12,13 @@ from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces.gut import Wall
 from models.surfaces.surface import Plate
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.drives import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.rig import Plant, TruePlate, Truth
 from plant.tables import resistance
 from tests.models.running import Array, pulses, run
 
 STEP_S = 20e-6
+P = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082}
 BODY = Capsule(mass_kg=0.02)
 WINDING, COIL = Winding(10.0, 0.05, 1.0, 0.5), TrueCoil(0.5, 10.0, 0.05, 1.0, 0.5)
 
@@ -55,7 +56,7 @@ def test_model_and_plant_take_the_regime_of_the_tissue(regime: Regime, force_N: 
     assert resistance(Plant(Truth(TrueMagnet(25.0, 0.02), tissue=tissue)).tables, 60e-3) == pytest.approx(
         force_N, rel=2e-4
     )
-    assert Wall.around(Capsule(), tissue).grip(60e-3, 1.0, 0.082)[0] == pytest.approx(force_N, rel=2e-4)
+    assert Wall.around(Capsule(), tissue).hold(60e-3, P)[0] == pytest.approx(force_N, rel=2e-4)
 
 
 def test_a_wall_that_the_capsule_overtakes_stays_stuck_above_its_slip_limit() -> None:
@@ -63,11 +64,11 @@ def test_a_wall_that_the_capsule_overtakes_stays_stuck_above_its_slip_limit() ->
     it sticks at once and goes with the capsule. At 1 mm/s it is not overtaken, and slips on.
     """
     wall = Wall.around(Capsule(), Tissue())
-    torn = int(wall.drag_at(wall.grip(20e-3, 1.0, 0.082)[1]) / (20e-3 * STEP_S)) + 5
+    torn = int(wall.drag_at(wall.hold(20e-3, P)[1]) / (20e-3 * STEP_S)) + 5
     for back, stuck in ((10e-3, True), (1e-3, False)):
         place = np.concatenate([[0.0], np.cumsum(np.repeat([20e-3, -back], [torn, 200]) * STEP_S)])
         u = Plant(Truth(TruePull())).advance(np.append(place, place[-1]))[:, at.O_U]
-        limit = wall.grip(back, 1.0, 0.082)[1]
+        limit = wall.hold(back, P)[1]
         assert wall.tension(u[torn + 25]) > 1.02 * limit
         rate = -back if stuck else -wall.drag_at(limit) / 0.05
         assert np.diff(u[torn + 2 : torn + 25]) / STEP_S == pytest.approx(rate, rel=1e-3)
@@ -85,7 +86,7 @@ def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_pla
     carriage = 0.03 * np.sin(2 * t)
     pair = TrueMagnetPair(400.0, 1.0, 0.1, along)
     rows = Plant(Truth(pair, surface=TruePlate(0.2) if on_plate else None)).advance(carriage)
-    k = pair.numbers()["magnet_stiffness_N_per_m"]
+    k = float(pair.forces(np.array([1e-5]))[0][0]) / 1e-5
     drive = MagnetPair(k, height_m=0.1, orientation="along" if along else "across")
     surface = Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
     x = run(assemble(surface, drive), carriage, STEP_S)[: rows.shape[0]]

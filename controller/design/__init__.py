@@ -1,1 +1,1 @@
-"""Design tools: linearised plant, loop margins, stick-slip limit cycles."""
+"""Design of a rig's classical controllers: tuning, margins, limit cycles."""

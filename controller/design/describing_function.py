@@ -1,5 +1,5 @@
-"""Does the loop hunt? Harmonic balance: its answer to a force against the first harmonic of stick and slip. Where that
-has an unstable cycle of amplitude A, the loop comes to rest from less and goes off from more: friction, whose
+"""Does the loop hunt? Harmonic balance: its response to a force against the first harmonic of stick and slip. If that
+has an unstable cycle of amplitude A, the loop comes to rest from less and diverges from more: friction, whose
 describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
 """
 
@@ -7,19 +7,17 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
-from scipy.optimize import root
 
-from controller.baselines.lqr import Gains
-from controller.design.margins import Complex
-from controller.design.tuning import Pid, feedback
+from controller.baselines import Gains
+from controller.design.tuning import Complex, Pid, feedback
 from controller.model.control_model import ControlModel
 from controller.model.linear import Linear, linearise
 from controller.model.symbols import assembled
 from controller.signals import Array
 from models.assembly.model import assemble
-from models.compiled.kernel import lower
+from models.compiled.kernel import Kernel
 from models.drives.pull import Pull
 from models.rigs.kinds import surface_of
 from models.surfaces.surface import Plate
@@ -28,14 +26,14 @@ AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)
 FREQUENCIES_HZ = np.geomspace(0.1, 40.0, 20)
 _SETTLE, _MEASURE = 2, 4  # cycles
 _STEPS, _LONGEST_STEP_S = 1024, 2e-3  # least steps of a period, and the longest
-_APART = 1e-3  # of a cycle's logarithms, over which F's slopes are taken
-_FINE = 4  # times finer than the wall's table, the grid that a cycle is looked for on
+_APART = 1e-3  # step in a cycle's logarithms for the slopes of F
+_FINE = 4  # refinement of the wall's table for the search of cycles
 
 
 @dataclass(frozen=True)
 class Describing:
     """The wall under an imposed `x = A sin(omega t)`: the first harmonic of its resistance is `N(A, omega) x`, `N` (a,
-    w) in N/m complex over `amplitude_m` (a,) and `omega` (w,) in 1/s. The real part is spring, the imaginary one
+    w) in N/m complex over `amplitude_m` (a,) and `omega` (w,) in 1/s. The real part is stiffness, the imaginary one
     friction.
     """
 
@@ -43,15 +41,17 @@ class Describing:
     omega: Array
     N: Complex
 
-    def force(self) -> RegularGridInterpolator:
-        """`A N` in N over (log A, log omega), linear between the grid's points: of one size where N spans decades."""
+    def force(self) -> "scipy.interpolate.RegularGridInterpolator":
+        """`A N` in N over (log A, log omega), linear between grid points: of similar size where N spans decades."""
         grid = (np.log(self.amplitude_m), np.log(self.omega))
-        return RegularGridInterpolator(grid, self.amplitude_m[:, None] * self.N, bounds_error=False, fill_value=None)
+        return scipy.interpolate.RegularGridInterpolator(
+            grid, self.amplitude_m[:, None] * self.N, bounds_error=False, fill_value=None
+        )
 
 
 @dataclass(frozen=True)
 class Balance:
-    """A cycle `x = A sin` of the harmonic balance; `stable`: it comes back after a small disturbance."""
+    """A cycle `x = A sin` of the harmonic balance; `stable`: it returns after a small disturbance."""
 
     amplitude_m: float
     frequency_Hz: float
@@ -61,7 +61,7 @@ class Balance:
 def describe(
     model: ControlModel, amplitude_m: Array = AMPLITUDES_M, frequency_Hz: Array = FREQUENCIES_HZ
 ) -> Describing:
-    """The describing function of `model`'s surface, and of effects that a pull feels too, by running it with set-valued
+    """The describing function of `model`'s surface, and of effects that a pull feels too, by simulation with set-valued
     friction; on a plate in closed form: `A N = j 4 mu m g/pi`.
     """
     omega = 2 * math.pi * np.asarray(frequency_Hz, dtype=np.float64)
@@ -70,7 +70,7 @@ def describe(
         force, _ = surface.hold(0.0, known.base, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
     pulled = assemble(surface, Pull(), tuple(e for e in model.symbols.effects if Pull.name in e.kinds))
-    kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
+    kernel, p = Kernel(pulled.step, pulled.correct), pulled.vector(known)
     N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
     for j, w in enumerate(omega):
         period = 2 * math.pi / w
@@ -85,7 +85,7 @@ def describe(
 
 
 def without_wall(model: ControlModel) -> Linear:
-    """The linear plant about rest without the wall, mass and drive alone: what stands across from the wall."""
+    """The linear plant about rest without the wall, mass and drive alone: the wall's counterpart."""
     known, mass = model.theta, surface_of(model.rig).body_kg
     symbols = assembled(Plate(mass, 0.0), model.drive, model.symbols.effects, model.smoothing)
     values = [0.0 if p.key == "friction_coefficient" else known[p.key] for p in symbols.parameters]
@@ -93,7 +93,7 @@ def without_wall(model: ControlModel) -> Linear:
 
 
 def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) -> Complex:
-    """`G(j omega)` in m/N, (k,): how far a force moves the capsule under `law`, measurements `delay_s` late."""
+    """`G(j omega)` in m/N, (k,): motion of the capsule per force under `law`, measurements `delay_s` late."""
     z = np.exp(1j * omega * plant.tick_s)
     late = np.exp(-1j * omega * delay_s)
     n = len(plant.states)
@@ -105,8 +105,8 @@ def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) ->
 
 def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) -> list[Balance]:
     """All (A, omega) within the grid of `wall` at which `F = 1 + N(A, omega) G(j omega) = 0`, smallest first; `plant`
-    is the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega. A cycle comes back
-    where, with s = sigma + j omega, F = 0 along a disturbance dA gives sigma = omega Im(F_A/F_w) dA below 0.
+    is the one without wall. First harmonic only: it neglects what G passes at 3 omega. With s = sigma + j omega, F = 0
+    along a disturbance dA gives sigma = omega Im(F_A/F_w) dA; a cycle is stable if that is below 0.
     """
     force = wall.force()
 
@@ -126,7 +126,7 @@ def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) 
     found: list[Array] = []
     for i, j in np.argwhere(_mixed(values.real) & _mixed(values.imag)):
         middle = np.array([a[i], w[j]]) + 0.5 * size
-        answer = root(lambda at: F(at[None, :]).view(np.float64), middle)
+        answer = scipy.optimize.root(lambda at: F(at[None, :]).view(np.float64), middle)
         new = all(np.any(np.abs(one - answer.x) > 0.5 * size) for one in found)
         if answer.success and new and np.all(np.abs(answer.x - middle) < size):
             found.append(answer.x)

@@ -1,4 +1,4 @@
-"""Fair baselines: PID and LQR with the strongest integral that the plant bears, stuck and slipping, with delay."""
+"""Fair baselines: PID and LQR with the strongest integral in stick and slip with delay, and their loops' margins."""
 
 from __future__ import annotations
 
@@ -10,22 +10,93 @@ from typing import TypeVar
 
 import control
 import numpy as np
+from numpy.typing import NDArray
 
-from controller.baselines.lqr import Gains, LqrWeights, augmented, lqr_gains
-from controller.design.margins import Complex, OpenLoop, closed_loop
+from controller.baselines import Gains, LqrWeights, augmented, lqr_gains
 from controller.model.linear import Linear
 from controller.signals import Array
 
+Complex = NDArray[np.complex128]
+_POINTS = 4000  # frequencies up to half the sampling rate
+
+
+@dataclass(frozen=True)
+class Margins:
+    """`gain` (factor), `phase_deg`, `delay_s` beyond the present one, `sensitivity_peak` max |1/(1 + L)|,
+    `crossover_Hz` of |L| = 1, `bandwidth_Hz` at which the closed loop has fallen by 3 dB, `stable` by the poles. Inf or
+    NaN without such a crossing.
+    """
+
+    gain: float
+    phase_deg: float
+    delay_s: float
+    sensitivity_peak: float
+    crossover_Hz: float
+    bandwidth_Hz: float
+    stable: bool
+
+
+@dataclass(frozen=True)
+class OpenLoop:
+    """An open loop `L` (discrete, broken at the plant's command), poles (k,) of the closed one, with `delay_s`."""
+
+    name: str
+    phase: str
+    tick_s: float
+    delay_s: float
+    omega: Array
+    L: Complex
+    poles: Complex
+
+    def margins(self) -> Margins:
+        frd = control.frd(self.L, self.omega, smooth=True)
+        gain, phase, least, _, crossover, _ = control.stability_margins(frd)
+        T = np.abs(self.L / (1 + self.L))
+        fallen = np.flatnonzero(T[0] / math.sqrt(2) > T)
+        band = self.omega[fallen[0]] / (2 * math.pi) if fallen.size else math.nan
+        delay = math.radians(float(phase)) / float(crossover) if np.isfinite(phase) and crossover > 0 else math.inf
+        peak = 1 / float(least) if least and np.isfinite(least) else 1.0
+        return Margins(
+            float(gain), float(phase), delay, peak, float(crossover) / (2 * math.pi), float(band), self.stable()
+        )
+
+    def stable(self) -> bool:
+        """Whether all poles are inside the unit circle."""
+        return bool(np.all(np.abs(self.poles) < 1))
+
+    def sensitivity(self) -> Array:
+        """`|1/(1 + L)|` over `omega`."""
+        return np.asarray(np.abs(1 / (1 + self.L)))
+
+
+def closed_loop(name: str, plant: Linear, open_loop: control.StateSpace, delay_s: float) -> OpenLoop:
+    """Frequency response with the exact delay; poles with the delay in whole ticks, rounded up."""
+    h = plant.tick_s
+    omega = np.geomspace(0.02, 0.999 * math.pi / h, _POINTS)
+    L = np.asarray(open_loop(np.exp(1j * omega * h))).ravel() * np.exp(-1j * omega * delay_s)
+    late = math.ceil(delay_s / h - 1e-9)
+    whole = open_loop if late == 0 else control.series(open_loop, _held_back(late, h))
+    closed = whole.A - whole.B @ whole.C / (1 + float(np.squeeze(whole.D)))
+    return OpenLoop(name, plant.phase, h, delay_s, omega, L, np.linalg.eigvals(closed).astype(complex))
+
+
+def _held_back(ticks: int, h: float) -> control.StateSpace:
+    """A delay of whole ticks."""
+    A, C = np.eye(ticks, k=-1), np.zeros((1, ticks))
+    C[0, -1] = 1.0
+    return control.ss(A, np.eye(ticks, 1), C, 0.0, h)
+
+
 FILTER_S = 5e-3  # s, of the PID's derivative
-PEAK = 1.6  # most that the sensitivity may rise to: the loop stays 1/1.6 off -1
-_STEPS = 24  # gains that are tried on a logarithmic axis
-_TIMES = 6  # times of the integral that are tried
+PEAK = 1.6  # greatest sensitivity: the loop stays 1/1.6 away from -1
+_STEPS = 24  # gains on a logarithmic axis
+_TIMES = 6  # time constants of the integral
 
 
 @dataclass(frozen=True)
 class Pid:
-    """`u = K_p e + K_i sum e dt + K_d (e - w)/filter_s` on the error e in m with w the error behind a first-order lag
-    `filter_s`; u in the command's unit. A magnet's carriage moves with the reference beside it.
+    """`u = K_p e + K_i sum e dt + K_d (e - w)/filter_s` on the error e in m with w the error after a first-order lag
+    `filter_s`; u in the command's unit. A magnet's carriage adds the reference's position.
     """
 
     K_p: float
@@ -49,7 +120,7 @@ Law = TypeVar("Law", Pid, Gains)
 
 
 def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
-    """What the controller makes of each state, (n, k) at the points `z`; the command is minus their sum."""
+    """The controller's share of each state, (n, k) at the points `z`; the command is minus their sum."""
     n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
     if isinstance(law, Pid):
         return np.asarray(first * law.response(z, plant.tick_s))
@@ -62,16 +133,16 @@ def pid_loop(plant: Linear, pid: Pid, delay_s: float) -> OpenLoop:
 
 
 def state_loop(plant: Linear, gains: Gains, delay_s: float) -> OpenLoop:
-    """State feedback with integral, states `delay_s` old: what is left where no estimator predicts across the delay."""
+    """State feedback with integral, states `delay_s` old: without an estimator that predicts across the delay."""
     A, B = augmented(plant)
     open_loop = control.ss(A, B, np.r_[gains.K, gains.K_i][None, :], 0.0, plant.tick_s)
     return closed_loop("lqr", plant, open_loop, delay_s)
 
 
 def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> Pid:
-    """The PID with the largest `K_i`, which overcomes friction that nobody knows, whose sensitivity peak is at most
-    `peak` on all of `plants` (Astrom and Hagglund's M-constrained integral gain optimisation, on a grid). Raises
-    ValueError where none of the grid fits.
+    """The PID with the largest `K_i`, which overcomes unknown friction, with a sensitivity peak of at most `peak` on
+    all of `plants` (Astrom and Hagglund's M-constrained integral gain optimisation, on a grid). Raises ValueError if
+    none of the grid fits.
     """
     sizes, rates, leads = np.geomspace(1e-2, 1e2, _STEPS), np.geomspace(0.3, 300, _STEPS), (0.0, 5e-3, 1e-2, 2e-2)
     gains = product(_scale(plants) * sizes, rates, leads)
@@ -80,7 +151,7 @@ def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> P
 
 
 def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: float = PEAK) -> Gains:
-    """The LQR for `design` with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`;
+    """The LQR for `design` with the largest `K_i` and a sensitivity peak of at most `peak` on every one of `plants`;
     see `tuned_pid`. Weights of command and integral vary, the position's is 0.2 mm, the speed's 20 mm/s.
     """
     commands = 2e-4 * _scale(plants) * np.geomspace(0.1, 10, _STEPS // 2)
@@ -90,13 +161,13 @@ def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: fl
 
 
 def _scale(plants: Sequence[Linear]) -> float:
-    """Command for a way at 20 1/s, on the plant that moves furthest."""
+    """Command per distance at 20 1/s, on the plant that moves farthest."""
     omega, z = _points(plants[0].tick_s)
     return 1 / max(float(np.interp(20.0, omega, np.abs(plant.response(z)[0]))) for plant in plants)
 
 
 def _points(tick_s: float) -> tuple[Array, Complex]:
-    """Frequencies in 1/s, and where they lie on the unit circle."""
+    """Frequencies in 1/s, and their points on the unit circle."""
     omega = np.geomspace(0.1, 0.99 * math.pi / tick_s, 300)
     return omega, np.exp(1j * omega * tick_s)
 
@@ -117,11 +188,11 @@ def _strongest(
         peaks = (_peak(late * np.sum(feedback(plant, law, z) * X, axis=0)) for plant, X in pairs)
         if all(one <= peak for one in peaks) and all(loop(plant, law, delay_s).stable() for plant in plants):
             return law
-    raise ValueError(f"sensitivity peak must be one that some {name} keeps on this plant; got {peak:g}")
+    raise ValueError(f"sensitivity peak must be within reach of a {name} on this plant; got {peak:g}")
 
 
 def _peak(L: Complex) -> float:
-    """The highest sensitivity of an open loop; inf where it crosses |L| = 1 more than once or too late."""
+    """The highest sensitivity of an open loop; inf if it crosses |L| = 1 more than once or too late."""
     above = np.abs(L) > 1
     crossings = np.flatnonzero(above[1:] != above[:-1])
     # an unwrapped phase starts between -270 and 90 degrees, where loops with integrals start

@@ -1,1 +1,1 @@
-"""What the controller knows of the capsule, from late, noisy, at times wrong measurements."""
+"""Estimators: the state of the capsule from late, noisy and sometimes wrong measurements."""

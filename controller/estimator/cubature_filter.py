@@ -1,4 +1,4 @@
-"""The Gaussian estimator: late measurements are taken in where they belong, what came after is redone."""
+"""The Gaussian estimator: late measurements are used where they belong, later ticks are computed again."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import casadi as ca
 import numpy as np
 
 from controller.estimator import base
-from controller.estimator.cubature_kernels import fuse, place_points, take_moments
+from controller.estimator.kernels import fuse, place_points, take_moments
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise
 from models.parameter import Name
 from models.theta import bare
 
-# of states in their unit, before anything was measured
+# of states in their unit, before any measurement
 _START_STD: Final = {**base.START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
 @dataclass(slots=True)
 class Belief:
-    """`z` (n,) the continuous states in the model's order, the disturbance and the friction level, `P` (n, n) their
-    covariance, `modes` a model state whose switches count; `time_s`, the `command` in force up to then, and by how many
-    standard deviations recent positions were off on average, `surprise`.
+    """`z` (n,): continuous states in the model's order, disturbance and friction level, `P` (n, n) their covariance,
+    `modes` a model state with valid switches. `time_s`, the `command` in force up to then, and the mean normalised
+    innovation of recent positions, `surprise`.
     """
 
     z: Array
@@ -62,17 +62,17 @@ class Process:
         self._seen = ca.Function("seen", [x, t], [shown, ca.gradient(shown, x)])
 
     def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
-        """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
+        """At rest at `position_m`, known to `std_m`, after a long time under `command`."""
         state = self.model.initial(position_m, command)
         spread = [_START_STD.get(bare(name), 1e-3) for name in self.names[1:-2]]
         spread = [std_m, *spread, self.noise.force_std_N, self.noise.level_std]
         return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
     def predict(self, b: Belief, command: float) -> None:
-        """Move `b` a tick on in place, at the end of which the drive is at `command`."""
+        """Advance `b` by a tick in place, at the end of which the drive is at `command`."""
         k, points = self.model.kernels, (self._states, self._d, self._level)
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *points, self._values)
-        before = self.model.left(b.command, command)
+        before = self.model.command_from(b.command, command)
         moved = (self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
         k.run_each(self.level.index, self._values, *moved)
         take_moments(*points, self.where, self._scale, self._noise_of(b), b.z, b.P, b.modes)
@@ -86,32 +86,27 @@ class Process:
         return self._walk
 
     def shown(self, b: Belief) -> float:
-        """What localisation reads of `b`, in m."""
+        """The reading of the localisation in m at `b`."""
         return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
 
-    def see_position(self, b: Belief, value: float) -> float:
-        """Take in a localisation in place; its normalised difference, signed, beyond the gate where refused."""
-        expected, self._H[:] = b.z[0], 0.0
-        if self._plain:
-            self._H[0] = 1.0
+    def see(self, b: Belief, value: float, state: Name | None = None) -> float:
+        """Use a localisation in place, or a reading of the `state`, such as a coil's current; its signed normalised
+        innovation, beyond the gate if refused.
+        """
+        std = self.noise.position_std_m if state is None else self.noise.feedback_std
+        row = 0 if state is None else self.names.index(state)
+        expected, self._H[:] = b.z[row], 0.0
+        if self._plain or state is not None:
+            self._H[row] = 1.0
         else:
             shown, slopes = self._seen(self.state(b), b.time_s)
             expected = float(shown)
             self._H[:-2] = np.asarray(slopes).ravel()[self.where]
-        size = math.copysign(self._fused(b, value - expected, self.noise.position_std_m), value - expected)
-        if abs(size) <= self.noise.gate:
+        off = value - expected
+        size = math.copysign(float(fuse(b.z, b.P, self._H, off, std**2, self.noise.gate, self._K)), off)
+        if state is None and abs(size) <= self.noise.gate:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
-
-    def see_state(self, b: Belief, name: Name, value: float) -> float:
-        """Take in a reading of the state `name` itself, such as a coil's current."""
-        place = self.names.index(name)
-        self._H[:] = 0.0
-        self._H[place] = 1.0
-        return self._fused(b, value - b.z[place], self.noise.feedback_std)
-
-    def _fused(self, b: Belief, difference: float, std: float) -> float:
-        return float(fuse(b.z, b.P, self._H, difference, std**2, self.noise.gate, self._K))
 
     def state(self, b: Belief) -> Array:
         """`b` as a state (n,) of the model."""
@@ -122,7 +117,7 @@ class Process:
 
 @dataclass(slots=True)
 class _Tick:
-    """A tick that is kept: the belief at its end with all that was measured there."""
+    """A stored tick: the estimate at its end and its measurements."""
 
     belief: Belief
     seen: list[Measurement] = field(default_factory=list)
@@ -130,8 +125,8 @@ class _Tick:
 
 class CubatureEstimator(base.Estimator):
     """A cubature Kalman filter with the control model as its process. After a late measurement the ticks since are
-    computed again: their number is bounded. Its points lie a standard deviation away, some stick while others slip: the
-    mean glides where the capsule jumps.
+    computed again, a bounded number. Some of its points stick while others slip, so the mean glides where the capsule
+    jumps.
     """
 
     process: ClassVar[type[Process]] = Process
@@ -158,7 +153,7 @@ class CubatureEstimator(base.Estimator):
             belief.z[0] += off
             belief.P[0, 0] += self.noise.position_std_m**2
 
-    def _go_on(self, now: float, command: float) -> None:
+    def _predict(self, now: float, command: float) -> None:
         self._newest += 1
         self._at(0).seen.clear()
         self._redone(0, now, command)
@@ -173,7 +168,7 @@ class CubatureEstimator(base.Estimator):
         return size
 
     def _redone(self, back: int, time_s: float, command: float) -> None:
-        """The belief `back` ticks ago from the one before, with all that was measured in that tick."""
+        """The estimate `back` ticks ago from the one before, with all measurements of that tick."""
         tick = self._at(back)
         tick.belief.copy_from(self._at(back + 1).belief)
         self._process.predict(tick.belief, command)
@@ -182,11 +177,10 @@ class CubatureEstimator(base.Estimator):
             self._see(tick.belief, m)
 
     def _see(self, belief: Belief, m: Measurement) -> float:
-        if m.channel == "position_m":
-            return self._process.see_position(belief, m.value)
-        return self._process.see_state(belief, self.model.states[self._current or 0], m.value)
+        state = None if m.channel == "position_m" else self.model.states[self._current or 0]
+        return self._process.see(belief, m.value, state)
 
-    def _believed(self) -> tuple[Array, Array, float, float] | None:
+    def _estimate(self) -> tuple[Array, Array, float, float] | None:
         b, process = self._at(0).belief, self._process
         if not math.isfinite(b.z.sum() + b.P.sum()):
             return None

@@ -1,4 +1,4 @@
-"""What a laboratory without a friction model has: position and speed from localisation, no force, no wall."""
+"""The filter of a laboratory without a friction model: position and speed from localisation alone."""
 
 import math
 from collections.abc import Sequence
@@ -10,14 +10,14 @@ from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 from controller.tuned import FilterNoise
 
-_START_SPEED_M_S = 5e-3  # standard deviation before anything was measured
+_START_SPEED_M_S = 5e-3  # standard deviation before any measurement
 
 
 class KinematicFilter:
-    """Kalman filter of `x' = v, v' = w` (w white), corrected at the stamp of each position and run on to now by `x + v
-    (now - stamp)`; wall and drive stay where the model starts them. Outliers, lost estimate and faults as `Estimator`;
-    a position older than the last one is not used. `jerkiness`: how far the speed walks in a second, in m/s per root s,
-    the larger, the quicker and the noisier. Raises ValueError on making where that is not positive, later never.
+    """Kalman filter of `x' = v, v' = w` (w white), corrected at each position's stamp and extrapolated to now by `x + v
+    (now - stamp)`; wall and drive stay at the model's start. Outliers, lost estimates and faults as in `Estimator`;
+    positions older than the last one are not used. `jerkiness`: random walk of the speed over a second, in m/s per root
+    s; larger is quicker and noisier. Raises ValueError on construction unless it is positive, later never.
     """
 
     def __init__(self, model: ControlModel, jerkiness: float = 5e-3, noise: FilterNoise | None = None) -> None:
@@ -31,18 +31,17 @@ class KinematicFilter:
 
     @property
     def counts(self) -> Counts:
-        """What became of the measurements so far."""
         return self._watch.counts
 
     def reset(self, now: float, command: float) -> None:
-        """Know nothing; the first position begins a belief."""
+        """The first position starts an estimate."""
         self._stamp = -math.inf
         self._x = self._v = math.nan
         self._watch = Watch(self.noise, self.counts)
         self._pxx = self._pxv = self._pvv = 0.0
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
-        """The estimate at `now` from the positions among `measurements`; `command` does not matter to it."""
+        """The estimate at `now` from the positions among `measurements`; `command` is not used."""
         for m in measurements[-MOST_A_TICK:]:
             if m.channel == "position_m":
                 self._take(m.value, m.stamp_s - self.model.delay_s, now)

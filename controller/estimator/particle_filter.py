@@ -1,4 +1,4 @@
-"""A set of particles, each with a wall, a friction level and a force of its own, that all could be the true one."""
+"""A particle filter: each particle is a possible capsule with its own wall, friction level and force."""
 
 import math
 from typing import Final
@@ -7,29 +7,31 @@ import casadi as ca
 import numpy as np
 
 from controller.estimator.base import START_STD, Estimator
-from controller.estimator.particle_kernels import draw, expected, led, scatter, survey, weigh
+from controller.estimator.kernels import draw, expected, led, scatter, survey, weigh
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise
 
-_RENEWED: Final = 0.5  # share of the particles below which the weights are worth so few that all are drawn anew
+_RENEWED: Final = 0.5  # share of effective particles below which all are resampled
 _LEADS: Final = np.array([1.5, 1.5, 2.5])
-"""Standard deviations of place, level and wall beyond which a leader no longer stands for the rest."""
-_SCATTER_S: Final = 0.01  # between two draws of what walks
-_REDRAWN_1_S: Final = 0.3  # how often a particle draws anew whether its level is brisk
+"""Standard deviations of position, level and wall beyond which a leader no longer represents the particles."""
+_SCATTER_S: Final = 0.01  # between two draws of the random walks
+_REDRAWN_1_S: Final = 0.3  # rate at which a particle redraws whether its level is brisk
 
 
 class ParticleEstimator(Estimator):
     """A particle filter with the control model as its process: `count` particles with `_states` (P, n), `_levels`,
-    `_forces`, whether the level is `_brisk` (P,) and `_weights` (P,). Only position, level and force walk: whatever
-    else the model has follows from its past. `_past` (kept, P) holds what the sensor would have shown of each in the
-    ticks before, so that a late position weighs each by where it was then. Particles of little weight give way to
-    copies of heavier ones. The draws begin with `reset`: the same measurements, the same estimate.
+    `_forces`, a `_brisk` level or not (P,) and `_weights` (P,). Only position, level and force walk; the rest follows
+    from the model. `_past` (kept, P) has the sensor readings of each particle in earlier ticks, so a late position
+    weighs each by its position then. Particles of little weight are replaced by copies of heavier ones. The random
+    draws restart with `reset`: same measurements, same estimate.
 
-    The position is the mean of all; wall, slip and drive are those of one particle that leads, as it sticks and slips
-    as a capsule does, which no mean does, until it is far off the mean. A reading of a coil's current moves every
-    particle by what it differs from their mean then. With 150 particles a coil's capsule was lost over folds in two of
-    eight runs, with 300 in none; behind a magnet 100 do as well.
+    The position is the mean of all particles. Wall, slip and drive are those of one leading particle until it is far
+    off the mean, because a mean does not stick and slip. A current reading shifts every particle by its difference from
+    their mean then.
+
+    With 150 particles a coil's capsule was lost over folds in two of eight runs, with 300 in none; with a magnet 100
+    suffice.
     """
 
     def __init__(self, model: ControlModel, noise: FilterNoise | None = None, *, count: int = 300) -> None:
@@ -48,24 +50,24 @@ class ParticleEstimator(Estimator):
         self.reset(0.0, 0.0)
 
     def _shown(self) -> ca.Function | None:
-        """What the sensor shows of every particle; None where that is the position."""
+        """The sensor's reading of every particle; None if it is the position."""
         x, t = ca.SX.sym("x", len(self.model.states)), ca.SX.sym("t")
         shown = self.model.measured(x, t)
         plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
         return None if plain else ca.Function("shown", [x, t], [shown]).map(self._size)
 
     def _compile(self) -> None:
-        """Do everything once, so that machine code is there before the first tick."""
+        """Run everything once, so that the machine code exists before the first tick."""
         self.reset(0.0, 0.0)
         self._begin(0.0, 0.0)
         for k in range(self._every):
-            self._go_on(k * self.model.tick_s, 0.0)
+            self._predict(k * self.model.tick_s, 0.0)
         self._see_position(0, 0.0)
         self._renew()
-        self._believed()
+        self._estimate()
 
     def reset(self, now: float, command: float) -> None:
-        """Know nothing but the `command` in force at `now`; the draws begin anew."""
+        """As `Estimator.reset`; the random draws restart."""
         super().reset(now, command)
         self._draws = np.random.default_rng(0)
 
@@ -84,8 +86,8 @@ class ParticleEstimator(Estimator):
         self._newest, self._average, self._leader = 0, 0.0, -1
         self._remember(now, self._command)
 
-    def _go_on(self, now: float, command: float) -> None:
-        k, before = self.model.kernels, self.model.left(self._drive, command)
+    def _predict(self, now: float, command: float) -> None:
+        k, before = self.model.kernels, self.model.command_from(self._drive, command)
         self._values[:] = self._level.middle * (1 + self._levels)
         moved = (self._states, before, command, self._forces, self._time_s, k.tick_s, k.substeps, k.parameters)
         k.run_each(self._level.index, self._values, *moved)
@@ -104,7 +106,7 @@ class ParticleEstimator(Estimator):
         scatter(*moved, np.append(walks, _REDRAWN_1_S * passed), self._bounds, self._normals, self._chances)
 
     def _remember(self, now: float, command: float) -> None:
-        """What the sensors would show `now`, with the drive at `command`."""
+        """The sensor readings at `now`, with the drive at `command`."""
         self._time_s, self._drive, place = now, command, self._newest % self._kept
         shown = self._states[:, 0]
         if self._sensor is not None:
@@ -145,7 +147,7 @@ class ParticleEstimator(Estimator):
         copies = np.flatnonzero(chosen == self._leader)
         self._leader = int(copies[0]) if copies.size else -1
 
-    def _believed(self) -> tuple[Array, Array, float, float] | None:
+    def _estimate(self) -> tuple[Array, Array, float, float] | None:
         w, mean, std = self._weights, self._mean, self._std
         level, force = survey(w, self._states, self._levels, self._forces, mean, std)
         if not math.isfinite(mean.sum() + std.sum() + level + force):

@@ -1,4 +1,4 @@
-"""filterpy's unscented filter on the same process: selectable, and what the fast ones are tested against."""
+"""filterpy's unscented filter on the same process: selectable, and the reference of the fast filters' tests."""
 
 import math
 from typing import Any, ClassVar
@@ -7,7 +7,7 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from controller.estimator.cubature_filter import Belief, CubatureEstimator, Process
-from controller.estimator.cubature_kernels import root
+from controller.estimator.kernels import root
 from controller.model.control_model import ControlModel
 from controller.signals import Array
 from controller.tuned import FilterNoise
@@ -15,8 +15,8 @@ from models.parameter import Name
 
 
 def safe_root(P: Array) -> Array:
-    """Upper Cholesky factor (n, n) of `P`, symmetrised first and lifted where rounding made it indefinite: `P = U' U`.
-    filterpy takes SciPy's Cholesky as it is, which raises for a covariance that lost its sign by rounding.
+    """Upper Cholesky factor (n, n) of `P`, symmetrised and lifted where rounding made it indefinite: `P = U' U`.
+    SciPy's Cholesky, filterpy's default, would raise.
     """
     L = np.zeros_like(P)
     root(np.ascontiguousarray(0.5 * (P + P.T)), L)
@@ -35,35 +35,26 @@ class FilterpyProcess(Process):
     def predict(self, b: Belief, command: float) -> None:
         ukf = self._ukf
         ukf.x, ukf.P, ukf.Q = b.z.copy(), b.P.copy(), np.diag(self._noise_of(b))
-        self._from = (b.modes.copy(), self.model.left(b.command, command), command, b.time_s)
+        self._from = (b.modes.copy(), self.model.command_from(b.command, command), command, b.time_s)
         b.modes[:] = self._moved_state(b.z)
         ukf.predict()
         b.z[:], b.P[:] = ukf.x, 0.5 * (ukf.P + ukf.P.T)
         b.time_s += self.model.tick_s
         b.command = command
 
-    def see_position(self, b: Belief, value: float) -> float:
-        size = self._see(b, value, self.noise.position_std_m, lambda z: self._place(z, b))
-        if abs(size) <= self.noise.gate:
-            b.surprise = self.noise.surprised(b.surprise, size)
-        return size
-
-    def see_state(self, b: Belief, name: Name, value: float) -> float:
-        place = self.names.index(name)
-        return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])
-
-    def _see(self, b: Belief, value: float, std: float, shown: Any) -> float:
-        """Take in a reading unless it is beyond the gate; its normalised difference. filterpy keeps the points of the
-        prediction, which lack its noise: they are drawn anew first.
-        """
-        ukf = self._ukf
+    def see(self, b: Belief, value: float, state: Name | None = None) -> float:
+        ukf, row = self._ukf, 0 if state is None else self.names.index(state)
+        std = self.noise.position_std_m if state is None else self.noise.feedback_std
         ukf.x, ukf.P = b.z.copy(), b.P.copy()
+        # filterpy keeps the points of the prediction, which lack its noise: they are drawn again
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
+        shown = (lambda z: self._position(z, b)) if state is None else (lambda z: z[row : row + 1])
         ukf.update(np.array([value]), R=std**2, hx=shown)
         spread = math.sqrt(max(float(ukf.S[0, 0]), 0.0))
         size = float(ukf.y[0]) / spread if spread > 0 else math.inf
         if abs(size) <= self.noise.gate:
             b.z[:], b.P[:] = ukf.x, 0.5 * (ukf.P + ukf.P.T)
+            b.surprise = self.noise.surprised(b.surprise, size) if state is None else b.surprise
         return size if size == size else math.inf
 
     def _moved_state(self, z: Array) -> Array:
@@ -77,8 +68,8 @@ class FilterpyProcess(Process):
     def _moved(self, z: Array, dt: float) -> Array:
         return np.append(self._moved_state(z)[self.where], z[-2:])
 
-    def _place(self, z: Array, b: Belief) -> Array:
-        """The position that the sensor shows at the point `z` of the belief `b`, shape (1,)."""
+    def _position(self, z: Array, b: Belief) -> Array:
+        """The position that the sensor shows at the point `z` of the estimate `b`, shape (1,)."""
         if self._plain:
             return z[:1]
         state = b.modes.copy()
@@ -87,6 +78,6 @@ class FilterpyProcess(Process):
 
 
 class UnscentedEstimator(CubatureEstimator):
-    """`CubatureEstimator` with filterpy's arithmetic: same beliefs and late measurements, ten times the cost."""
+    """`CubatureEstimator` with filterpy's arithmetic, at ten times the cost."""
 
     process: ClassVar[type[Process]] = FilterpyProcess

@@ -1,4 +1,4 @@
-"""The control model's step as machine code, and the loops over it that estimators and the MPC ask for."""
+"""The control model's step as machine code, with the loops over it of estimators and MPC."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ compiled = njit(cache=True, error_model="numpy")
 
 @compiled
 def _copy(to: Array, source: Array, first: int, size: int, begin: int) -> None:
-    """`to[first : first + size] = source[begin : begin + size]`, which takes numba seconds to compile."""
+    """`to[first : first + size] = source[begin : begin + size]`, which numba takes seconds to compile."""
     for i in range(size):
         to[first + i] = source[begin + i]
 
 
 @compiled
 def _work(x: Array, parameters: Array, d: float) -> Array:
-    """What a model's code reads and writes: state, parameters, disturbance, results."""
+    """The memory of a model's code: state, parameters, disturbance, results."""
     n, m = x.shape[0], parameters.shape[0]
     work = np.zeros(n + m + 1 + n * (n + 3))
     _copy(work, x, 0, n, 0)
@@ -38,7 +38,7 @@ def _work(x: Array, parameters: Array, d: float) -> Array:
 def _stage(
     code: int, work: Array, now: Array, command: float, after: float, t: float, stage: float, substeps: int
 ) -> None:
-    """Move the states in `work` on by `stage` in s."""
+    """Advance the states in `work` by `stage` in s."""
     h, rise = stage / substeps, (after - command) / substeps
     for j in range(substeps):
         now[0] = command + j * rise
@@ -63,7 +63,7 @@ def _run(
     substeps: int,
     parameters: Array,
 ) -> None:
-    """`lanes` states at a time; the last one fills up; `which` -1: the parameters of all are the same."""
+    """`lanes` states at a time, the last group filled up; `which` -1: all have the same parameters."""
     n, m, now = states.shape[1], parameters.shape[0], np.empty(4)
     work = np.empty((n + m + 1) * lanes)
     for i in range(m * lanes):
@@ -157,19 +157,17 @@ def _linearise(code: int, path: Array, A: Array, B: Array, commands: Array, moti
 
 @dataclass(frozen=True)
 class Kernels:
-    """Compiled functions of one model; arrays are C-contiguous float64, n states, all changed in place, nothing
-    allocated but scratch.
+    """Compiled functions of one model; arrays are C-contiguous float64, n states, changed in place, only scratch memory
+    is allocated.
 
-    - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
-    - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: m states, each under
-      its own disturbance, in a time in which the command goes in a straight line from `command` to `after`;
-      `run_each(which, values (m,), states, ...)`: with the parameter at `which` each state's own.
-    - `roll(path (N + 1, n), commands (N + 1,), motion)`: from `path[0]` N stages in which the command goes in a
-      straight line from one of `commands` to the next; fills `path[1:]`. A `motion` is (disturbance_N, t, stage_s,
-      substeps, parameters).
+    - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: m states, each with its
+      own disturbance, while the command moves linearly from `command` to `after`; `run_each(which, values (m,), states,
+      ...)`: with the parameter at `which` per state.
+    - `roll(path (N + 1, n), commands (N + 1,), motion)`: from `path[0]` N stages, the command linear between
+      `commands`; fills `path[1:]`. A `motion` is (disturbance_N, t, stage_s, substeps, parameters).
     - `linearise(path, A (N, n, n), B (N, n, 2), commands, motion)`: the same with `dx_next = A dx + B (dc0, dc1)`.
     - `pursue(path, commands, wanted (2, N + 1), (catch_s, rate, low, high), motion)`: the same with commands that
-      follow the positions and speeds `wanted` by inverting the model, an error fading with `catch_s`; fills
+      follow the `wanted` positions and speeds by inverting the model, an error decays with `catch_s`; fills
       `commands[1:]` too.
     - `holds(path, forces (N + 1,), slopes (N + 1, n), t, stage_s, parameters)`: the wall's force in N along a path, and
       its slopes.
@@ -185,16 +183,9 @@ class Kernels:
     pursue: Callable[..., None]
     holds: Callable[..., None]
 
-    def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
-        """The state (n,) a tick later."""
-        states = np.array(x, dtype=float).reshape(1, -1)
-        pace = (t, self.tick_s, self.substeps, self.parameters)
-        self.run(states, command, command, np.array([disturbance_N]), *pace)
-        return np.asarray(states[0])
-
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
-    """The functions of `symbols`; the code holds no parameter, so other `values` of the model reuse it."""
+    """The functions of `symbols`; the code has no parameters inside, so other `values` reuse it."""
     n, m = len(symbols.states), len(symbols.parameters)
     end = n + m + 1
     codes = [

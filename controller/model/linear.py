@@ -1,4 +1,4 @@
-"""The control model linearised while the capsule slides, with the wall stuck to it and with the wall slipping."""
+"""The control model linearised for a sliding capsule, with the wall sticking to it or slipping."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
 from controller.signals import Array
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 Phase = Literal["stick", "slip", "averaged"]
 PHASES: tuple[Phase, ...] = ("stick", "slip")
 _MEMORIES = ("direction", "travelled", "slip")
-_WIDEST = 1e3  # largest command, in its unit, at which a sliding capsule is looked for
+_WIDEST = 1e3  # largest command, in its unit, of the search for a sliding capsule
 
 
 @dataclass(frozen=True)
 class Linear:
     """Deviations from sliding at `speed_m_s` under `command` with the wall in `phase`: `z+ = A z + B u + E d`, one
-    tick. `states` are the model's without its memories and without the wall: the pull of a stuck one stands in A's
-    column of x, a slipping one draws back by itself. A (n, n), B (n, 1), E (n, 1) for a force in N; x and v come first.
+    tick. `states` are the model's without memories and wall; the pull of a sticking wall is in A's column of x. A (n,
+    n), B (n, 1), E (n, 1) for a force in N; x and v come first.
     """
 
     phase: Phase
@@ -41,12 +41,12 @@ class Linear:
 
     def system(self) -> control.StateSpace:
         """From the command to x, discrete in time."""
-        import control  # draws matplotlib in, a second that a controller on its way to a drive need not wait
+        import control  # it imports matplotlib, which takes a second
 
         return control.ss(self.A, self.B, np.eye(1, len(self.states)), 0.0, self.tick_s)
 
     def response(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """States (n, k) for a command of 1 at the points `z` (k,): `(z I - A)^-1 B`."""
+        """States (n, k) per command at the points `z` (k,): `(z I - A)^-1 B`."""
         n = len(self.states)
         found = np.linalg.solve(z[:, None, None] * np.eye(n) - self.A, np.broadcast_to(self.B, (len(z), n, 1)))
         return np.asarray(found[..., 0].T, dtype=np.complex128)
@@ -58,7 +58,7 @@ class Linear:
         return np.asarray(rates[np.argsort(np.abs(rates))])
 
     def holding(self) -> tuple[Array, float]:
-        """States (n,) and command that belong to a rest at x = 1 m: `(A - I) z + B u = 0`, smallest solution."""
+        """States (n,) and command of a rest at x = 1 m: `(A - I) z + B u = 0`, smallest solution."""
         n = len(self.states)
         left = np.block([[self.A - np.eye(n), self.B], [np.eye(1, n), np.zeros((1, 1))]])
         found = np.linalg.lstsq(left, np.r_[np.zeros(n), 1.0], rcond=None)[0]
@@ -66,14 +66,14 @@ class Linear:
 
 
 def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Linear:
-    """Linearise one tick of `model` while the capsule slides at `speed_m_s`, under the command that keeps it, with the
-    wall's pull at half its slip limit: at rest friction is set-valued and nothing small moves the capsule. Raises
-    ValueError for an inner-mass drive, whose body turns in every cycle, and where no command keeps the speed.
+    """Linearise one tick of `model` for a capsule that slides at `speed_m_s` under the command that keeps it, the
+    wall's pull at half its slip limit. At rest friction is set-valued and small commands move nothing. Raises
+    ValueError for an inner mass, whose body reverses in every cycle, and if no command keeps the speed.
     """
     if model.drive.turning:
         raise ValueError(
             "drive must move the capsule steadily to be linearised;"
-            f" got {model.drive.name!r}, whose body turns in every cycle"
+            f" got {model.drive.name!r}, whose body reverses in every cycle"
         )
     state = _sliding(model, phase, speed_m_s)
     command = _balancing(model, state)
@@ -100,7 +100,7 @@ def _sliding(model: ControlModel, phase: Phase, speed_m_s: float) -> Array:
 
 
 def _slip_drag(model: ControlModel, state: Array) -> float:
-    """Wall drag in m at which the wall begins to slip: where one tick of pure dragging leaves the stuck mode."""
+    """Wall drag in m at which the wall begins to slip: where a tick of pure dragging leaves the stick mode."""
     reach = np.linspace(1e-5, 2e-3, 200)
     for u in reach:
         trial = state.copy()
@@ -111,7 +111,7 @@ def _slip_drag(model: ControlModel, state: Array) -> float:
 
 
 def _balancing(model: ControlModel, state: Array) -> float:
-    """The command in force under which the capsule keeps its speed for a tick; drive states follow it."""
+    """The command under which the capsule keeps its speed for a tick; drive states follow it."""
     v, most = model.index("v"), model.drive.gap_limit_m
 
     def gained(command: float) -> float:
@@ -125,11 +125,11 @@ def _balancing(model: ControlModel, state: Array) -> float:
         raise ValueError(
             f"drive must be able to keep the capsule at {state[v]:g} m/s; got a resistance beyond its greatest force"
         )
-    return float(brentq(gained, -most, most, xtol=1e-12))
+    return float(scipy.optimize.brentq(gained, -most, most, xtol=1e-12))
 
 
 def _followed(model: ControlModel, state: Array, command: float) -> Array:
-    """`state` with the drive's own states as they are after `command` was in force for long: a current after 0.2 s."""
+    """`state` with the drive's states after a long time under `command`: a current after 0.2 s."""
     state = state.copy()
     for k, name in enumerate(model.states):
         if model.followed_by(name) == "command":

@@ -1,4 +1,4 @@
-"""One sub-step of the smoothed model in CasADi symbols, on the states that matter alone."""
+"""One sub-step of the smoothed model in CasADi symbols, reduced to the states that matter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ PURSUIT_S = 0.02  # time in which a command brings the capsule to its speed
 
 @dataclass(frozen=True)
 class Unmodelled(Effect):
-    """A force along +x that the model lacks: what an observer's disturbance acts through."""
+    """A force along +x that the model lacks: the input of an observer's disturbance."""
 
     id: ClassVar[str] = "unmodelled"
     force_N: Parameter = Parameter("force_N", 0.0, "N", source="estimated while running")
@@ -35,11 +35,15 @@ class Unmodelled(Effect):
 @dataclass(frozen=True)
 class Symbols:
     """A model's functions of states `x` (n,), commands at a sub-step's ends `c0`, `c1`, disturbance `d` in N, time `t`
-    and step `h` in s, parameters `q` in the order of `parameters`: `substep(x, c0, c1, d, t, h, q) -> x_next`,
-    `slopes(...) -> (x_next, J (n, n + 3))` with the derivatives by x, c0, c1, d, `measured(x, t, q) -> m`,
-    `wall_force(x, t, q) -> N` what the wall holds against +x: resistance, mucus and tension, `wall_slopes(...) -> (N,
-    dN/dx (1, n))`, `pursuit(x, speed, d, t, q) -> command` that would bring the capsule to `speed` in m/s within
-    `PURSUIT_S`, the drive at once.
+    and step `h` in s, parameters `q` in the order of `parameters`.
+
+    - `substep(x, c0, c1, d, t, h, q) -> x_next`, `slopes(...) -> (x_next, J (n, n + 3))` with the derivatives by x, c0,
+      c1, d.
+    - `measured(x, t, q) -> m`.
+    - `wall_force(x, t, q) -> N`: the wall's force against +x, resistance, mucus and tension; `wall_slopes(...) -> (N,
+      dN/dx (1, n))`.
+    - `pursuit(x, speed, d, t, q) -> command` that brings the capsule to `speed` in m/s within `PURSUIT_S` with an
+      immediate drive.
     """
 
     states: tuple[Name, ...]
@@ -55,7 +59,7 @@ class Symbols:
 
 @dataclass(frozen=True)
 class _Model:
-    """The parts with their symbols; `now` holds a symbol a state."""
+    """The parts with their symbols; `now` has a symbol per state."""
 
     surface: Surface
     drive: Drive
@@ -72,27 +76,23 @@ class _Model:
         return Stepper(self.surface, self.drive, active, None, self.smoothing)
 
     def signals(self, stepper: Stepper, t: Any, command: Any = None) -> Signals:
-        """What effects see of the state as it stands, under a `command` without force where none is given."""
+        """The effects' view of the present state, under a `command` without force if none is given."""
         n = self.now
         given = self.drive.neutral(n["x"]) if command is None else command
         place = (n["x"], n["v"], n["direction"], given, 0.0, n["travelled"])
         s = Signals(t, *place, stepper.tension(n["u"]), n["u"], 0.0, n["dwell"])
-        rate = 0.0 if not self.surface.dragged else drag_rate(self.drag(), n["v"], stepper.grip(s).recovery)
+        rate = 0.0 if not self.surface.dragged else drag_rate(Drag(n["u"], n["slip"]), n["v"], stepper.grip(s).recovery)
         return replace(s, drag_rate=rate)
 
-    def drag(self) -> Drag:
-        """The wall as it stands."""
-        return Drag(self.now["u"], self.now["slip"])
-
     def advance(self, c0: Any, c1: Any, t: Any, h: Any) -> dict[Name, Any]:
-        """The states a sub-step later; unlike the assembled model's they hold no rates, which follow from the rest."""
+        """The states a sub-step later. They have no rates, unlike the assembled model's: those follow from the rest."""
         stepper = self.stepper()
         rate = self.signals(stepper, t, c0).drag_rate
         new, _ = stepper.advance({**self.now, "a": 0.0, "u_rate": rate}, c0, c1, t, h)
         return new
 
     def measured(self, t: Any) -> Any:
-        """What the sensor shows of the position."""
+        """The sensor's reading of the position."""
         stepper = self.stepper()
         return stepper.active.measured(self.signals(stepper, t), self.now["x"])
 
@@ -101,22 +101,23 @@ class _Model:
         stepper = self.stepper()
         s = self.signals(stepper, t)
         grip = stepper.grip(s)
-        tension, mucus = stepper.held(s, self.drag(), s.tension)
+        tension, mucus = stepper.wall_forces(s, Drag(self.now["u"], self.now["slip"]), s.tension)
         return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
 
     def pursuit(self, speed: Any, t: Any) -> Any:
-        """Command that moves the capsule at `speed` against the wall as it stands and all other forces."""
+        """Command that moves the capsule at `speed` against the present wall and all other forces."""
         v = self.now["v"]
         moving = replace(self, now={**self.now, "v": speed, "direction": np.sign(speed)})
         stepper = moving.stepper()
         s = moving.signals(stepper, t)
-        force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
+        inertia = stepper.surface.body_kg * (speed - v) / PURSUIT_S
+        force = moving.wall_force(t) - stepper.active.total("force", s) + inertia
         force = force / stepper.active.product("gain", s)
         return ca.SX(self.drive.command_for(force, self.now["x"], v, stepper.active.p.base))
 
 
 def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], smoothing: float) -> Symbols:
-    """The functions of a body on `surface` under `drive` with `effects`, cut down to states that matter."""
+    """The functions of a body on `surface` under `drive` with `effects`, reduced to the states that matter."""
     parameters = surface.parameters() + drive.parameters() + effect_parameters(effects)
     q = ca.SX.sym("q", len(parameters))
     c0, c1, d, t, h = (ca.SX.sym(name) for name in ("c0", "c1", "d", "t", "h"))
@@ -151,7 +152,7 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
 def _needed(
     names: tuple[Name, ...], now: Mapping[Name, ca.SX], new: Mapping[Name, Any], outputs: ca.SX
 ) -> tuple[Name, ...]:
-    """Position, speed, what the outputs show, and every state that one of these depends on."""
+    """Position, speed, the outputs' states, and every state that one of these depends on."""
     kept = {name for name in names if name in ("x", "v") or ca.depends_on(outputs, now[name])}
     while True:
         rest = ca.vertcat(*(new[name] for name in kept))

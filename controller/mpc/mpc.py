@@ -1,4 +1,4 @@
-"""The model predictive controller: what stands between an estimate with a reference and the next command."""
+"""The model predictive controller: from estimate and reference to the next command."""
 
 import math
 import time
@@ -11,25 +11,26 @@ from controller.drives import bodies, envelope_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.mpc.planner import MpcPlan, Planner, Start
-from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
+from controller.tuned import Horizon, Weights
 
-REST_S = 0.05  # a capsule is left alone that would take longer to cross the band
+REST_S = 0.05  # a capsule that takes longer to cross the band counts as resting
 REST_STDS = 3.0  # standard deviations of the estimate that count as rest
-_WIDEST = 3.0  # times the horizon's `rest_m`, however unsure the estimate
-_CALM = 0.99  # of the most that a rate may change by: a plan that stays below is followed on
-_SAME = 1e-9  # share of the range within which two commands count as the same
+_WIDEST = 3.0  # times the horizon's `rest_m`, for any estimate
+_CALM = 0.99  # share of the greatest change of rate below which a plan is followed
+_SAME = 1e-9  # share of the range within which two commands are equal
 
 
 class MPC(Controller):
     """Tracks a reference by planning over a horizon with the control model, offset-free through the estimate's
     disturbance.
 
-    `act` gives the command at the end of the tick, the path expected (N + 1 positions) and the s that each phase took.
-    Status: "late" where the deadline left no time for a step (the plan still holds the hard bounds); "lost" with the
-    estimate, "failed" where something was not finite or unsolvable: then the last command is kept. A plan that still
-    gained by its last step goes on in the next tick. Bounded by `horizon.iterations` and `horizon.deadline_s`; never
-    raises but on making, ValueError for an inner mass.
+    `act` gives the command at the end of the tick, the predicted path (N + 1 positions) and the seconds of each phase.
+    Status: "late" if the deadline left no time for a step (the plan still meets the hard bounds); "lost" with the
+    estimate, "failed" if something was not finite or unsolvable: then the last command is kept.
+
+    A plan that still gained in its last step continues in the next tick. Bounded by `horizon.iterations` and
+    `horizon.deadline_s`. Raises only on construction, ValueError for an inner mass.
     """
 
     name = "mpc"
@@ -57,14 +58,14 @@ class MPC(Controller):
         self._compile()
 
     def _compile(self) -> None:
-        """Make one plan, so that machine code is there before the first tick."""
+        """Make one plan, so that the machine code exists before the first tick."""
         self.allow(1)
         targets = np.zeros((3, self._grid.size))
         targets[0] = 1e-3
         self.planner.plan(Start(0.0, self.model.initial()), targets, np.zeros(self._grid.size), 0.0)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin at `now` with `command` in force and at rest."""
+        """Begin at `now` at rest with `command` in force."""
         self._begin(now, float(command) if np.isfinite(command) else 0.0)
 
     def _begin(self, now: float, command: float) -> None:
@@ -72,16 +73,15 @@ class MPC(Controller):
         self._plan = np.full(self.horizon.stages + 1, command)
 
     def follow(self, command: float, rate: float) -> None:
-        """Plan on from `command` and its `rate` where they are not what was planned."""
+        """Plan from `command` and its `rate` if they differ from the plan."""
         if abs(command - self._command) > self._same:
             self._command, self._rate, self._followable = command, rate, False
 
     def allow(self, steps: int) -> None:
-        """Cut the next plan after `steps`, whatever the clock says."""
+        """Cut the next plan after `steps`, independent of the clock."""
         self.planner.allowed = steps
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
-        """The command for the tick that begins at `now` in s."""
         begin = self.clock()
         if estimate.lost:
             return self._kept("lost", begin)
@@ -113,7 +113,7 @@ class MPC(Controller):
         return Action(self._command, "late" if late else "ok", plan.path[:, 0].copy(), timings, cut_after)
 
     def _foreseen(self, now: float, state: Array) -> float | None:
-        """The last plan's command for this tick; None where a new plan is due (`Horizon`) or the state is no number."""
+        """The last plan's command for this tick; None if a new plan is due (`Horizon`) or the state is not a number."""
         age, tick, h, plan = now - self._time, self.model.tick_s, self.horizon, self.last
         if plan is None or not self._followable or not 0 < age < h.hold_s - 0.5 * tick:
             return None
@@ -121,8 +121,8 @@ class MPC(Controller):
         return _along(plan.commands, (age + tick) / h.stage_s) if near and math.isfinite(state.sum()) else None
 
     def _calm(self, commands: Array) -> bool:
-        """Whether the rates of all stages that a plan may be followed in, and of the next one, differ by less than a
-        tick's acceleration makes up for: a plan that changes faster is made anew each tick.
+        """Whether the rates of all stages in which a plan may be followed, and of the next one, differ by less than a
+        tick's acceleration. A plan with faster changes is made again each tick.
         """
         stage, before = self.horizon.stage_s, self._rate
         ahead = commands[: math.ceil(self.horizon.hold_s / stage) + 2].tolist()
@@ -134,7 +134,7 @@ class MPC(Controller):
         return True
 
     def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
-        """The disturbance to count on, and the parameters that it goes with where they are not the model's."""
+        """The disturbance to plan with, and its parameters if they are not the model's."""
         force, parameters = estimate.disturbance_N, None
         learned = estimate.adapted
         if learned is not None:
@@ -147,7 +147,7 @@ class MPC(Controller):
         return force, parameters
 
     def _targets(self, now: float, reference: Reference) -> Array | None:
-        """Position, speed and command rate (3, N + 1) over the horizon; None where they are not numbers."""
+        """Position, speed and command rate (3, N + 1) over the horizon; None if not numbers."""
         times: Array = now + self._grid
         try:
             targets = np.empty((3, times.size))
@@ -158,7 +158,7 @@ class MPC(Controller):
         return targets if np.isfinite(targets.sum()) else None
 
     def _shifted(self, now: float, targets: Array) -> Array:
-        """The last plan from `now` on, gone on with at the reference's pace, from the command in force."""
+        """The last plan from `now` on, continued at the reference's rate, from the command in force."""
         passed = now - self._time
         times = passed + self._grid
         commands = np.interp(times, self._grid, self._plan)
@@ -167,7 +167,7 @@ class MPC(Controller):
         return np.asarray(commands)
 
     def _rests(self, state: Array, std_m: float, targets: Array) -> bool:
-        """Whether the capsule is to be left alone: as near as the estimate, sure to `std_m`, can tell."""
+        """Whether to leave the capsule alone: as near as the estimate, with standard deviation `std_m`, can tell."""
         band = max(self.horizon.rest_m, min(REST_STDS * std_m, _WIDEST * self.horizon.rest_m))
         near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * band
         slow = targets[1, 0] == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m
@@ -185,6 +185,6 @@ class MPC(Controller):
 
 
 def _along(values: Array, stages: float) -> float:
-    """`values` (N + 1,), one a stage, `stages` after the first, linear between."""
+    """`values` (N + 1,), one per stage, at `stages` after the first, linear between."""
     k = min(int(stages), values.shape[0] - 2)
     return float(values[k] + (stages - k) * (values[k + 1] - values[k]))

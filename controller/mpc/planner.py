@@ -1,4 +1,4 @@
-"""From a state and a guess to a better plan: at most a few Gauss-Newton SQP steps with a line search."""
+"""From a state and a guess to a better plan: a few Gauss-Newton SQP steps with a line search."""
 
 import math
 import time
@@ -10,23 +10,22 @@ import numpy as np
 
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
-from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
-from controller.mpc.qp import FREE, Program
-from controller.mpc.settings import Horizon, Weights
+from controller.mpc.program import FREE, Program, cost, keep_feasible, quadratic, sensitivities
 from controller.signals import Array
+from controller.tuned import Horizon, Weights
 
 _SHORTENINGS = (1.0, 0.4, 0.1)  # shares of a step that the line search tries
-_PRESSED = 0.5  # share of the bound on the wall's force from which on every trial looks at it
-_ENOUGH = 5e-3  # of the cost, the least that a step must gain to be followed by another
-_LITTLE = 1e-6  # cost that counts as none
-CATCH_S = 0.03  # time in which a guess that follows the reference catches up with it
+_PRESSED = 0.5  # share of the bound on the wall's force above which every trial computes it
+_ENOUGH = 5e-3  # least gain of a step, as a share of the cost, for another step
+_LITTLE = 1e-6  # negligible cost
+CATCH_S = 0.03  # time constant with which a guess approaches the reference
 
 
 @dataclass
 class MpcPlan:
-    """Commands (N + 1,) and the path (N + 1, n) that the model makes of them, with its cost; `iterations` done, whether
-    the deadline `cut` them short, whether the last one was of little use (`settled`), `failed` where nothing finite
-    came out, and the s that each phase took.
+    """Commands (N + 1,) and their predicted path (N + 1, n), with the cost. `iterations` done, whether the deadline
+    `cut` them, whether the last one gained little (`settled`), `failed` if nothing finite resulted, and the seconds of
+    each phase.
     """
 
     commands: Array
@@ -40,7 +39,7 @@ class MpcPlan:
 
 
 class Start(NamedTuple):
-    """Where a plan begins: time in s, state (n,), disturbance, and the parameters (p,) where not the model's own."""
+    """Start of a plan: time in s, state (n,), disturbance, and the parameters (p,) if not the model's own."""
 
     now: float
     state: Array
@@ -49,8 +48,9 @@ class Start(NamedTuple):
 
 
 class Planner:
-    """Plans over a horizon of one model; arrays are made here, once. `force_per_command` turns the weights' N/s into
-    the command's rate; `follows` is 1 where a command in step with the reference costs nothing (a carriage), else 0.
+    """Plans over a horizon of one model; arrays are allocated here, once. `force_per_command` converts the weights' N/s
+    into the command's rate. `follows` is 1 if a command that moves with the reference costs nothing (a carriage), else
+    0.
     """
 
     def __init__(
@@ -77,8 +77,8 @@ class Planner:
         self.allowed: int | None = None
 
     def plan(self, start: Start, reference: Array, guess: Array, last_rate: float) -> MpcPlan:
-        """The plan from `start`; `guess` (N + 1,) begins with the command in force, which changes at `last_rate`;
-        `reference` (3, N + 1) position, speed, command rate. Never raises; bounded by `horizon.iterations`.
+        """The plan from `start`. `guess` (N + 1,) begins with the command in force, which changes at `last_rate`;
+        `reference` (3, N + 1): position, speed, command rate. Never raises; bounded by `horizon.iterations`.
         """
         begin = self.clock()
         warm, ahead = self.candidates(start, reference, guess, last_rate)
@@ -88,7 +88,8 @@ class Planner:
         best.timings["candidates"], longest = moment - begin, 0.0
         best.failed = not math.isfinite(best.cost)
         while not best.failed and best.iterations < self.horizon.iterations:
-            if self._over(moment - begin + longest, best.iterations):
+            late = moment - begin + longest > self.horizon.deadline_s
+            if late if self.allowed is None else best.iterations >= self.allowed:
                 best.cut = True
                 break
             last = moment
@@ -100,10 +101,6 @@ class Planner:
                 break
         best.timings["total"], self.allowed = moment - begin, None
         return best
-
-    def _over(self, elapsed_s: float, steps: int) -> bool:
-        """Whether another step would end too late."""
-        return elapsed_s > self.horizon.deadline_s if self.allowed is None else steps >= self.allowed
 
     def candidates(self, start: Start, reference: Array, guess: Array, last_rate: float) -> tuple[MpcPlan, MpcPlan]:
         """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""
@@ -121,7 +118,7 @@ class Planner:
         return warm, ahead
 
     def _roll(self, plan: MpcPlan) -> None:
-        """Bring a plan's commands within the hard bounds, fill in their path and its cost."""
+        """Move a plan's commands within the hard bounds, compute path and cost."""
         keep_feasible(plan.commands, self._task[1], self.horizon.stage_s, self.model.tick_s, self.hard)
         self.model.kernels.roll(plan.path, plan.commands, self._motion)
         self._price(plan)
@@ -134,7 +131,7 @@ class Planner:
         plan.cost = float(cost(plan.path, plan.commands, self.forces, self._task, *numbers))
 
     def _iterate(self, best: MpcPlan) -> bool:
-        """One SQP step from `best`, which it changes; False where it is not worth another."""
+        """One SQP step from `best`, which it changes; False if another would gain too little."""
         program, stage_s, took, t0 = self.program, self.horizon.stage_s, best.timings, self.clock()
         self.model.kernels.linearise(best.path, self.A, self.B, best.commands, self._motion)
         self._pressed = self.soft[2] < FREE
@@ -158,7 +155,7 @@ class Planner:
         return gain > _ENOUGH * (abs(best.cost) + _LITTLE)
 
     def _search(self, best: MpcPlan, change: Array) -> float:
-        """Go along `change` as far as the cost falls; returns by how much it did."""
+        """Follow `change` as far as the cost falls; returns the gain."""
         moves = np.concatenate([[0.0], np.cumsum(change)]) * (self.program.unit * self.horizon.stage_s)
         trial = MpcPlan(best.commands, best.path.copy())
         for share in _SHORTENINGS:

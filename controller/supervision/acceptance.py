@@ -1,4 +1,4 @@
-"""What a learned model must show before a controller uses it: better on held-out records, numbers in bounds."""
+"""The acceptance test of a learned model: better on held-out records, parameters within bounds."""
 
 import math
 from collections.abc import Mapping
@@ -15,19 +15,17 @@ from models.parameter import nearest
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 
-BETTER: Final = 0.99
-"""Most of the current model's held-out error that a new one's may be."""
+BETTER: Final = 0.99  # greatest held-out error of a new model as a share of the current model's
 
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Whether a model passed, and what spoke against it."""
+    """Whether a model passed, and the reasons against it."""
 
     reasons: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
-        """No reason speaks against it."""
         return not self.reasons
 
     @property
@@ -45,10 +43,10 @@ def judge(
     current: str | float = "calibrated",
     share: float = BETTER,
 ) -> Acceptance:
-    """Judge `stage` of a `model` that close-loop wrote with its `report` (the object of report.json) for `rig`: its
-    held-out error must be at most `share` of the current model's on the same records. `current` is the stage in use, or
-    the held-out error of the model in use on the same records. A report or a model that cannot be read does not pass.
-    Raises ValueError for an unknown stage.
+    """Judge `stage` of a `model` from close-loop with its `report` (the object of report.json) for `rig`: its held-out
+    error must be at most `share` of the current model's on the same records. `current` is the stage in use, or the
+    held-out error of the model in use. An unreadable report or model does not pass. Raises ValueError for an unknown
+    stage.
     """
     for name in (stage, current):
         if isinstance(name, str) and name not in STAGES:

@@ -1,4 +1,4 @@
-"""Sensor, drive and capsule held against each other and against the wanted position, whatever an estimator believes."""
+"""Localisation, drive and capsule compared with each other and with the wanted position, without any estimator."""
 
 import math
 from dataclasses import dataclass
@@ -7,45 +7,45 @@ from typing import Final
 from controller.limits import Envelope
 
 CONTRADICT: Final = "sensor or drive contradict each other"
-_SLACK_M: Final = 2e-3  # room beyond the envelope
-_STDS: Final = 6.0  # standard deviations of the readings, beyond which two contradict each other
-_STILL_M: Final = 1e-3  # way from which a capsule moves
-_PUSHES: Final = 0.15  # of the drive's limit, what pushes
-_AGAINST: Final = (5e-3, 0.5)  # m and share of the envelope that a capsule may go against the push
-_HARD: Final = 0.9  # of a magnet's gap, or of the current, that pulls hard
-_PULLED_S: Final = 1.0  # for which a magnet must have pulled
-_ON_S: Final = 2.0  # for which an inner mass must have swung
+_SLACK_M: Final = 2e-3  # margin of the envelope
+_STDS: Final = 6.0  # standard deviations of readings beyond which two contradict each other
+_STILL_M: Final = 1e-3  # distance from which a capsule moves
+_PUSHES: Final = 0.15  # share of the drive's limit that counts as a push
+_AGAINST: Final = (5e-3, 0.5)  # m and share of the envelope that a capsule may move against the push
+_HARD: Final = 0.9  # share of a magnet's gap that counts as a hard pull
+_PULLED_S: Final = 1.0  # hard pull of a magnet without an answer
+_ON_S: Final = 2.0  # swing of an inner mass without an answer
 _IN_VAIN: Final = (2.6, 0.08)  # times friction, and seconds of it, that must move a capsule
-_MOST_IN_VAIN: Final = 4.0  # times friction: what is harder counts as this
+_MOST_IN_VAIN: Final = 4.0  # times friction, greatest push counted
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
-_MOVED_M: Final = 5e-4  # way that is an answer to a push
+_MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
-_SLIPS_M_S: Final = 0.2  # speed at which a capsule slips away between two readings
-_FASTEST_M_S: Final = 1.0  # speed that no capsule on the run has
-_CONFIRMED: Final = 3  # readings in a row that a jump is believed from
-_SPEED: Final = 0.5  # of the speed limit, what readings apart must show less than
-_APART_S: Final = 0.04  # of two readings that tell a speed
+_SLIPS_M_S: Final = 0.2  # speed of a slip between two readings
+_FASTEST_M_S: Final = 1.0  # speed above every real motion
+_CONFIRMED: Final = 3  # readings in a row that confirm a jump
+_SPEED: Final = 0.5  # share of the speed limit that readings must stay below
+_APART_S: Final = 0.04  # time between two readings for a speed
 
 
 @dataclass(slots=True)
 class Corridor:
-    """The envelope around the wanted position: a place may be `half_m` from it and `slack_m` farther than it was. A
-    reference that jumps, faster than `pace_m_s`, gives as much room as it jumps; it shrinks as the place comes nearer.
+    """The envelope around the wanted position: a position may be `half_m` from it, or `slack_m` farther than before. A
+    reference that jumps, faster than `speed_m_s`, widens it by the jump; it shrinks as the position approaches.
     """
 
     half_m: float
-    pace_m_s: float
+    speed_m_s: float
     slack_m: float
     room_m: float = math.inf
     wanted_m: float = math.nan
 
-    def leaves(self, place_m: float, wanted_m: float, dt: float) -> bool:
-        """Whether the place, `dt` s after the last call, is outside."""
-        jump_m = abs(wanted_m - self.wanted_m) - self.pace_m_s * dt
+    def leaves(self, position_m: float, wanted_m: float, dt: float) -> bool:
+        """Whether the position, `dt` s after the last call, is outside."""
+        jump_m = abs(wanted_m - self.wanted_m) - self.speed_m_s * dt
         if jump_m > 0:
             self.room_m += jump_m
         self.wanted_m = wanted_m
-        off_m = abs(place_m - wanted_m)
+        off_m = abs(position_m - wanted_m)
         if off_m > self.room_m:
             return True
         self.room_m = max(self.half_m, min(self.room_m, off_m + self.slack_m))
@@ -53,55 +53,55 @@ class Corridor:
 
 
 @dataclass(slots=True)
-class Doubt:
-    """Takes a reading that lies no farther from the last one taken than a capsule slips meanwhile; one that jumps is
-    taken once `_CONFIRMED` in a row have said the same, or what a capsule on the run goes at `_FASTEST_M_S`.
+class JumpCheck:
+    """Accepts a reading no farther from the last accepted one than a capsule slips meanwhile. After a jump,
+    `_CONFIRMED` readings in a row must agree, or move at no more than `_FASTEST_M_S`.
     """
 
     noise_m: float
-    place_m: float = math.nan
+    position_m: float = math.nan
     candidate_m: float = math.nan
     at: float = -math.inf
-    asked_at: float = -math.inf
+    refused_at: float = -math.inf
     agree: int = 0
 
-    def takes(self, place_m: float, stamp_s: float) -> bool:
-        """Whether the reading `place_m`, true at `stamp_s`, is taken."""
+    def takes(self, position_m: float, stamp_s: float) -> bool:
+        """Whether the reading `position_m`, true at `stamp_s`, is accepted."""
         apart_m = _STDS * self.noise_m
-        if abs(place_m - self.place_m) > _SLIPS_M_S * abs(stamp_s - self.at) + apart_m:
-            again = abs(place_m - self.candidate_m) <= apart_m + _FASTEST_M_S * abs(stamp_s - self.asked_at)
-            self.asked_at = stamp_s
-            self.agree, self.candidate_m = self.agree + 1 if again else 1, place_m
+        if abs(position_m - self.position_m) > _SLIPS_M_S * abs(stamp_s - self.at) + apart_m:
+            again = abs(position_m - self.candidate_m) <= apart_m + _FASTEST_M_S * abs(stamp_s - self.refused_at)
+            self.refused_at = stamp_s
+            self.agree, self.candidate_m = self.agree + 1 if again else 1, position_m
             if self.agree < _CONFIRMED:
                 return False
-        self.place_m, self.at, self.agree = place_m, stamp_s, 0
+        self.position_m, self.at, self.agree = position_m, stamp_s, 0
         return True
 
 
 class Contradiction:
-    """Why sensor and drive cannot both be right, from what they say alone.
+    """Reasons why sensor and drive cannot both be right, from their reports alone.
 
-    - Envelope: the carriage stays within `Envelope.around_m` of the wanted position, the capsule within twice that, or
-      the capsule alone within `around_m` where the drive has no place. A magnet holds its capsule within its gap, so a
-      capsule whose localisation drifts away is led no farther than that.
-    - Sign: a capsule goes where it is pushed. While it is pushed one way by more than `_PUSHES` of the greatest push it
-      goes back by less than `_AGAINST`, in m and as a share of the envelope. Waves and walls that draw back move a
-      capsule against a magnet by less, as the magnet pulls the harder.
-    - Answer: a capsule moves by `_MOVED_M` (or four standard deviations of readings smoothed by `_MEAN`) the way it is
-      pushed before a magnet has pulled by `_HARD` of its gap for `_PULLED_S`, and before what a coil pushes beyond
-      `_IN_VAIN[0]` times the friction sums up, in frictions, to `_IN_VAIN[1]` seconds; until then the coil pushes no
-      harder than `_MOST_IN_VAIN` (`most`). It moves by `_STILL_M` and `_STDS` standard deviations before an inner mass
-      has swung for `_ON_S`.
-    - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive later than
-      anybody knows comes to rest before the limit. An inner mass shakes its capsule faster.
+    - Envelope: the carriage stays within `Envelope.around_m` of the wanted position and the capsule within twice that;
+      without a carriage the capsule alone within `around_m`. A magnet keeps its capsule within its gap, so a drifting
+      localisation leads it no farther.
+    - Sign: a capsule moves where it is pushed. While the push exceeds `_PUSHES` of the greatest one, it moves back by
+      less than `_AGAINST`, in m and as a share of the envelope. Waves and recovering walls move it less: the magnet
+      pulls harder.
+    - Answer: a capsule moves by `_MOVED_M` (or four standard deviations of readings smoothed by `_MEAN`) in the
+      direction of the push. A magnet may pull by `_HARD` of its gap for `_PULLED_S` before. The push of a coil beyond
+      `_IN_VAIN[0]` times the friction, in frictions, may sum up to `_IN_VAIN[1]` seconds before; until then it is at
+      most `_MOST_IN_VAIN` (`most`). With an inner mass it moves by `_STILL_M` and `_STDS` standard deviations within
+      `_ON_S`.
+    - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
+      delay stops before the limit. An inner mass shakes its capsule faster.
 
-    The drive is its own report, in the command's unit; of an inner mass its command. Places and wanted positions are
-    in m, times in s. No method raises, allocates or takes longer with time.
+    The drive is its own report, in the command's unit; for an inner mass its command. Positions are in m, times in s.
+    No method raises, allocates or takes longer with time.
     """
 
     def __init__(self, envelope: Envelope, noise_m: float, friction: float = math.inf) -> None:
-        """`noise_m` is the localisation's standard deviation, `friction` the command that overcomes the model's
-        friction, which matters where the drive has no place.
+        """`noise_m`: the localisation's standard deviation, `friction`: the command that overcomes the model's
+        friction, for a drive without a position.
         """
         self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
         full = envelope.gap_m if envelope.placed else envelope.high
@@ -112,18 +112,18 @@ class Contradiction:
         self.begin()
 
     def begin(self) -> None:
-        """Begin anew: with a drive that is enabled at this moment."""
+        """Begin anew, with a drive enabled at this moment."""
         around_m, limits, slack_m = self._envelope.around_m, self._envelope.limits, _SLACK_M + _STDS * self._noise_m
         self._drive = Corridor(around_m, limits.carriage_speed_m_s, slack_m)
         self._capsule = Corridor(around_m * (2 if self._envelope.placed else 1), limits.speed_m_s, slack_m)
-        self._doubt = Doubt(self._noise_m)
-        self.against_m = self._on_s = self._way = self._vain_s = self._vain_way = 0.0
+        self._jump = JumpCheck(self._noise_m)
+        self.against_m = self._on_s = self._sign = self._vain_s = self._vain_sign = 0.0
         self._rested_m = self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
         self._outside = 0
 
     def drove(self, drive: float, wanted_m: float, dt: float) -> str:
-        """A tick of `dt` s in which the drive was at `drive`; why to stop, "" where there is no reason."""
+        """A tick of `dt` s with the drive at `drive`; the reason to stop, or ""."""
         if self._envelope.shaken:
             self._on_s += dt * (drive > 0)
             if self._on_s > _ON_S:
@@ -140,45 +140,45 @@ class Contradiction:
 
     @property
     def most(self) -> float:
-        """The greatest command of a coil for the next tick, either way: inf where the capsule has answered."""
+        """The greatest command of a coil for the next tick, in both directions: inf once the capsule has moved."""
         return _MOST_IN_VAIN * self._friction if self._vain_s > 0 and not self._envelope.placed else math.inf
 
-    def saw(self, place_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
-        """The localisation shows the capsule at `place_m`; `drive` and `wanted_m` are those of its stamp."""
-        if not self._doubt.takes(place_m, stamp_s):
+    def saw(self, position_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
+        """The localisation shows the capsule at `position_m`; `drive` and `wanted_m` are those of its stamp."""
+        if not self._jump.takes(position_m, stamp_s):
             return ""
-        push = drive - place_m if self._envelope.placed else self._envelope.sense * drive
-        way = 0.0 if self._envelope.shaken or abs(push) < self._push else math.copysign(1.0, push)
-        if way != self._way:
-            self._way, self._farthest_m = way, place_m
-        elif way * (place_m - self._farthest_m) > 0:
-            self._farthest_m = place_m
-        self._mean_m = place_m if math.isnan(self._mean_m) else self._mean_m + _MEAN * (place_m - self._mean_m)
-        if not self._vain_way * (self._mean_m - self._from_m) < self._moved_m:  # it answers: nothing was in vain
+        push = drive - position_m if self._envelope.placed else self._envelope.sense * drive
+        sign = 0.0 if self._envelope.shaken or abs(push) < self._push else math.copysign(1.0, push)
+        if sign != self._sign:
+            self._sign, self._farthest_m = sign, position_m
+        elif sign * (position_m - self._farthest_m) > 0:
+            self._farthest_m = position_m
+        self._mean_m = position_m if math.isnan(self._mean_m) else self._mean_m + _MEAN * (position_m - self._mean_m)
+        if not self._vain_sign * (self._mean_m - self._from_m) < self._moved_m:  # it answers: nothing was in vain
             self._from_m, self._vain_s = self._mean_m, 0.0
-        self.against_m = way * (self._farthest_m - place_m)
-        if not abs(place_m - self._rested_m) <= self._still_m:
-            self._rested_m, self._on_s = place_m, 0.0
+        self.against_m = sign * (self._farthest_m - position_m)
+        if not abs(position_m - self._rested_m) <= self._still_m:
+            self._rested_m, self._on_s = position_m, 0.0
         dt = stamp_s - self._seen_at
         self._seen_at = stamp_s
-        if not self._envelope.shaken and (fast_m_s := self._speed(place_m, stamp_s)) > self._fastest_m_s:
+        if not self._envelope.shaken and (fast_m_s := self._speed(position_m, stamp_s)) > self._fastest_m_s:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
             return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
-        outside = self._capsule.leaves(place_m, wanted_m, dt if dt > 0 else 0.0)
+        outside = self._capsule.leaves(position_m, wanted_m, dt if dt > 0 else 0.0)
         self._outside = self._outside + 1 if outside else 0
         if self._outside >= _CONFIRMED:
-            off = 1e3 * (place_m - wanted_m)
-            return f"{CONTRADICT}: the capsule is told {off:+.1f} mm from the wanted position"
+            off = 1e3 * (position_m - wanted_m)
+            return f"{CONTRADICT}: the localisation shows the capsule {off:+.1f} mm from the wanted position"
         return ""
 
     def _in_vain(self, drive: float, dt: float) -> bool:
         """Whether the drive has pushed hard for too long without an answer."""
         placed = self._envelope.placed
         push = drive - self._mean_m if placed else self._envelope.sense * drive
-        way = math.copysign(1.0, push) if push else 0.0
-        if way != self._vain_way:
-            self._vain_way, self._vain_s, self._from_m = way, 0.0, self._mean_m
+        sign = math.copysign(1.0, push) if push else 0.0
+        if sign != self._vain_sign:
+            self._vain_sign, self._vain_s, self._from_m = sign, 0.0, self._mean_m
         if placed:
             self._vain_s += dt * (abs(push) >= self._hard_m)
             return self._vain_s > _PULLED_S
@@ -186,11 +186,11 @@ class Contradiction:
         self._vain_s += dt * max(abs(drive) / self._friction - least, 0.0)
         return self._vain_s > longest_s
 
-    def _speed(self, place_m: float, stamp_s: float) -> float:
-        """Speed in m/s since a reading `_APART_S` or longer ago, 0 until there is one."""
+    def _speed(self, position_m: float, stamp_s: float) -> float:
+        """Speed in m/s since a reading `_APART_S` or longer ago, 0 without one."""
         since_s = stamp_s - self._fast_at
         if since_s < _APART_S:
             return 0.0
-        fast_m_s = abs(place_m - self._fast_m) / since_s
-        self._fast_at, self._fast_m = stamp_s, place_m
+        fast_m_s = abs(position_m - self._fast_m) / since_s
+        self._fast_at, self._fast_m = stamp_s, position_m
         return fast_m_s

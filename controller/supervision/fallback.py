@@ -1,4 +1,4 @@
-"""Changing over between controllers: which of them may be asked, when one swings, a step between them that fades."""
+"""The fallback chain: which controllers may be asked, detection of oscillation, blending of change-overs."""
 
 import math
 from collections import Counter
@@ -11,17 +11,21 @@ from controller.tuned import check_numbers
 
 @dataclass(frozen=True)
 class Rules:
-    """When the supervisor changes over, all in s but `late_allowed` (late answers in a row that are still used),
-    `rest_speed_m_s`, and `swing_m` and `swings`.
+    """When the supervisor changes over, in s, except `late_allowed` (late answers in a row that are still used),
+    `rest_speed_m_s`, `swing_m` and `swings`.
 
-    An answer later than `deadline_s` by the clock is late. A controller that failed is tried again after `retry_s`,
-    twice as long after each further failure up to `retry_longest_s`, and forgiven after `forgive_s` of good work.
-    Serious limits in force for `limit_s` on end count as a failure, so does turning about far from the aim for
-    `limit_s` (a second of following takes 0.5 s off). Whoever leads the capsule `swings` times in a row from `swing_m`
-    on one side of the reference to as far on the other, each within `swing_s`, is to calm down, and has failed where it
-    cannot: stick and slip goes to and fro by tenths of a millimetre, a loop later than it knows by several. After a
-    lost estimate control resumes once it was good for `settle_s`. A change-over is blended over `blend_s`, a stop takes
-    the current to 0 within `stop_s`. At rest: capsule and reference slower than `rest_speed_m_s` for `rest_s`.
+    An answer later than `deadline_s` by the clock is late. A failed controller is tried again after `retry_s`, twice as
+    long after each further failure up to `retry_longest_s`; `forgive_s` of good work resets this. Serious limits in
+    force for `limit_s` count as a failure, as does an oscillating command far from the aim for `limit_s` (a second of
+    following subtracts 0.5 s).
+
+    A controller under which the capsule `swings` times in a row from `swing_m` on one side of the reference to the
+    other, each within `swing_s`, must reduce its gain, or has failed. Stick and slip swings by tenths of a millimetre,
+    a loop with an unknown delay by several.
+
+    After a lost estimate control resumes once it was good for `settle_s`. A change-over is blended over `blend_s`; a
+    stop takes the current to 0 within `stop_s`. At rest: capsule and reference slower than `rest_speed_m_s` for
+    `rest_s`.
     """
 
     late_allowed: int = 2
@@ -45,7 +49,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Event:
-    """A change-over at `time_s`: from one controller to another, and why."""
+    """A change-over at `time_s` from one controller to another, with the reason."""
 
     time_s: float
     before: str
@@ -65,45 +69,43 @@ class FallbackChain:
 
     def open(self, now: float) -> Iterator[int]:
         """The controllers that may be asked at `now`, best first."""
-        for rung, until in enumerate(self._closed_until):
+        for rank, until in enumerate(self._closed_until):
             if now >= until:
-                yield rung
+                yield rank
 
-    def failed(self, rung: int, now: float) -> None:
+    def failed(self, rank: int, now: float) -> None:
         """Suspend a controller."""
-        self._closed_until[rung] = max(self._closed_until[rung], now + self._wait[rung])
-        self._wait[rung] = min(2 * self._wait[rung], max(self._rules.retry_longest_s, self._rules.retry_s))
-        self._good_since[rung] = math.inf
+        self._closed_until[rank] = max(self._closed_until[rank], now + self._wait[rank])
+        self._wait[rank] = min(2 * self._wait[rank], max(self._rules.retry_longest_s, self._rules.retry_s))
+        self._good_since[rank] = math.inf
 
-    def ban(self, rung: int) -> None:
-        """Suspend a controller for good."""
-        self._closed_until[rung] = math.inf
+    def ban(self, rank: int) -> None:
+        """Suspend a controller permanently."""
+        self._closed_until[rank] = math.inf
 
     @property
     def banned(self) -> bool:
-        """Whether all are suspended for good."""
+        """Whether all are suspended permanently."""
         return all(until == math.inf for until in self._closed_until)
 
-    def worked(self, rung: int, now: float) -> None:
+    def worked(self, rank: int, now: float) -> None:
         """A controller gave a usable answer."""
-        self._good_since[rung] = min(self._good_since[rung], now)
-        if now - self._good_since[rung] >= self._rules.forgive_s:
-            self._wait[rung] = self._rules.retry_s
+        self._good_since[rank] = min(self._good_since[rank], now)
+        if now - self._good_since[rank] >= self._rules.forgive_s:
+            self._wait[rank] = self._rules.retry_s
 
 
-DONE: Final = "done"
-"""What `ended` says of a run that was led as asked."""
-LED: Final = 0.99
-"""Least share of the ticks that the controller asked for leads in such a run."""
+DONE: Final = "done"  # the value of `ended` for a run that went as asked
+LED: Final = 0.99  # least share of the ticks with the requested controller in such a run
 
 
 def shares(led: Counter[str]) -> dict[str, float]:
-    """Which share of the ticks in which the drive was led each controller led; "stop" while none did."""
+    """Share of the ticks per controller while the drive was controlled; "stop" without a controller."""
     return {name: count / led.total() for name, count in led.most_common()}
 
 
 def not_led(led: Counter[str], wanted: str) -> str:
-    """That another controller than `wanted` led for more than 1 % of the ticks, "" where it did not."""
+    """That controllers other than `wanted` had more than 1 % of the ticks; else ""."""
     found = shares(led)
     if not found or found.get(wanted, 0.0) >= LED:
         return ""
@@ -112,7 +114,7 @@ def not_led(led: Counter[str], wanted: str) -> str:
 
 
 class Blend:
-    """A step that fades linearly to 0 within `time_s`; `left` is what is left of it."""
+    """A step that fades linearly to 0 within `time_s`; `left` is the remainder."""
 
     def __init__(self, time_s: float) -> None:
         self._time, self._step, self._since, self.left = time_s, 0.0, -math.inf, 0.0
@@ -122,15 +124,15 @@ class Blend:
         self._step, self._since = step, now
 
     def smooth(self, command: float, now: float) -> float:
-        """`command` with what is left of the step."""
+        """`command` plus the remaining step."""
         share = max(0.0, 1 - max(now - self._since, 0.0) / self._time) if self._time > 0 else 0.0
         self.left = self._step * share
         return command + self.left
 
 
 class Swings:
-    """Counts how often in a row the capsule goes from further than `far_m` on one side of its reference to as far on
-    the other, each time within `within_s` of when it was last as far. An error that stays on one side is no swing.
+    """Counts in a row how often the capsule goes from further than `far_m` on one side of its reference to the other,
+    within `within_s`. An error on one side is no swing.
     """
 
     def __init__(self, far_m: float, within_s: float) -> None:
@@ -142,7 +144,7 @@ class Swings:
         self.count, self._side, self._far_at = 0, 0.0, -math.inf
 
     def see(self, now: float, error_m: float) -> int:
-        """A tick on, to `now` in s; how often it has swung by now. An error that is no number is not seen."""
+        """Advance to `now` in s; the number of swings so far. An error that is not a number is ignored."""
         if now - self._far_at > self._within_s:
             self.forget()
         if abs(error_m) >= self._far_m:

@@ -1,4 +1,4 @@
-"""A new model's way in: its estimator looks on from the offer, both take over with its controllers at a rest."""
+"""How a new model takes over: its estimator runs beside the present one; both switch with the controllers at rest."""
 
 from __future__ import annotations
 
@@ -6,20 +6,55 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Final
+
+import numpy as np
 
 from controller.estimator.base import Counts, Estimator
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import NOT_WATCHED, Health, Monitor
+from controller.monitor import NOT_WATCHED, Health, Monitor
 from controller.registry import Chain, Observer, build, estimator_for
-from controller.signals import Estimate, Measurement
+from controller.signals import Array, Estimate, Measurement
 from controller.supervision.acceptance import Acceptance
-from controller.supervision.history import History
 from controller.supervision.supervisor import Supervisor
+
+ROOM: Final = 1 << 18  # stored readings of a channel: nine minutes at 500 Hz
+
+_FIRST_LOOK: Final = 256  # rows of the first search
+
+
+class History:
+    """Keeps the newest `room` readings of each of `channels`, in memory allocated at the start. `add` never raises."""
+
+    def __init__(self, channels: Sequence[str], room: int = ROOM) -> None:
+        self._rows = {name: np.full((2, room), np.nan) for name in channels}  # times and values, in a ring
+        self._counts, self._room = dict.fromkeys(channels, 0), room
+
+    def add(self, measurements: Sequence[Measurement]) -> None:
+        """Keep the measurements of its channels."""
+        for m in measurements:
+            if m.channel in self._rows:
+                self._rows[m.channel][:, self._counts[m.channel] % self._room] = m.stamp_s, m.value
+                self._counts[m.channel] += 1
+
+    def since(self, channel: str, begin_s: float) -> tuple[Array, Array]:
+        """Increasing times from `begin_s` on, and values of a channel, (n,) each; readings out of order are left out.
+        The time it takes depends on their number, not on the room: a tick may ask.
+        """
+        rows, count = self._rows[channel], self._counts[channel]
+        there, end = min(count, self._room), count % self._room
+        reach = min(_FIRST_LOOK, there)
+        while reach < there and rows[0, (count - reach) % self._room] >= begin_s:
+            reach = min(2 * reach, there)
+        newest = np.hstack((rows[:, end - reach :], rows[:, :end])) if reach > end else rows[:, end - reach : end]
+        times, values = newest[:, (newest[0] >= begin_s) & np.isfinite(newest[1])]
+        new = times > np.maximum.accumulate(np.append(-np.inf, times))[:-1]
+        return times[new], values[new]
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A `model` that is to take over from `at_s` on, in s of the reference's time, if its `verdict` passed."""
+    """A `model` to take over from `at_s` on, in s of the reference's time, if its `verdict` passed."""
 
     model: ControlModel
     verdict: Acceptance
@@ -41,10 +76,10 @@ class Prepared:
 
 
 class ModelSwitch:
-    """The estimator in use, and the one of an offered model beside it. From `begin` + `offer.at_s` on the offered one
-    sees the same measurements; once it is not lost and capsule and reference have been at rest, it and the controllers
-    of its model take over in one tick, `taken_at` in s of the reference's time. Offers wait for each other and are
-    built when made; `history`, where there is one, keeps what was measured.
+    """The estimator in use, and that of an offered model beside it. From `begin` + `offer.at_s` on the offered one gets
+    the same measurements. Once it is not lost, and capsule and reference have been at rest, it and its controllers take
+    over in one tick, `taken_at` in s of the reference's time. Offers queue and are built when made; `history`, if any,
+    keeps the measurements.
     """
 
     def __init__(
@@ -56,7 +91,7 @@ class ModelSwitch:
         deadline_s: float = math.inf,
         estimator: str = "default",
     ):
-        """Raises ValueError for a model that this controller cannot use, or one of another tick."""
+        """Raises ValueError for a model that this controller cannot use, or one with another tick."""
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
         self._estimator, self._age_s = estimator, supervisor.envelope.limits.age_s
         self._present: Observer = estimator_for(controller, model, estimator, self._age_s)
@@ -69,11 +104,11 @@ class ModelSwitch:
             self.propose(offer)
 
     def propose(self, offer: Offer) -> None:
-        """Put a model on offer, behind those that are. Errors as the constructor."""
+        """Queue a model. Errors as the constructor."""
         self.put(self.prepare(offer))
 
     def prepare(self, offer: Offer) -> Prepared:
-        """All that takes long about an offer; another thread may do it beside the ticks. Errors as the constructor."""
+        """The slow part of an offer; another thread may do it. Errors as the constructor."""
         if offer.model.tick_s != self.tick_s:
             raise ValueError(f"offered model must have the tick in use, {self.tick_s:g} s; got {offer.model.tick_s:g}")
         chain = build(self._controller, offer.model, self._supervisor.envelope, self._deadline_s)
@@ -81,7 +116,7 @@ class ModelSwitch:
         return Prepared(offer, chain, observer, _monitor_of(observer))
 
     def put(self, prepared: Prepared) -> None:
-        """Put what was prepared on offer, behind those that are."""
+        """Queue a prepared offer."""
         if prepared.offer.verdict.passed:
             self._waiting.append(prepared)
         if not prepared.offer.verdict.passed or len(self._waiting) == 1:
@@ -89,22 +124,19 @@ class ModelSwitch:
 
     @property
     def health(self) -> Health:
-        """What the monitor says of the model in use, times on the clock of `observe`."""
+        """The monitor's result on the model in use, times on the clock of `observe`."""
         return NOT_WATCHED if self._monitor is None else self._monitor.health
 
     @property
     def tick_s(self) -> float:
-        """Tick in s of the models."""
         return self._present.model.tick_s
 
     @property
     def model(self) -> ControlModel:
-        """The model in use."""
         return self._present.model
 
     @property
     def counts(self) -> Counts:
-        """What became of the measurements so far."""
         return self._present.counts
 
     def begin(self, origin_s: float) -> None:
@@ -114,12 +146,12 @@ class ModelSwitch:
             self._monitor.begin(origin_s)
 
     def reset(self, now: float, command: float) -> None:
-        """Know nothing but the `command` in force at `now`."""
+        """Forget all but the `command` in force at `now`."""
         for observer in (self._present, *(waiting.observer for waiting in self._waiting)):
             observer.reset(now, command)
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
-        """The estimate at `now`, as `Estimator.observe`, by whichever is in use."""
+        """The estimate at `now`, as `Estimator.observe`, of the estimator in use."""
         estimate = self._present.observe(now, command, measurements)
         if self._monitor is not None and now >= self.origin_s:
             self._monitor.look(now, command, estimate)
@@ -134,7 +166,7 @@ class ModelSwitch:
         return fresh
 
     def _take_over(self, prepared: Prepared, now: float) -> None:
-        """Go on with the model that was `prepared`: nothing is made in this tick."""
+        """Continue with the `prepared` model: nothing is built in this tick."""
         for field in fields(Counts):
             setattr(prepared.observer.counts, field.name, getattr(self._present.counts, field.name))
         self._present, self.taken_at = prepared.observer, now - self.origin_s
@@ -149,5 +181,5 @@ class ModelSwitch:
 
 
 def _monitor_of(observer: Observer) -> Monitor | None:
-    """The monitor of the model that an estimator believes in; None where it believes in none."""
+    """The monitor of an estimator's model; None for an estimator without one."""
     return Monitor(observer) if isinstance(observer, Estimator) else None

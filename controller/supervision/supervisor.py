@@ -13,21 +13,22 @@ from controller.supervision.acceptance import Acceptance
 from controller.supervision.fallback import Blend, Event, FallbackChain, Rules, Swings
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
-_EVENTS = 256  # that are kept, the last ones
-_FORGOTTEN = 0.5  # s of turning about far from the aim that a second of following it makes up for
-_FULL = 0.99  # share of the full rate from which on a carriage counts as running at it
+_EVENTS = 256  # newest events that are kept
+_FORGOTTEN = 0.5  # s of oscillation far from the aim that a second of following cancels
+_FULL = 0.99  # share of the full rate above which a carriage moves at full rate
 _NO_ACTION = Action(math.nan, "failed")
 
 
 class Supervisor:
     """A controller made of a `chain` of controllers, best first, and a controlled stop below them.
 
-    Each tick the best one that is not suspended is asked. One that raises, answers with no finite number, `failed`,
-    `lost` or `stopped`, or `late` more than `late_allowed` times in a row, is suspended and the next one is asked in
-    the same tick. With nobody left, or while the estimate is lost, the drive stops: carriage at rest where it is,
-    current and inner mass to 0. Whoever takes over is reset to the command in force and what is left of a step between
-    them fades. Nothing here raises; against a controller that never returns stands the drive's time to live.
-    `temperature_C` is what the drive last said, `most` what a command may be either way for now.
+    Each tick asks the best one that is not suspended. One that raises, answers with no finite number, `failed`, `lost`
+    or `stopped`, or `late` more than `late_allowed` times in a row, is suspended; the next one is asked in the same
+    tick. Without any, or with a lost estimate, the drive stops: carriage at rest, current and inner mass to 0.
+
+    A controller that takes over is reset to the command in force; the step between them fades. Nothing here raises; the
+    drive's time to live covers a controller that never returns. `temperature_C` is the drive's last report, `most`
+    bounds commands in both directions for now.
     """
 
     name = "supervised"
@@ -70,22 +71,22 @@ class Supervisor:
 
     @property
     def active(self) -> str:
-        """Name of the controller in charge; "stop" while none is."""
+        """Name of the controller in charge; "stop" without one."""
         return self._chain[self._active].name if 0 <= self._active < len(self._chain) else "stop"
 
     @property
     def first(self) -> str:
-        """Name of the controller that is to lead."""
+        """Name of the requested controller."""
         return self._chain[0].name
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin at `now` with `command` in force; a command out of the limits counts as the nearest one within."""
+        """Begin at `now` with `command` in force; a command outside the limits counts as the nearest one inside."""
         self.halted = ""
         self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
         self._begin(self._chain, number(now))
 
     def offer(self, chain: Sequence[Controller], verdict: Acceptance) -> bool:
-        """Keep `chain`, controllers of a new model, for `take_offered`, if its `verdict` passed; whether it did."""
+        """Keep `chain`, the controllers of a new model, for `take_offered` if its `verdict` passed; whether it did."""
         if verdict.passed and chain:
             self._offered = tuple(chain)
             return True
@@ -93,7 +94,7 @@ class Supervisor:
         return False
 
     def take_offered(self) -> bool:
-        """Take the offered chain over if capsule and reference have been at rest long enough; whether that was so."""
+        """Take the offered chain over if capsule and reference have been at rest long enough; whether so."""
         if self._offered is None or not self._elapsed - self._rest_since >= self.rules.rest_s:
             return False
         chain, self._offered = self._offered, None
@@ -102,15 +103,15 @@ class Supervisor:
         return True
 
     def halt(self, reason: str) -> None:
-        """Stop for good, until `reset`."""
+        """Stop permanently, until `reset`."""
         self.halted = self.halted or reason
 
     def allow(self, steps: int | None) -> None:
-        """Pass on in the next tick, to whoever is asked, what the clock once allowed."""
+        """Pass the number of steps that the clock once allowed to the next controller asked."""
         self._allowed = steps
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
-        """The command for the tick at `now` in s, within the limits, with status and path of whoever gave it."""
+        """The command for the tick at `now` in s, within the limits, with status and path of its controller."""
         dt = number(now) - self._now
         self._now = number(now) if math.isfinite(number(now)) else self._now
         tick = min(max(dt, 0.0), self.envelope.limits.longest_tick_s) if math.isfinite(dt) else 0.0
@@ -137,21 +138,21 @@ class Supervisor:
         if blind or self._elapsed < self._bad_until:
             return self._stop("estimate lost"), "lost"
         worst: Status = "ok"
-        for rung in self._fallback.open(self._elapsed):
-            action, fault = self._asked(rung, now, estimate, reference)
+        for rank in self._fallback.open(self._elapsed):
+            action, fault = self._asked(rank, now, estimate, reference)
             if fault is None:
-                self._fallback.worked(rung, self._elapsed)
+                self._fallback.worked(rank, self._elapsed)
                 command = self._blend.smooth(action.command, self._elapsed)
                 smooth = Action(command, action.status, action.predicted, action.timings)
                 return smooth, action.status if worst == "ok" else worst
             worst = "late" if fault == "late" else "failed"
-            self._reason = f"{self._chain[rung].name} {fault}"
-            self._fallback.failed(rung, self._elapsed)
+            self._reason = f"{self._chain[rank].name} {fault}"
+            self._fallback.failed(rank, self._elapsed)
         return self._stop(self._reason), "stopped"
 
-    def _asked(self, rung: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
-        """The answer of one controller of the chain, and what is wrong with it."""
-        controller, changed = self._chain[rung], rung != self._active
+    def _asked(self, rank: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
+        """The answer of one controller of the chain, and its fault."""
+        controller, changed = self._chain[rank], rank != self._active
         began = self._clock()
         try:
             if changed:
@@ -171,18 +172,18 @@ class Supervisor:
         if self._late > self.rules.late_allowed:
             return _NO_ACTION, "late"
         if changed:
-            self._hand_over(rung, command)
+            self._hand_over(rank, command)
         return Action(command, "late" if late else status, action.predicted, action.timings), None
 
-    def _hand_over(self, rung: int, command: float) -> None:
-        self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
-        self._active, self._stopped_at = rung, math.inf
+    def _hand_over(self, rank: int, command: float) -> None:
+        self._note(self._chain[rank].name, "tried again" if 0 <= rank < self._active else self._reason)
+        self._active, self._stopped_at = rank, math.inf
         if not self.envelope.shaken:
             running = self.issued.rate * self._tick if self.envelope.placed else 0.0
             self._blend.begin(self.issued.command + running - command, self._elapsed)
 
     def _stop(self, reason: str) -> Action:
-        """The safe state of the drive; a current is ramped down from what it was when the stop began."""
+        """The safe state of the drive; a current ramps down from its value at the stop."""
         if self._stopped_at == math.inf:
             self._note("stop", reason)
             self._reason = "recovered"
@@ -195,27 +196,27 @@ class Supervisor:
         return Action(left * self._stop_from, "stopped")
 
     def _watch_limits(self, broken: Sequence[str]) -> None:
-        """Serious limits in force too long are a failure, so are commands that no carriage can follow."""
+        """Serious limits in force too long are a failure, as are commands that no carriage can follow."""
         if self._active < 0 or not SERIOUS.intersection(broken):
             self._limited_since = math.inf
         elif self._limited_since == math.inf:
             self._limited_since = self._elapsed
         elif self._elapsed - self._limited_since >= self.rules.limit_s:
             self._too_long(SERIOUS.intersection(broken))
-        # a carriage further from its aim than it takes to stop from full rate goes there at full rate in a normal move
+        # in a normal move a carriage farther from its aim than its braking distance moves at full rate
         turning = float(abs(self.issued.rate) < _FULL * self.envelope.rate)
-        pace = turning if abs(self.issued.aim - self.issued.command) > self._braking_m else -_FORGOTTEN
-        self._unfollowed_s = 0.0 if self._active < 0 else max(0.0, self._unfollowed_s + pace * self._tick)
+        counted = turning if abs(self.issued.aim - self.issued.command) > self._braking_m else -_FORGOTTEN
+        self._unfollowed_s = 0.0 if self._active < 0 else max(0.0, self._unfollowed_s + counted * self._tick)
         if self._unfollowed_s >= self.rules.limit_s:
             self._too_long({"rate"})
 
     def _too_long(self, names: Iterable[str]) -> None:
-        self._reason = f"{self.active} held by limits: {', '.join(sorted(names))}"
+        self._reason = f"{self.active} limited too long: {', '.join(sorted(names))}"
         self._fallback.failed(self._active, self._elapsed)
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 
     def _watch_swings(self, seen: Seen, reference: Reference) -> None:
-        """Whoever swings, far and often, is to calm down; one that cannot leads no more with this model."""
+        """A controller that swings far and often must reduce its gain; one that cannot is banned with this model."""
         error_m = math.nan if seen.lost else seen.position_m - _at(lambda t: reference.position(t), self._now)
         if self._active < 0 or self._swings.see(self._elapsed, error_m) < self.rules.swings:
             return
@@ -223,7 +224,7 @@ class Supervisor:
         reason = f"{self.active} swings about the reference"
         try:
             calmed = bool(self._chain[self._active].calm())
-        except Exception:  # noqa: BLE001 - one that cannot be asked cannot calm down
+        except Exception:  # noqa: BLE001 - a controller that raises cannot reduce its gain
             calmed = False
         if calmed:
             self._note(self.active, reason)
@@ -240,12 +241,12 @@ class Supervisor:
         self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
 
     def _seen(self, now: float, estimate: Estimate) -> Seen:
-        """What the estimate says of the capsule; lost where it cannot be read."""
+        """The capsule in the estimate; lost if unreadable."""
         try:
             x, v = number(estimate.state[0]), number(estimate.state[1])
             age, lost = number(now) - number(estimate.time_s), bool(estimate.lost)
             std = number(estimate.std[0])
-        except Exception:  # noqa: BLE001 - an estimate that cannot be read is a lost one
+        except Exception:  # noqa: BLE001 - an unreadable estimate is lost
             return Seen(math.nan, math.nan, math.inf, True, self.temperature_C)
         early = -self.envelope.limits.longest_tick_s
         return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C, std)
@@ -255,8 +256,8 @@ class Supervisor:
 
 
 def _at(profile: Callable[[Array], Array], now: float) -> float:
-    """What the reference says of `now`; nan where it cannot be told, which is neither at rest nor off."""
+    """The reference's value at `now`; nan if unreadable, which is neither at rest nor off."""
     try:
         return number(np.ravel(profile(np.array([now])))[0])
-    except Exception:  # noqa: BLE001 - a reference that cannot be read says nothing
+    except Exception:  # noqa: BLE001 - an unreadable reference has no value
         return math.nan

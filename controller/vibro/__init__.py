@@ -1,1 +1,1 @@
-"""The vibro-impact drive's own choice of waveform: speed map, optimal cycles, feedforward, slow loop."""
+"""The controller of an inner mass: waveforms, their drive map, and the slow loop around it."""

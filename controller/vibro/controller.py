@@ -1,4 +1,4 @@
-"""The vibro drive's controller: a waveform for the mean speed, changed at cycles' ends, a slow loop about it."""
+"""The controller of an inner mass: a waveform for the mean speed, changed at the end of a cycle, in a slow loop."""
 
 import math
 import time
@@ -10,20 +10,20 @@ from controller.drives import INNER_MASS
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.vibro.cycles import VibroModel
-from controller.vibro.design.drive_map import designed
+from controller.vibro.drive_map import designed
 from controller.vibro.gears import Choice, DriveMap
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning
 from controller.vibro.waveform import REST, Waveform
 
-_FAR = 1e3  # m or m/s, beyond it a number is none
-_REGEAR = 0.2  # share by which the wanted speed must change for the choice of the gear to be thought over
+_FAR = 1e3  # m or m/s, beyond which a number is invalid
+_REGEAR = 0.2  # least change of the wanted speed, as a share, for a new choice of gear
 
 
 class VibroController(Controller):
-    """`act` gives the level (0 to 1 of the coil's force) of the tick from the phase of the present cycle. At a cycle's
-    end: the filter's state of the averaged motion, a plan of mean speeds from the MPC, its first one through the map to
-    the next cycle's waveform. Where the map has two gears or directions, each keeps the bias that was learnt in it. The
-    status is `limited` while the map's reach holds the command back.
+    """`act` gives the level (0 to 1 of the coil's force) of the tick from the phase of the present cycle. At the end of
+    a cycle the filter's state of the averaged motion gives a plan of mean speeds by the MPC; the map turns the first
+    one into the next waveform. Each gear or direction keeps the bias learned in it. The status is `limited` while the
+    reach of the map bounds the command.
     """
 
     name = INNER_MASS.leading
@@ -45,17 +45,15 @@ class VibroController(Controller):
         self._solve_s = 0.0
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin at `now` in s at rest where `estimate` says, with what was learnt before."""
+        """Begin at `now` in s at rest at the estimate, with the biases learned before."""
         position = self._position(estimate)
         self._begin(now, 0.0 if position is None else position)
 
     @property
     def waveform(self) -> Waveform:
-        """The waveform of the present cycle."""
         return self._cycle.waveform
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
-        """The level for the tick that begins at `now` in s."""
         started = time.perf_counter()
         self._look(now, estimate)
         level = self._level(now, reference)
@@ -70,7 +68,7 @@ class VibroController(Controller):
         return value if abs(value) < _FAR else None
 
     def _look(self, now: float, estimate: Estimate) -> None:
-        """Take a new estimate in, at the pace of the localisation."""
+        """Use a new estimate, at the rate of the localisation."""
         position = self._position(estimate)
         if position is None or not self._stamp + self.tuning.sample_s <= estimate.time_s <= now + self.tuning.tick_s:
             return
@@ -79,7 +77,7 @@ class VibroController(Controller):
         self.filter.correct(position)
 
     def _level(self, now: float, reference: Reference) -> float:
-        """Mean level over the tick; a cycle that ends within it hands over to the next."""
+        """Mean level over the tick, across the end of a cycle."""
         tick, total, at = self.tuning.tick_s, 0.0, now
         end = now + tick
         for _ in range(4):
@@ -101,13 +99,13 @@ class VibroController(Controller):
         """Choose the next cycle's waveform."""
         started = time.perf_counter()
         ahead = np.asarray(now + self.mpc.step_s * np.arange(self.mpc.horizon + 1), dtype=np.float64)
-        places, speeds = reference.position(ahead), reference.speed(ahead)
-        if not ((abs(places) < _FAR).all() and (abs(speeds) < _FAR).all()):
+        positions, speeds = reference.position(ahead), reference.speed(ahead)
+        if not ((abs(positions) < _FAR).all() and (abs(speeds) < _FAR).all()):
             self._take(Choice(REST, None, 0.0, True), "failed")
         elif now - self._seen > self.tuning.blind_s and self.tuning.feedback:
             self._take(Choice(REST, None, 0.0, True), "lost")
         else:
-            self._planned = self._plan(now, places, speeds)
+            self._planned = self._plan(now, positions, speeds)
             wanted, gear = float(speeds[0]), self._cycle.gear
             if abs(wanted - self._geared_for) > _REGEAR * abs(self._geared_for):
                 self._geared_for, gear = wanted, self.drive.nearest(wanted)
@@ -116,14 +114,14 @@ class VibroController(Controller):
             self._take(choice, "ok" if choice.reachable and low < self._planned < high else "limited")
         self._solve_s = time.perf_counter() - started
 
-    def _plan(self, now: float, places: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
+    def _plan(self, now: float, positions: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
         """The mean speed to command now."""
         wanted = float(speeds[0])
         if not self.tuning.feedback:
             return wanted
         t, f = self.tuning, self.filter
         f.predict(now, self._cycle.speed_m_s)
-        missing = float(places[0]) - float(f.z[0])
+        missing = float(positions[0]) - float(f.z[0])
         if abs(wanted) < 1e-6 and abs(missing) < t.near_m:
             return 0.0
         self._behind = abs(missing) > t.near_m and self._behind is not False
@@ -132,10 +130,10 @@ class VibroController(Controller):
         shift = missing - min(max(missing, -most), most)
         low, high = self.drive.reach()
         low, high = (0.0, high) if wanted > 0 else (low, 0.0) if wanted < 0 else (low, high)
-        return float(self.mpc.plan(f.z, self._planned, places[1:] - shift, speeds[1:], low, high)[0])
+        return float(self.mpc.plan(f.z, self._planned, positions[1:] - shift, speeds[1:], low, high)[0])
 
     def _take(self, choice: Choice, status: Status) -> None:
-        """Go over to `choice`; another gear brings its own bias."""
+        """Change to `choice`; another gear has its own bias."""
         before, after = self._cycle.gear, choice.gear
         if before != after:
             if before is not None:
@@ -146,9 +144,8 @@ class VibroController(Controller):
 
 
 def vibro_controller(model: ControlModel, optimise: bool = True, feedback: bool = True) -> VibroController:
-    """The controller of `model`'s inner mass, its drive map designed on that model and kept on disk; `optimise` False
-    keeps to square waves, `feedback` False to the map alone. Raises ValueError for a rig without an inner mass on a
-    spring.
+    """The controller of `model`'s inner mass, its drive map designed on that model and cached on disk; `optimise` False
+    uses square waves, `feedback` False the map alone. Raises ValueError for a rig without an inner mass on a spring.
     """
     drive = designed(VibroModel.from_rig(model.rig, model.theta), optimise)
     return VibroController(drive, Tuning(tick_s=model.tick_s, feedback=feedback))

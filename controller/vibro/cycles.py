@@ -1,4 +1,4 @@
-"""The control model of a vibro rig run through many cycles of a waveform: speed, energy, travel."""
+"""The control model of a vibro rig over many cycles of a waveform: speed, energy, travel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from controller.drives import INNER_MASS
 from controller.signals import Array
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
-from models.compiled.kernel import Kernel, lower
+from models.compiled.kernel import Kernel
 from models.drives.coil import Winding
 from models.drives.vibro import Vibro
 from models.effects import CATALOGUE, Catalogue
@@ -26,18 +26,17 @@ from models.surfaces.surface import Surface
 from models.theta import Theta, spelled
 
 STEP_S = 6e-5  # longest step of a cycle's integration
-SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a pace is measured, and s for which it is
+SETTLE_S, MEASURE_S = 0.6, 0.6  # s before and during the measurement of a gait
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
-"""Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm as the other coils of this project have."""
+"""Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm like the project's other coils."""
 _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
 _LOADED = ("force_N", "friction_coefficient")  # what a table's `load_scale` multiplies
 
 
 @dataclass(frozen=True)
 class Gait:
-    """What a waveform does in the long run: mean `speed_m_s` and the body's highest `peak_m_s`, the coil's heat
-    `copper_W = F^2 R/k^2`, its mechanical `work_W`, and how far the inner mass swings to the `front_m` and to the
-    `rear_m` of its rest.
+    """The steady effect of a waveform: mean `speed_m_s` and the body's highest `peak_m_s`, the coil's heat `copper_W =
+    F^2 R/k^2`, its mechanical `work_W`, and the swing of the inner mass to the `front_m` and `rear_m` of its rest.
     """
 
     speed_m_s: float
@@ -49,14 +48,14 @@ class Gait:
 
     @property
     def energy_J_per_m(self) -> float:
-        """Electrical energy for a way, J/m = mJ/mm; infinite at rest."""
+        """Electrical energy per distance, J/m = mJ/mm; infinite at rest."""
         return (self.copper_W + self.work_W) / abs(self.speed_m_s) if self.speed_m_s != 0 else math.inf
 
 
 @dataclass(frozen=True)
 class VibroModel:
     """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model.
-    `mirror` -1 turns speeds round, as a `vibro_table` record may count them.
+    `mirror` -1 reverses speeds, as a `vibro_table` record may.
     """
 
     surface: Surface
@@ -67,8 +66,8 @@ class VibroModel:
 
     @classmethod
     def from_rig(cls, rig: Rig, values: Mapping[Name, float] | None = None) -> VibroModel:
-        """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes
-        them. Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
+        """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage from `close-loop`. Raises
+        ValueError for another kind of rig and for values of no effect or parameter.
         """
         if rig.drive is None or rig.kind not in INNER_MASS.models:
             kinds = " or ".join(map(repr, INNER_MASS.models))
@@ -79,7 +78,7 @@ class VibroModel:
 
     @classmethod
     def of(cls, surface: Surface, drive: Vibro, values: Theta, known: Catalogue = CATALOGUE) -> VibroModel:
-        """The model with the effects that `values` names."""
+        """The model with the effects named in `values`."""
         for name in values.effects:
             if name not in known:
                 raise ValueError(f"effect must be one of the catalogue; got {name!r}; {nearest(name, list(known))}")
@@ -102,7 +101,7 @@ class VibroModel:
         return assemble(self.surface, self.drive, self.effects, smoothing)
 
     def at(self, **factors: float) -> VibroModel:
-        """The same with parameters of the base times `factors`, by name."""
+        """The same with parameters of the base multiplied by `factors`, by name."""
         known = Theta.declared(self.assembly().parameters) | self.values
         return replace(self, values=self.values | Theta({name: known[name] * f for name, f in factors.items()}))
 
@@ -118,7 +117,7 @@ class Cycles:
         self._kernel = _metered(assembly, model.drive.reaction_on_body)
         self._parameters = assembly.vector(model.values)
 
-    def pace(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Gait:
+    def gait(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Gait:
         """Mean speed and powers of `waveform` over whole cycles for `measure_s`, after `settle_s` from rest."""
         levels = _sampled(waveform)
         first, last = (max(math.ceil(s / waveform.period_s), 3) for s in (settle_s, measure_s))
@@ -135,15 +134,15 @@ class Cycles:
         return Gait(float(speed), float(copper), float(work / time), float(front), float(rear), float(peak))
 
     def rest(self) -> Array:
-        """The model's state at rest with its meters at 0, to `step` from."""
+        """The model's state at rest with its meters at 0, for `step`."""
         return np.concatenate((self._start, np.zeros(4)))
 
     def step(self, state: Array, level: float, h: float) -> None:
-        """One step of `h` in s at `level`, changing `state`."""
+        """One step of `h` in s at `level`, in place."""
         self._kernel.one(state, np.array([level]), np.zeros(1), 0.0, self._parameters, 1, h, np.zeros(1))
 
     def path(self, waveform: Waveform, cycles: int) -> Array:
-        """Position in m of the body from rest over `cycles`, at even times with a whole number a cycle."""
+        """Position in m of the body from rest over `cycles`, at even times, a whole number per cycle."""
         return self.model.mirror * self._run(self.rest(), _sampled(waveform), cycles, waveform.period_s)
 
     def last_cycle(self, waveform: Waveform, parts: int) -> Array:
@@ -160,7 +159,7 @@ class Cycles:
         return np.array(rows)
 
     def _run(self, state: Array, levels: Array, cycles: int, period: float) -> Array:
-        """Steps through `cycles`, changing `state`; the path begins one step more after, which comes first."""
+        """Run `cycles` from `state`, in place; the returned path starts with the state after the first step."""
         command = np.concatenate((np.tile(levels, cycles), levels[:1]))
         output = np.zeros(command.size)
         self._kernel.one(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
@@ -173,7 +172,7 @@ def _sampled(waveform: Waveform) -> Array:
 
 
 def _metered(assembly: Assembly, on_board: bool) -> Kernel:
-    """The step with four more states: coil's work in J, integral of the squared command, furthest swings in m."""
+    """The step with four more states: the coil's work in J, integral of the squared command, largest swings in m."""
     state, c0, c1, t, h, q = assembly.step.sx_in()
     meter = ca.SX.sym("meter", 4)
     new, _ = assembly.step(state, c0, c1, t, h, q)
@@ -189,24 +188,24 @@ def _metered(assembly: Assembly, on_board: bool) -> Kernel:
     whole = ca.vertcat(state, meter)
     step = ca.Function("step", [whole, c0, c1, t, h, q], [ca.vertcat(new, after), new[x]])
     error, gain = ca.SX.sym("error"), ca.SX.sym("gain")
-    return lower(step, ca.Function("correct", [whole, error, gain], [whole]))
+    return Kernel(step, ca.Function("correct", [whole, error, gain], [whole]))
 
 
 Impact = Literal["none", "front", "rear", "both"]
 IMPACTS: tuple[Impact, ...] = ("none", "front", "rear", "both")
 
 
-def impact_of(model: VibroModel, pace: Gait) -> Impact:
-    """The stops of `model` that lie within the swings of `pace`."""
-    front = model.drive.front is not None and pace.front_m > model.drive.front.gap_m
-    rear = model.drive.rear is not None and pace.rear_m > model.drive.rear.gap_m
+def impact_of(model: VibroModel, gait: Gait) -> Impact:
+    """The stops of `model` within the swings of `gait`."""
+    front = model.drive.front is not None and gait.front_m > model.drive.front.gap_m
+    rear = model.drive.rear is not None and gait.rear_m > model.drive.rear.gap_m
     return IMPACTS[front + 2 * rear]
 
 
 def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
-    """The `vibro` rig with the table's masses, and the values that its control model takes: `load_scale` multiplies
-    force and friction, `mirror` is left to whoever compares with the record. Raises ValueError without an inner mass,
-    or for masses that are not positive.
+    """The `vibro` rig with the table's masses, and the values for its control model: `load_scale` multiplies force and
+    friction; `mirror` is for the comparison with the record. Raises ValueError without an inner mass, or for masses not
+    positive.
     """
     if rig.drive is None:
         raise ValueError(f"rig must have an inner mass for the values of a vibro_table; got a {rig.kind} rig")
@@ -221,7 +220,7 @@ def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
 
 
 def unloaded(values: Theta) -> Theta:
-    """`values` with their `load_scale` multiplied into force and friction, where these are given."""
+    """`values` with their `load_scale` multiplied into force and friction, if given."""
     left = dict(values.base)
     scale = left.pop("load_scale", 1.0)
     base = {name: scale * value if name in _LOADED else value for name, value in left.items()}

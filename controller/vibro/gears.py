@@ -1,4 +1,4 @@
-"""Families of waveforms along which the mean speed only grows: from a commanded mean speed to a waveform."""
+"""Families of waveforms whose mean speed grows along the family: from a commanded mean speed to a waveform."""
 
 import math
 from bisect import bisect_left
@@ -10,16 +10,16 @@ from controller.limits import Limits
 from controller.vibro.cycles import Cycles, Impact, impact_of
 from controller.vibro.waveform import REST, Waveform, blend
 
-_STANDS = 0.15e-3  # m/s, mean speeds below it count as standing
-_ROOM = 0.95  # of the speed limit, for turns and a rig that is livelier than believed
+_STANDS = 0.15e-3  # m/s, mean speed below which the body stands
+_ROOM = 0.95  # share of the speed limit: margin for reversals and a rig with less friction
 STRENGTHS = tuple(1.08**i for i in range(-22, 20))
 
 
 @dataclass(frozen=True)
 class Gear:
-    """`waveforms` along a path whose mean `speeds_m_s`, all of one sign, grow in size; in between levels and period are
-    blended. `home_m_s` is the speed that its shape was found for, `impact` the stop that it strikes there. Raises
-    ValueError for speeds that do not grow or change their sign.
+    """`waveforms` whose mean `speeds_m_s`, all of one sign, grow in size; in between levels and period are blended.
+    `home_m_s`: the speed its shape was designed for, `impact`: the stop that it strikes there. Raises ValueError for
+    speeds that do not grow or change sign.
     """
 
     waveforms: tuple[Waveform, ...]
@@ -36,21 +36,21 @@ class Gear:
 
     @property
     def slowest_m_s(self) -> float:
-        """The smallest speed of the path, signed."""
+        """The smallest speed, signed."""
         return self.speeds_m_s[0]
 
     @property
     def fastest_m_s(self) -> float:
-        """The largest speed of the path, signed."""
+        """The largest speed, signed."""
         return self.speeds_m_s[-1]
 
     def reaches(self, speed_m_s: float) -> bool:
-        """Whether `speed_m_s` is of this direction and not beyond the path."""
+        """Whether `speed_m_s` has this direction and is within reach."""
         return speed_m_s * self.fastest_m_s > 0 and abs(speed_m_s) <= abs(self.fastest_m_s)
 
     def waveform(self, speed_m_s: float) -> Waveform:
-        """The waveform for `speed_m_s`; beyond the path the fastest, and below it the slowest at down to half its
-        strength: there the model stands, but a rig with less friction than believed goes on and needs the room.
+        """The waveform for `speed_m_s`; above its range the fastest, below it the slowest at down to half its strength.
+        The model stands there, but a rig with less friction moves on and needs the range.
         """
         size = abs(speed_m_s)
         slowest = abs(self.slowest_m_s)
@@ -66,9 +66,9 @@ class Gear:
 
 
 def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
-    """The gear of `shape` at weaker and stronger levels; strengths at which the model's speed does not grow, or its
-    body comes close to the speed limit within a cycle, are left out. None where less than two of them go in the
-    direction of `home_m_s`.
+    """The gear of `shape` at weaker and stronger levels. Strengths at which the model's speed does not grow, or its
+    body nears the speed limit within a cycle, are left out. None with fewer than two strengths in the direction of
+    `home_m_s`.
     """
     direction = 1 if home_m_s > 0 else -1
     path: list[Waveform] = []
@@ -76,17 +76,17 @@ def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
         wave = shape.scaled(strength)
         if not path or wave.levels != path[-1].levels:
             path.append(wave)
-    paces = [cycles.pace(w) for w in path]
-    speeds = [direction * pace.speed_m_s if pace.peak_m_s < _ROOM * Limits().speed_m_s else 0.0 for pace in paces]
+    gaits = [cycles.gait(w) for w in path]
+    speeds = [direction * gait.speed_m_s if gait.peak_m_s < _ROOM * Limits().speed_m_s else 0.0 for gait in gaits]
     kept = _longest_rise(speeds)
     if len(kept) < 2:
         return None
-    impact = impact_of(cycles.model, cycles.pace(shape))
+    impact = impact_of(cycles.model, cycles.gait(shape))
     return Gear(tuple(path[i] for i in kept), tuple(direction * speeds[i] for i in kept), home_m_s, impact)
 
 
 def _longest_rise(values: Sequence[float]) -> list[int]:
-    """Indices of the longest subsequence that rises by 2 % and more at each step, from `_STANDS` on."""
+    """Indices of the longest subsequence that rises by 2 % or more per step, from `_STANDS` on."""
     best: list[list[int]] = []
     for i, value in enumerate(values):
         ends = [chain for chain in best if values[chain[-1]] * 1.02 < value]
@@ -98,7 +98,7 @@ def _longest_rise(values: Sequence[float]) -> list[int]:
 
 @dataclass(frozen=True)
 class Choice:
-    """A waveform, its gear (None at rest) and the speed that it has on the model; `reachable` where as commanded."""
+    """A waveform, its gear (None at rest) and its speed on the model; `reachable` if as commanded."""
 
     waveform: Waveform
     gear: int | None
@@ -108,7 +108,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class DriveMap:
-    """The gears of both directions; `lag_s` is how long a change of speed takes."""
+    """The gears of both directions; `lag_s`: time constant of a change of speed."""
 
     gears: tuple[Gear, ...]
     lag_s: float
@@ -119,14 +119,14 @@ class DriveMap:
         return min([0.0, *ends]), max([0.0, *ends])
 
     def nearest(self, speed_m_s: float) -> int | None:
-        """The gear whose home is nearest to `speed_m_s` by ratio among those that reach it, None where none does."""
-        ways = [i for i, g in enumerate(self.gears) if g.reaches(speed_m_s)]
-        return min(ways, key=lambda i: abs(math.log(speed_m_s / self.gears[i].home_m_s)), default=None)
+        """The gear whose home speed is nearest by ratio to `speed_m_s` among those that reach it, None without any."""
+        able = [i for i, g in enumerate(self.gears) if g.reaches(speed_m_s)]
+        return min(able, key=lambda i: abs(math.log(speed_m_s / self.gears[i].home_m_s)), default=None)
 
     def choose(self, speed_m_s: float, gear: int | None = None) -> Choice:
-        """The waveform for `speed_m_s`: in the given `gear` as long as that reaches it, else in the nearest that does.
-        A speed beyond reach gives that direction's fastest waveform and is marked as not reachable, as is one that is
-        no number.
+        """The waveform for `speed_m_s`, in the given `gear` if that reaches it, else in the nearest that does. A speed
+        beyond reach gives that direction's fastest waveform, marked as not reachable, as is a speed that is not a
+        number.
         """
         if not math.isfinite(speed_m_s) or abs(speed_m_s) < 1e-6:
             return Choice(REST, None, 0.0, math.isfinite(speed_m_s))
@@ -134,8 +134,8 @@ class DriveMap:
             gear = self.nearest(speed_m_s)
         if gear is not None:
             return Choice(self.gears[gear].waveform(speed_m_s), gear, speed_m_s, True)
-        ways = [i for i, g in enumerate(self.gears) if g.fastest_m_s * speed_m_s > 0]
-        if not ways:
+        able = [i for i, g in enumerate(self.gears) if g.fastest_m_s * speed_m_s > 0]
+        if not able:
             return Choice(REST, None, 0.0, False)
-        fastest = max(ways, key=lambda i: abs(self.gears[i].fastest_m_s))
+        fastest = max(able, key=lambda i: abs(self.gears[i].fastest_m_s))
         return Choice(self.gears[fastest].waveforms[-1], fastest, self.gears[fastest].fastest_m_s, False)

@@ -1,7 +1,6 @@
-"""The slow loop's two halves on the averaged motion: what the mean speed lacks (Kalman filter), what to command for it
-(MPC).
+"""The slow loop on the averaged motion: a Kalman filter for the bias of the mean speed, and an MPC for its command.
 
-Averaged over the cycles, with progress p, the speed s that the map promises, its lag tau, and what it is wrong by, b:
+Averaged over the cycles, with progress p, the speed s of the map, its lag tau, and the map's error b:
 
     p' = s + b,    s' = (u - s)/tau,    b' = white noise.
 """
@@ -13,17 +12,16 @@ import numpy as np
 
 from controller.signals import Array
 
-_LONGEST_STEP_S = 1.0  # after a longer pause the filter goes on as if this had passed
+_LONGEST_STEP_S = 1.0  # longest prediction of the filter
 _ENOUGH = 1e-6  # m/s, change of the commands below which a plan is done
-_GATE = 6.0  # standard deviations beyond which a reading is put down to an outlier
+_GATE = 6.0  # standard deviations beyond which a reading is an outlier
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """`tick_s` of the loop; readings are taken `sample_s` apart.
-    Progress that was missed is caught up at most `catch_up` of the speed faster or slower, `catch_up_stopped` where a
-    stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests. `feedback` False leaves the
-    feedforward alone.
+    """`tick_s` of the loop; readings are used `sample_s` apart. Missed progress is recovered at up to `catch_up` of the
+    speed, faster or slower, `catch_up_stopped` if a stop cost more than `near_m`. `blind_s` after the last good
+    estimate the drive rests. `feedback` False leaves the feedforward alone.
     """
 
     tick_s: float = 1e-3
@@ -38,9 +36,9 @@ class Tuning:
 
 @dataclass
 class ProgressFilter:
-    """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions. `wander` in m/s per
-    root second and `wander_share` of the commanded speed say how fast b may change by itself, `slope_doubt` by which
-    share of a change of command; `ripple_m` is what a cycle moves the body to and fro.
+    """Kalman filter on (p in m, s in m/s, b in m/s) with late, noisy positions. `wander` in m/s per root second and
+    `wander_share` of the commanded speed are the random walk of b, `slope_doubt` its share of a change of command;
+    `ripple_m` is the motion of the body within a cycle.
     """
 
     lag_s: float
@@ -56,27 +54,27 @@ class ProgressFilter:
         self.start(0.0, 0.0)
 
     def start(self, time_s: float, position_m: float) -> None:
-        """At rest at `position_m`; nothing known of b."""
-        self.time_s, self.missed, self.learnt_at = time_s, 0, 0.0
+        """At rest at `position_m`, b unknown."""
+        self.time_s, self.missed, self.learned_at = time_s, 0, 0.0
         self.z = np.array([position_m, 0.0, 0.0])
         self.P = np.diag([self.reading_std_m**2, 0.0, self.doubt**2])
 
     def doubt_bias(self, bias_m_s: float, speed_m_s: float) -> None:
-        """Begin anew with b = `bias_m_s`, which may be wrong by a share of `speed_m_s`."""
-        self.z[2], self.learnt_at = bias_m_s, speed_m_s
+        """Restart with b = `bias_m_s`, uncertain by a share of `speed_m_s`."""
+        self.z[2], self.learned_at = bias_m_s, speed_m_s
         self.P[2, :] = self.P[:, 2] = 0.0
         self.P[2, 2] = (self.doubt + self.doubt_share * abs(speed_m_s)) ** 2
 
     def predict(self, time_s: float, command_m_s: float) -> None:
-        """Go on to `time_s` under the map's speed `command_m_s`."""
+        """Advance to `time_s` at the map's speed `command_m_s`."""
         h = min(max(time_s - self.time_s, 0.0), _LONGEST_STEP_S)
         self.time_s = max(time_s, self.time_s)
         if h == 0:
             return
-        apart = abs(command_m_s - self.learnt_at)
-        if apart > 0.3e-3 + 0.1 * abs(self.learnt_at):
+        apart = abs(command_m_s - self.learned_at)
+        if apart > 0.3e-3 + 0.1 * abs(self.learned_at):
             self.P[2, 2] += (self.slope_doubt * apart) ** 2
-            self.learnt_at = command_m_s
+            self.learned_at = command_m_s
         F, shift = transition(h, self.lag_s)
         self.z = F @ self.z + shift * command_m_s
         q = (self.wander + self.wander_share * abs(command_m_s)) ** 2
@@ -84,7 +82,7 @@ class ProgressFilter:
         self.P = F @ self.P @ F.T + noise
 
     def correct(self, position_m: float) -> None:
-        """Take a reading in, unless it lies further off than noise can be; after ten such in a row it is believed."""
+        """Use a reading unless it is farther off than noise can be; after ten such in a row it is accepted."""
         S = self.P[0, 0] + self.reading_std_m**2 + self.ripple_m**2
         error = position_m - self.z[0]
         if error * error > _GATE**2 * S and self.missed < 10:
@@ -102,19 +100,19 @@ class ProgressFilter:
 
 
 def transition(h: float, lag_s: float) -> tuple[Array, Array]:
-    """The averaged motion over `h` in s, exactly: `z+ = F z + g u` for z = (p, s, b) and u held."""
+    """The averaged motion over `h` in s, exact: `z+ = F z + g u` for z = (p, s, b) and u held."""
     keep = math.exp(-h / lag_s)
     glide = lag_s * (1 - keep)
     return np.array([[1.0, glide, h], [0.0, keep, 0.0], [0.0, 0.0, 1.0]]), np.array([h - glide, 1 - keep, 0.0])
 
 
 _PROGRESS_M, _SPEED_M_S, _CHANGE_M_S = 1.0e-3, 2.0e-3, 4.0e-3
-"""What counts as 1 in a plan's cost: progress off in m, mean speed off in m/s, change of the command a step in m/s."""
+"""Size of 1 in a plan's cost: error of progress in m, of mean speed in m/s, change of the command per step in m/s."""
 
 
 class AveragedMpc:
-    """Over `horizon` steps of `step_s`: least squares of progress, speed and change of command, the command within
-    bounds. Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the
+    """Over `horizon` steps of `step_s`: least squares of progress, speed and change of command, with a bounded command.
+    Condensed once; a step is one matrix product and, if bounds are active, a limited number of sweeps over the
     commands.
     """
 
@@ -146,14 +144,14 @@ class AveragedMpc:
         self,
         z: Array,
         last_m_s: float,
-        places_m: Array,
+        positions_m: Array,
         speeds_m_s: Array,
         low_m_s: float,
         high_m_s: float,
         sweeps: int = 20,
     ) -> Array:
-        """Commands (horizon,) in m/s from `z` = (p, s, b), for what is wanted at the steps' ends."""
-        wanted = np.concatenate((places_m, speeds_m_s)) * self._scale - self._free @ z
+        """Commands (horizon,) in m/s from `z` = (p, s, b) for the wanted values at the ends of the steps."""
+        wanted = np.concatenate((positions_m, speeds_m_s)) * self._scale - self._free @ z
         gradient = self._forced.T @ wanted + self._change.T @ (self._first * last_m_s)
         u = self._inverse @ gradient
         if u.min() >= low_m_s and u.max() <= high_m_s:

@@ -10,12 +10,12 @@ import numpy as np
 
 from controller.signals import Array
 
-_TINY = 1e-12  # of a cycle: a part as short as rounding is none
+_TINY = 1e-12  # share of a cycle below which a part is rounding
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """The command `levels[i]` (0 to 1, share of the full force) from the turn `edges[i]` to `edges[i + 1]` of each
+    """The command `levels[i]` (0 to 1, share of the full force) from the fraction `edges[i]` to `edges[i + 1]` of each
     `period_s`. `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that
     do not rise from 0 to 1 or levels outside [0, 1].
     """
@@ -37,7 +37,7 @@ class Waveform:
 
     @classmethod
     def square(cls, period_s: float, duty: float, amplitude: float = 1.0) -> Waveform:
-        """`amplitude` for the share `duty` of the period, first, then 0."""
+        """`amplitude` first, for the share `duty` of the period, then 0."""
         if not 0 <= duty <= 1:
             raise ValueError(f"duty must lie in [0, 1]; got {duty:g}")
         if duty in (0.0, 1.0):
@@ -51,7 +51,7 @@ class Waveform:
         return cls(period_s, (*(i / inside.size for i in range(inside.size)), 1.0), tuple(inside.tolist()))
 
     def mean(self, start: float, end: float) -> float:
-        """Mean level between two turns within a cycle: an edge inside a tick keeps its impulse."""
+        """Mean level between two fractions of a cycle: an edge inside a tick keeps its impulse."""
         if end - start < _TINY:
             return self.levels[min(int(np.searchsorted(self.edges, start, side="right")) - 1, len(self.levels) - 1)]
         total = 0.0
@@ -71,13 +71,13 @@ class Waveform:
         return Waveform(self.period_s, self.edges, tuple(min(max(level * factor, 0.0), 1.0) for level in self.levels))
 
     def flipped(self) -> Waveform:
-        """The levels turned over below their highest: on a linear spring it moves the body as far the other way."""
+        """The levels mirrored below their highest: on a linear spring the body moves as far in the other direction."""
         top = max(self.levels)
         return Waveform(self.period_s, self.edges, tuple(top - level for level in self.levels))
 
 
 def blend(a: Waveform, b: Waveform, share: float, parts: int = 48) -> Waveform:
-    """Between `a` (share 0) and `b` (share 1): period in geometric, levels part by part in straight proportion."""
+    """Between `a` (share 0) and `b` (share 1): period in geometric, levels part by part in linear proportion."""
     if share <= 0:
         return a
     if share >= 1:

@@ -13,10 +13,9 @@ from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.clock import by_clock, one_table
-from hil.formats.table import WRITTEN, write_channels
-from hil.log.channels import file_channels
+from hil.formats.reading import WRITTEN, write_channels
 from hil.log.reader import is_log
-from hil.log.record import read_rig_record
+from hil.log.record import file_channels, read_rig_record
 from models.files.toml import check_word
 from models.files.units import split_unit, unit_of
 from models.records.record import as_measured

@@ -1,10 +1,8 @@
 """`capsule init`: a rig file with every key explained, a template record and the command to run."""
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
 
 import numpy as np
@@ -15,7 +13,7 @@ from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
 from models.files.toml import check_word
 from models.identification.kinds import kind_for
-from models.records.record import Record, read_record
+from models.records.record import Record
 from models.rigs.kind import Record as Columns
 from models.rigs.kind import RigKind, Tables
 from models.rigs.kinds import KINDS
@@ -23,7 +21,7 @@ from models.rigs.reader import parse_rig
 from models.rigs.schema import Table, field_of, key_unit, span
 from models.rigs.tables import Noise
 from models.words.sentences import Sentences
-from plant.experiments.series import make_series
+from plant.experiments.examples import BELIEVED
 
 TEXT: Final = Sentences(__file__)
 RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
@@ -80,10 +78,9 @@ def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
     """
     made = kind.turning_template if rotary else kind.template
     if made is None:
-        with TemporaryDirectory() as name:
-            folder = make_series(kind.id, None, 1, Path(name), _SECONDS)
-            stated = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
-            return stated, read_record(folder / "train_1.csv.gz", parse_rig(stated)).columns
+        belief = BELIEVED[kind.id]
+        truth, _, record = (np.random.default_rng(child) for child in np.random.SeedSequence(1).spawn(3))
+        return belief.tables(), belief.record(belief.truth(truth), record, _SECONDS)
     rng = np.random.default_rng(1)
     tables, columns = made(rng)
     blank = {name: np.ones(len(next(iter(columns.values())))) for name in kind.columns(columns).measured}

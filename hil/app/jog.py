@@ -20,7 +20,7 @@ from hil.app.run.machine import open_bus
 from hil.app.scenario.bus_scenario import Step, steps
 from hil.app.scenario.deployment import read_operator
 from hil.app.shared_options import Json, argument, option
-from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from models.files.toml import check_word, in_file
 from models.words.sentences import Sentences

@@ -14,7 +14,7 @@ from hil.app.shared_options import Json, Records, option
 from hil.app.write import check_file, check_targets, write_files
 from hil.formats.channels import refusing
 from hil.formats.clock import by_clock, one_table
-from hil.log.channels import file_channels
+from hil.log.record import file_channels
 from hil.report import builder
 from hil.report.theme import axes, line, line_look
 from hil.report.words import column_words

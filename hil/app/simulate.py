@@ -6,9 +6,7 @@ from typing import Annotated
 from hil.app.console import answer, output_to_notes
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_targets
-from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import load_scenario
-from plant.experiments.series import write_record
+from plant.experiments.scenario import load_scenario, record_scenario, write_record
 
 
 def simulate(

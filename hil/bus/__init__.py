@@ -1,1 +1,1 @@
-"""The bus: frames from the DBC, fast codec, protection, and buses between processes, authenticated or not."""
+"""The bus: frames of the DBC, codec, protection, and buses between processes, authenticated or not."""

@@ -1,4 +1,4 @@
-"""The frames as `capsule.dbc` describes them, read with cantools and checked, as plain records."""
+"""The frames of `capsule.dbc`, read with cantools and checked, as plain records."""
 
 import binascii
 import math
@@ -16,7 +16,7 @@ from models.parameter import nearest
 
 DBC = Path(__file__).parents[1] / "capsule.dbc"
 CRC, COUNTER = "CRC", "Counter"
-SEND_TYPES = ("Cyclic", "Event", "IfActive")  # every cycle; twice on an event; every cycle while what it says holds
+SEND_TYPES = ("Cyclic", "Event", "IfActive")  # every cycle; twice per event; every cycle while its content is true
 _ROUNDING = 1e-9  # of a raw value
 _LARGEST_DBC = 1 << 22  # bytes
 
@@ -40,18 +40,16 @@ class Field:
     names: Mapping[int, str]
 
     def number(self, name: str) -> int:
-        """The raw number that stands for `name`; a ValueError names the nearest one."""
-        for raw, known in self.names.items():
-            if known == name:
-                return raw
-        raise ValueError(
-            f"{self.name} must be one of its names; got {name!r}; {nearest(name, list(self.names.values()))}"
-        )
+        """The raw number for `name`; a ValueError has the nearest name."""
+        numbers = {known: raw for raw, known in self.names.items()}
+        if name not in numbers:
+            raise ValueError(f"{self.name} must be one of its names; got {name!r}; {nearest(name, list(numbers))}")
+        return numbers[name]
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One message: how it is `sent`, the `data_id` of its protection, its signals but CRC and counter."""
+    """One message: `sent` of `SEND_TYPES`, `data_id` of its protection, its signals except CRC and counter."""
 
     name: str
     id: int
@@ -65,18 +63,16 @@ class Frame:
     comment: str
 
     def field(self, name: str) -> Field:
-        """The signal `name`; a ValueError names the nearest one."""
-        for one in self.fields:
-            if one.name == name:
-                return one
-        raise ValueError(
-            f"signal must be one of {self.name}; got {name!r}; {nearest(name, [f.name for f in self.fields])}"
-        )
+        """The signal `name`; a ValueError has the nearest name."""
+        known = {one.name: one for one in self.fields}
+        if name not in known:
+            raise ValueError(f"signal must be one of {self.name}; got {name!r}; {nearest(name, list(known))}")
+        return known[name]
 
 
 @dataclass(frozen=True)
 class FrameCatalogue:
-    """All frames by name, the bit rate in bit/s, and the `fingerprint` of what they mean, which heartbeats carry."""
+    """All frames by name, the bit rate in bit/s, and the `fingerprint` of their meaning, which heartbeats contain."""
 
     frames: Mapping[str, Frame]
     bit_rate: int
@@ -85,9 +81,8 @@ class FrameCatalogue:
 
     def __getitem__(self, name: str) -> Frame:
         if name not in self.frames:
-            raise ValueError(
-                f"{self.source}: frame must be one of the catalogue; got {name!r}; {nearest(name, dict(self.frames))}"
-            )
+            hint = nearest(name, dict(self.frames))
+            raise ValueError(f"{self.source}: frame must be one of the catalogue; got {name!r}; {hint}")
         return self.frames[name]
 
     def by_id(self) -> dict[int, Frame]:
@@ -96,8 +91,8 @@ class FrameCatalogue:
 
 @cache
 def load_catalogue(path: Path = DBC) -> FrameCatalogue:
-    """Read a DBC file. Raises ValueError of one sentence where it cannot be read, or a frame is not protected: 11-bit
-    identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, a data id of its own.
+    """Read a DBC file. Raises ValueError of one sentence if it cannot be read, or if a frame is not of our form: 11-bit
+    identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, a unique data id.
     """
     try:
         if path.stat().st_size > _LARGEST_DBC:
@@ -109,34 +104,35 @@ def load_catalogue(path: Path = DBC) -> FrameCatalogue:
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: DBC must be UTF-8 text; got another byte at {error.start}") from None
     except cantools.Error as error:
-        raise ValueError(
-            f"{path}: DBC must be one that cantools reads; got: {' '.join(str(error).split())[:200]}"
-        ) from None
+        got = " ".join(str(error).split())[:200]
+        raise ValueError(f"{path}: DBC must be one that cantools reads; got: {got}") from None
     if not isinstance(database, Database):
         raise ValueError(f"{path}: DBC must describe CAN messages; got a {type(database).__name__}")
-    frames = {message.name: _frame(message, str(path)) for message in database.messages}
-    _refuse_doubles(frames, str(path))
+    frames: dict[str, Frame] = {}
+    owners: dict[int, str] = {}
+    for message in database.messages:
+        frames[message.name] = frame = _frame(message, str(path))
+        owner = owners.setdefault(frame.data_id, frame.name)
+        if owner != frame.name:
+            got = f"{frame.data_id} for {owner} and {frame.name}"
+            raise ValueError(f"{path}: DataId must be a frame's own; got {got}")
     attributes: Any = database.dbc.attributes if database.dbc else {}
     rate = int(attributes["Baudrate"].value) if "Baudrate" in attributes else 0
     if not 10_000 <= rate <= 1_000_000:
-        raise ValueError(
-            f"{path}: attribute Baudrate must be a rate of classic CAN, 10000 to 1000000 bit/s; got {rate}"
-        )
-    return FrameCatalogue(MappingProxyType(frames), rate, fingerprint_of(frames, rate), str(path))
-
-
-def fingerprint_of(frames: Mapping[str, Frame], bit_rate: int) -> int:
-    """CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected, not inverted; 0x29B1 for "123456789") of
-    `meaning`: comments, units, senders, line ends and the order of the file do not count.
-    """
-    return binascii.crc_hqx(meaning(frames, bit_rate).encode("ascii", "backslashreplace"), 0xFFFF)
+        raise ValueError(f"{path}: attribute Baudrate must be that of classic CAN, 10000 to 1000000 bit/s; got {rate}")
+    fingerprint = binascii.crc_hqx(meaning(frames, rate).encode("ascii", "backslashreplace"), 0xFFFF)
+    return FrameCatalogue(MappingProxyType(frames), rate, fingerprint, str(path))
 
 
 def meaning(frames: Mapping[str, Frame], bit_rate: int) -> str:
-    """What nodes must agree on, a line each, ended by a line feed, numbers as C's `%.9g`: `bus RATE`, then for each
-    frame in order of its identifier `frame ID NAME LENGTH CYCLE_MS SENT DATA_ID`, for each of its signals (CRC and
-    counter left out) in order of its first bit `signal NAME START LENGTH u|s FACTOR OFFSET LOWER UPPER`, and for each
-    of that signal's named numbers, from the least on, `value NUMBER NAME`.
+    """The text on which nodes must agree. Its CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected, not
+    inverted; 0x29B1 for "123456789") is the fingerprint; comments, units, senders and the order of the file have no
+    effect.
+
+    Lines end with a line feed, numbers are written as C's `%.9g`: `bus RATE`, then for each frame by identifier
+    `frame ID NAME LENGTH CYCLE_MS SENT DATA_ID`, for each of its signals (without CRC and counter) by first bit
+    `signal NAME START LENGTH u|s FACTOR OFFSET LOWER UPPER`, for each of its named numbers, the least first,
+    `value NUMBER NAME`.
     """
     lines = [f"bus {bit_rate}"]
     for frame in sorted(frames.values(), key=lambda f: f.id):
@@ -153,9 +149,7 @@ def meaning(frames: Mapping[str, Frame], bit_rate: int) -> str:
 def _frame(message: Any, where: str) -> Frame:
     what = f"{where}: frame {message.name}"
     if message.is_extended_frame or message.is_fd or message.is_multiplexed():
-        raise ValueError(
-            f"{what} must be a plain frame with an 11-bit identifier; got an extended, FD or multiplexed one"
-        )
+        raise ValueError(f"{what} must be classic with an 11-bit identifier; got an extended, FD or multiplexed one")
     signals = {signal.name: signal for signal in message.signals}
     for name, start, length in ((CRC, 0, 8), (COUNTER, 8, 4)):
         signal = signals.pop(name, None)
@@ -167,9 +161,8 @@ def _frame(message: Any, where: str) -> Frame:
         raise ValueError(f"{what} must have an attribute DataId from 1 to 255; got {data_id}")
     sent = SEND_TYPES[int(attributes["GenMsgSendType"].value)] if "GenMsgSendType" in attributes else "Cyclic"
     if (sent == "Event") == bool(message.cycle_time):
-        raise ValueError(
-            f"{what} must have a cycle time, unless it is sent on an event; got {message.cycle_time} ms and {sent}"
-        )
+        got = f"{message.cycle_time} ms and {sent}"
+        raise ValueError(f"{what} must have a cycle time, unless it is sent on an event; got {got}")
     return Frame(
         message.name,
         message.frame_id,
@@ -196,19 +189,8 @@ def _field(signal: Any, what: str) -> Field:
     raw_lower = math.ceil((lower - offset) / scale - _ROUNDING)
     raw_upper = math.floor((upper - offset) / scale + _ROUNDING)
     if not least <= raw_lower <= raw_upper <= most:
-        raise ValueError(
-            f"{what}: range of {signal.name} must fit its {signal.length} bits; got [{lower:g}, {upper:g}]"
-        )
+        got = f"[{lower:g}, {upper:g}]"
+        raise ValueError(f"{what}: range of {signal.name} must fit its {signal.length} bits; got {got}")
     names = MappingProxyType({int(raw): str(name) for raw, name in (signal.choices or {}).items()})
     numbers = (signal.start, signal.length, signal.is_signed, scale, offset, lower, upper, raw_lower, raw_upper)
     return Field(signal.name, *numbers, signal.unit or "", signal.comment or "", names)
-
-
-def _refuse_doubles(frames: Mapping[str, Frame], where: str) -> None:
-    seen: dict[int, str] = {}
-    for frame in frames.values():
-        if frame.data_id in seen:
-            raise ValueError(
-                f"{where}: DataId must be a frame's own; got {frame.data_id} for {seen[frame.data_id]} and {frame.name}"
-            )
-        seen[frame.data_id] = frame.name

@@ -1,4 +1,4 @@
-"""Values to bytes and back, as fast as Python's integers: a frame is one little-endian number."""
+"""Values to bytes and back; for speed a frame is one little-endian integer."""
 
 import math
 from collections.abc import Mapping
@@ -9,36 +9,33 @@ from hil.bus.catalogue import Field, Frame
 from models.parameter import nearest
 
 Reason = Literal["length", "range", "crc", "counter", "repeated", "unknown"]
-PAYLOAD = 12  # bits of a frame that its protection takes: CRC and counter
+PAYLOAD = 12  # first bit of the payload, after CRC and counter
 
 
 class FrameError(ValueError):
-    """What was to be sent does not fit its frame: a value out of range, not finite, missing or unknown."""
+    """Values that do not fit their frame: out of range, not finite, missing or unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a received frame changes nothing."""
+    """Why a received frame is ignored."""
 
     reason: Reason
     detail: str = ""
 
 
 class Codec:
-    """One frame's codec, without protection: `round((value - offset)/scale)`, ties to even; unowned bits are 0."""
+    """One frame's codec, without protection: `round((value - offset)/scale)`, ties to even; unused bits are 0."""
 
     __slots__ = ("_reading", "_writing", "frame", "length")
 
     def __init__(self, frame: Frame) -> None:
         self.frame, self.length = frame, frame.length
-        self._writing = tuple(
-            (f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start)
-            for f in frame.fields
-        )
-        self._reading = tuple(_reading(f) for f in frame.fields)
+        self._writing = tuple(map(_writing, frame.fields))
+        self._reading = tuple(map(_reading, frame.fields))
 
     def encode(self, values: Mapping[str, float]) -> int:
-        """`values` of every signal as the frame's number, CRC and counter 0. Raises FrameError."""
+        """The values of all signals as the frame's integer, with CRC and counter 0. Raises FrameError."""
         if len(values) != len(self._writing):
             raise self._misfit(values)
         bits = 0
@@ -56,7 +53,7 @@ class Codec:
         return bits
 
     def decode(self, bits: int) -> dict[str, float] | Refusal:
-        """The values of all signals of the frame's number, or why it is refused. Never raises."""
+        """The values of all signals in the frame's integer, or the refusal. Never raises."""
         values = {}
         for name, start, mask, sign, scale, offset, raw_lower, raw_upper, known in self._reading:
             raw = (bits >> start) & mask
@@ -69,13 +66,16 @@ class Codec:
 
     def _misfit(self, values: Mapping[str, float]) -> FrameError:
         names = [f.name for f in self.frame.fields]
-        unknown = [name for name in values if name not in names]
-        if unknown:
-            return FrameError(
-                f"{self.frame.name} must get its own signals; got {unknown[0]!r}; {nearest(str(unknown[0]), names)}"
-            )
+        for name in values:
+            if name not in names:
+                hint = nearest(str(name), names)
+                return FrameError(f"{self.frame.name} must get its own signals; got {name!r}; {hint}")
         missing = next(name for name in names if name not in values)
         return FrameError(f"{self.frame.name} must get all its signals; {missing!r} is missing")
+
+
+def _writing(f: Field) -> tuple[str, float, float, float, float, int, int, int, int]:
+    return f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start
 
 
 def _reading(f: Field) -> tuple[str, int, int, int, float, float, int, int, frozenset[int]]:
@@ -83,22 +83,22 @@ def _reading(f: Field) -> tuple[str, int, int, int, float, float, int, int, froz
     return f.name, f.start, (1 << f.length) - 1, sign, f.scale, f.offset, f.raw_lower, f.raw_upper, frozenset(f.names)
 
 
-NO_SURPRISE: Final = -10.0  # a value on the wire that says that there is none
-NOT_MEASURED_C: Final = -40.0  # the same of a temperature
-_SENSOR: Final = ("Valid", 0.0)  # signal and value by which a sensor's frame says that it says nothing
+NO_SURPRISE: Final = -10.0  # the value on the wire for "none"
+NOT_MEASURED_C: Final = -40.0  # the same for a temperature
+_SENSOR: Final = ("Valid", 0.0)  # signal and value of a sensor's frame without a measurement
 _FLAGS: Final[Mapping[str, tuple[tuple[str, float], tuple[str, ...]]]] = {
     "CapsuleLocalisation": (_SENSOR, ("Position_m", "Quality", "Age_s")),
     "ForceReading": (_SENSOR, ("Force_N", "Age_s")),
     "BelievedMotion": (("Wall", 3.0), ("Position_m", "Std_m", "Surprise")),
     "ModelHealth": (("State", 3.0), ("Since_s", "Evidence")),
 }
-"""Frame: the flag that says so, and what then says nothing."""
+"""By frame: the flag without a measurement, and the signals that are then empty."""
 _VALUES: Final[Mapping[str, float]] = {"Surprise": NO_SURPRISE, "Temperature_degC": NOT_MEASURED_C}
-"""Signal: the value that stands for none."""
+"""By signal: the value for "none"."""
 
 
 def without_absent(frame: str, values: Mapping[str, float]) -> dict[str, float]:
-    """The signals of `frame`, NaN where they say nothing."""
-    (flag, said), silent = _FLAGS.get(frame, (("", 0.0), ()))
-    none = set(silent) if values.get(flag) == said and silent else set[str]()
+    """The signals of `frame`, NaN for those without a value."""
+    (flag, absent), empty = _FLAGS.get(frame, (("", 0.0), ()))
+    none = empty if values.get(flag) == absent else ()
     return {name: math.nan if name in none or value == _VALUES.get(name) else value for name, value in values.items()}

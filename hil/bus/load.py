@@ -1,21 +1,21 @@
-"""How many bits a frame takes of the wire, stuff bits included."""
+"""Lengths of frames on the wire in bits, with stuff bits."""
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numba
 
 _CRC15 = 0x4599  # of classic CAN, ISO 11898-1
-_TAIL = 13  # bits after the CRC that are never stuffed: delimiter, acknowledgement, end of frame, space to the next one
+_TAIL = 13  # bits after the CRC without stuffing: delimiter, acknowledgement, end of frame, interframe space
 
 
 def frame_bits(identifier: int, data: bytes | bytearray) -> int:
-    """Bits of a classic frame with an 11-bit `identifier`, stuff bits and the space after it included."""
+    """Bits of a classic frame with an 11-bit `identifier`, with stuff bits and the interframe space."""
     return int(_stuffed(identifier << 7 | len(data), int.from_bytes(data, "big", signed=True), 8 * len(data))) + _TAIL
 
 
 def fd_frame_bits(extended: bool, length: int, ratio: float) -> int:
-    """Most bits, at the bus's bit rate, of a CAN FD frame of `length` bytes whose data go `ratio` times as fast."""
+    """Maximum bits, at the nominal bit rate, of a CAN FD frame of `length` bytes whose data phase is `ratio` faster."""
     head = 36 if extended else 17
     checksum = 17 if length <= 16 else 21
     free = 5 + 8 * length
@@ -23,13 +23,9 @@ def fd_frame_bits(extended: bool, length: int, ratio: float) -> int:
     return head + head // 4 + math.ceil(fast / ratio) + _TAIL
 
 
-def _compiled(signature: str) -> Any:
-    return numba.njit(signature, cache=True)
-
-
-@_compiled("int64(int64, int64, int64)")
+@cast(Any, numba.njit("int64(int64, int64, int64)", cache=True))
 def _stuffed(head: int, word: int, size: int) -> int:
-    """Bits to the CRC: 19 of the `head`, `size` of the data `word`, 15 of the CRC; after five alike a stuff bit."""
+    """Bits to the CRC: 19 of `head`, `size` of the data `word`, 15 of the CRC; after five equal ones a stuff bit."""
     rest, run, last, stuff = 0, 0, 1, 0
     before = 19 + size
     for k in range(before + 15):

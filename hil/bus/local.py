@@ -1,4 +1,4 @@
-"""A bus between processes of one machine that loses nothing on the way, as a python-can interface."""
+"""A bus between processes of one machine without loss of frames, as a python-can interface."""
 
 import contextlib
 import fcntl
@@ -22,26 +22,24 @@ _HEAD: Final = struct.Struct("<dIB")  # time, identifier, type; the data follow
 _EXTENDED, _FD, _SWITCHED = 1, 2, 4  # bits of the type
 _MOST_DATA: Final = 64  # bytes of a CAN FD frame
 _LONGEST_PATH: Final = 100  # characters of a socket's address
-_NODES: Final = 64  # that may wait for the listener
+_NODES: Final = 64  # maximum number of peers
 _BUFFER: Final = 1 << 20  # bytes of a socket
 
 
 class LocalBus(OwnBus):
-    """A node on the local bus `channel`, connected to every other one by a SEQPACKET socket; there is no hub. A frame
-    is in the receivers' queues when `send` returns. A receiver that does not read loses what no longer fits, counted in
-    `overruns` of the sender. Nodes come and go at any time, also by SIGKILL. Not modelled: arbitration, bit time,
-    errors, acknowledgement. Times of frames are the sender's `time.time()`.
+    """A node on the local bus `channel`, connected to every other node by a SEQPACKET socket, without a hub. When
+    `send` returns, the frame is in the receivers' queues. A receiver that does not read loses frames that no longer
+    fit, counted in the sender's `overruns`. Nodes join and leave at any time, even by SIGKILL. Not modelled:
+    arbitration, bit time, errors, acknowledgement. Frames have the sender's `time.time()`.
     """
 
     def __init__(
         self, channel: str = "capsule", receive_own_messages: bool = False, fd: bool = False, **kwargs: Any
     ) -> None:
-        """Join the bus. Raises can.CanInitializationError where that cannot be done."""
+        """Join the bus. Raises can.CanInitializationError if that fails."""
         if not hasattr(socket, "AF_UNIX") or not hasattr(socket, "SOCK_SEQPACKET"):
-            raise can.CanInitializationError(
-                f"local bus {channel!r} needs sockets of AF_UNIX with SOCK_SEQPACKET, which this system lacks; take"
-                " interface udp_multicast, or another of python-can's"
-            )
+            lacks = "needs AF_UNIX sockets with SOCK_SEQPACKET, which this system lacks; use interface udp_multicast"
+            raise can.CanInitializationError(f"local bus {channel!r} {lacks}, or another one of python-can")
         self.overruns = 0
         self._own, self._fd = receive_own_messages, fd
         self._inbox: deque[can.Message] = deque()
@@ -50,7 +48,7 @@ class LocalBus(OwnBus):
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         try:
             folder = channel_folder(str(channel))
-            self._place = folder / f"{os.getpid()}-{self._listener.fileno()}-{time.monotonic_ns()}"
+            self._address = folder / f"{os.getpid()}-{self._listener.fileno()}-{time.monotonic_ns()}"
             self._join(folder)
         except OSError as error:
             self._listener.close()
@@ -60,20 +58,20 @@ class LocalBus(OwnBus):
         self.channel_info = f"local bus {channel}"
 
     def _join(self, folder: Path) -> None:
-        """Take a place in the folder and connect to all who have one; one node at a time."""
+        """Connect to all sockets in the folder and add the own one; one node at a time."""
         with _locked(folder):
-            for place in sorted(folder.iterdir()):
-                if place.name == "lock":
+            for address in sorted(folder.iterdir()):
+                if address.name == "lock":
                     continue
                 peer = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
                 try:
-                    peer.connect(str(place))
+                    peer.connect(str(address))
                 except (ConnectionRefusedError, FileNotFoundError):
                     peer.close()
-                    place.unlink(missing_ok=True)
+                    address.unlink(missing_ok=True)
                 else:
                     self._add(peer)
-            self._listener.bind(str(self._place))
+            self._listener.bind(str(self._address))
             self._listener.listen(_NODES)
         self._poll.register(self._listener, select.EPOLLIN)
 
@@ -84,7 +82,7 @@ class LocalBus(OwnBus):
         self._poll.register(peer, select.EPOLLIN)
 
     def _greet(self) -> None:
-        """Take in nodes that have joined."""
+        """Accept nodes that have joined."""
         while len(self._peers) < _NODES:
             try:
                 peer, _ = self._listener.accept()
@@ -100,7 +98,7 @@ class LocalBus(OwnBus):
             peer.close()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to every other node; never waits. Raises ValueError for what this bus does not carry."""
+        """Send a frame to all other nodes; never waits. Raises ValueError for a frame of another type."""
         fit = self._fd or not (msg.is_extended_id or msg.is_fd)
         if not fit or msg.is_remote_frame or msg.is_error_frame or len(msg.data) > (_MOST_DATA if msg.is_fd else 8):
             wanted = "data frame" if self._fd else "classic data frame with an 11-bit identifier"
@@ -124,7 +122,7 @@ class LocalBus(OwnBus):
         return (self._inbox.popleft() if self._inbox else None), False
 
     def _collect(self, timeout: float | None) -> None:
-        """Move what has come in, or comes within `timeout`, into the inbox, oldest first."""
+        """Move frames that have arrived, or arrive within `timeout`, to the inbox, the oldest first."""
         end = None if timeout is None else time.monotonic() + timeout
         while True:
             left = None if end is None else max(end - time.monotonic(), 0.0)
@@ -166,14 +164,14 @@ class LocalBus(OwnBus):
         )
 
     def fileno(self) -> int:
-        """Readable while a frame (or a node that joins) waits."""
+        """Readable while a frame or a joining node waits."""
         return self._poll.fileno()
 
     def shutdown(self) -> None:
         if self._is_shutdown:
             return
         super().shutdown()
-        self._place.unlink(missing_ok=True)
+        self._address.unlink(missing_ok=True)
         for number in list(self._peers):
             self._forget(number)
         self._listener.close()
@@ -181,8 +179,8 @@ class LocalBus(OwnBus):
 
 
 def channel_folder(channel: str) -> Path:
-    """The folder of `channel`, made where it is missing; a channel with a `/` is the folder itself. Raises OSError
-    where it cannot be made or is not this user's alone, or its path is too long for a socket.
+    """The folder of `channel`, created if missing; a channel with a `/` is the folder itself. Raises OSError if it
+    cannot be created, belongs to others too, or has too long a path for a socket.
     """
     named = Path(tempfile.gettempdir()) / f"capsule-bus-{os.getuid()}" / channel
     folder = Path(channel).absolute() if "/" in channel else named

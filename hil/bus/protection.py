@@ -1,4 +1,4 @@
-"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing; age makes data invalid."""
+"""Protection by counter, CRC and age as in AUTOSAR E2E profile 2: bad frames are ignored, old data are invalid."""
 
 import math
 from collections import Counter
@@ -11,11 +11,11 @@ from hil.bus.codec import Codec, Reason, Refusal
 from hil.bus.wrapping import classic_frame
 
 POLYNOMIAL = 0x2F  # of AUTOSAR's CRC-8
-_START = _END = 0xFF  # of it
+_START = _END = 0xFF  # start value and final XOR
 
 
 def crc_table(polynomial: int) -> bytes:
-    """Remainder of every byte: `x^8 b mod (x^8 + polynomial)`."""
+    """The remainder of each byte b: `x^8 b mod (x^8 + polynomial)`."""
     table = bytes(range(256))
     for _ in range(8):
         table = bytes(((rest << 1) ^ polynomial) & 0xFF if rest & 0x80 else rest << 1 for rest in table)
@@ -33,10 +33,10 @@ def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
     return table[rest ^ data_id] ^ _END
 
 
-COUNTS = 16  # of the counter's four bits
+COUNTS = 16  # values of the counter's four bits
 MOST_LOST = 4  # frames that a counter may skip
 CYCLES = 5  # without a frame, after which data are invalid
-RESYNC = 3  # good frames after which they are valid again
+RESYNC = 3  # good frames in a row after which data are valid again
 
 
 class Sender:
@@ -46,11 +46,11 @@ class Sender:
         self.id, self._codec, self._counter, self._data_id = frame.id, Codec(frame), 0, frame.data_id
 
     def message(self, values: Mapping[str, float], stamp: float = 0.0, *, heard: bool = False) -> can.Message:
-        """The next frame, to be sent, or as one that was `heard`. Errors as `frame`."""
+        """The next frame, for sending or as a received one (`heard`). Raises as `frame`."""
         return classic_frame(self.id, self.frame(values), stamp, heard=heard)
 
     def frame(self, values: Mapping[str, float]) -> bytes:
-        """The next frame. Raises FrameError for values that do not fit; the counter then stays."""
+        """The next frame's bytes. Raises FrameError for values that do not fit, without counting."""
         bits = self._codec.encode(values) | self._counter << 8
         data = bytearray(bits.to_bytes(self._codec.length, "little"))
         data[0] = crc8(memoryview(data)[1:], self._data_id)
@@ -58,12 +58,12 @@ class Sender:
         return bytes(data)
 
     def skip(self, frames: int) -> None:
-        """Count on as if `frames` had been made."""
+        """Advance the counter by `frames`."""
         self._counter = (self._counter + frames) % COUNTS
 
 
 class FrameTransmitter:
-    """Senders of the frames `names` on a bus. `unsent` counts what did not go out."""
+    """Senders of the frames `names` on a bus. `unsent` counts frames that were not sent."""
 
     def __init__(self, bus: can.BusABC, names: Iterable[str]) -> None:
         self._bus, self._senders = bus, {name: Sender(load_catalogue()[name]) for name in names}
@@ -76,19 +76,19 @@ class FrameTransmitter:
             self.unsent += 1
 
     def skip(self, name: str, frames: int) -> None:
-        """Count `frames` that there was no time to send."""
+        """Advance the counter by `frames` that were not sent."""
         self._senders[name].skip(frames)
 
 
 class Receiver:
-    """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when
-    they came.
+    """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and their
+    time.
 
-    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`. After the data
-    have become stale, `RESYNC` good frames that count on from each other begin anew; while they are fresh no other
-    sequence is let in, so no replay beside the true sender, unless it is 15 frames old to the frame. A replay after the
-    sender fell silent is not told from its restart: heartbeats and the time to live bound it. Of frames that are not
-    cyclic every counter but the last one is let in: none of them can start anything.
+    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`. Once the data are
+    stale, `RESYNC` good frames with consecutive counters are needed. While they are fresh no other sequence is
+    accepted, so no replay beside the true sender, unless it is exactly 15 frames old. A replay after the sender fell
+    silent looks like its restart; heartbeats and the time to live bound its effect. Frames that are not cyclic may have
+    any counter except the last one: none of them can start a motion.
     """
 
     def __init__(self, frame: Frame) -> None:
@@ -102,7 +102,7 @@ class Receiver:
         self._row = 0
 
     def accept(self, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
-        """The values of the frame that came at `now` in s, or why it is refused. Never raises."""
+        """The values of the frame received at `now` in s, or its refusal. Never raises."""
         found = self._checked(data, now)
         if isinstance(found, Refusal):
             self.refused[found.reason] += 1
@@ -112,7 +112,7 @@ class Receiver:
         return found
 
     def fresh(self, now: float) -> dict[str, float] | None:
-        """The last good values, None where there are none or they are older than `longest_s` (or younger than now)."""
+        """The last good values; None without any, or if they are older than `longest_s` or from the future."""
         return self.values if 0 <= now - self.stamp_s <= self.longest_s else None
 
     def _checked(self, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
@@ -132,7 +132,7 @@ class Receiver:
         return values
 
     def _step(self, counter: int, now: float) -> int | Refusal:
-        """How far the counter has moved on, at least 1; or that it has not as it should."""
+        """The step of the counter, at least 1, or the refusal."""
         if self.counter < 0:
             return 1
         step = (counter - self.counter) % COUNTS
@@ -151,7 +151,7 @@ class Receiver:
 
 
 class Reception:
-    """Receivers of frames by identifier; what is not among them is counted as unknown."""
+    """Receivers of frames by identifier; other identifiers are counted in `unknown`."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         self.receivers = {frame.id: Receiver(frame) for frame in frames}
@@ -159,11 +159,11 @@ class Reception:
 
     @property
     def refused(self) -> int:
-        """Frames that its receivers have refused."""
+        """Count of frames that its receivers have refused."""
         return sum(receiver.refused.total() for receiver in self.receivers.values())
 
     def accept(self, identifier: int, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
-        """Hand a frame to its receiver. Never raises; counts at most 2048 identifiers that nobody knows."""
+        """Pass a frame to its receiver. Never raises; counts at most 2048 unknown identifiers."""
         receiver = self.receivers.get(identifier)
         if receiver is None:
             if len(self.unknown) < 2048 or identifier in self.unknown:

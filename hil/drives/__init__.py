@@ -1,1 +1,1 @@
-"""Drives of other makers in the place of the catalogue's carriage: how each is declared, set up and led."""
+"""Drives of other makers as the catalogue's carriage: table, set-up and bus of each."""

@@ -1,4 +1,4 @@
-"""A bus on which a drive of another maker speaks as the catalogue's carriage: all behind it stays as it is."""
+"""A bus on which a drive of another maker appears as the catalogue's carriage; the controller stays the same."""
 
 import math
 from abc import abstractmethod
@@ -11,8 +11,8 @@ import can
 from hil.bus.codec import NOT_MEASURED_C, Codec
 from hil.bus.protection import Sender
 from hil.bus.wrapping import WrappingBus, classic_frame
-from hil.drives.table import ActuatorTable
-from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, frames, heartbeat
+from hil.drives.table import ActuatorTable, TurningTable
+from hil.nodes.frame_map import ENABLE, FASTEST_M_S, IN_HEARTBEAT, QUICK_STOP_M_S2, READY, STANDBY, frames, heartbeat
 
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
@@ -20,9 +20,9 @@ _TOO_SHORT: Final = 7  # bytes: a frame that every node refuses
 
 
 class CarriageBus(WrappingBus):
-    """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
-    what of the catalogue the drive's own become. These are protected anew, so CRC and counter guard nothing beyond this
-    process. What another master commands the drive comes in as a CarriageCommand, which only a controller sends.
+    """Passes frames between controller and `inner` and translates those of the carriage, as a subclass defines. The
+    drive's frames get CRC and counter here, so these protect nothing outside this process. A command of another master
+    to the drive is received as a CarriageCommand, which shows that another controller is on the bus.
     """
 
     maker: ClassVar[str]
@@ -38,17 +38,17 @@ class CarriageBus(WrappingBus):
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the drive in its maker's words, "" where nothing is."""
+        """What is wrong with the drive in its maker's terms, "" without a fault."""
         return f"{self.table.where} node {self.table.node_id}: {self.wrong}" if self.wrong else ""
 
     @property
     @abstractmethod
     def wrong(self) -> str:
-        """The same without its name."""
+        """`trouble` without the drive's name."""
 
     @abstractmethod
-    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """The controller wants the drive in `mode` and the carriage at `place_m` from the next SYNC on."""
+    def command(self, mode: int, position_m: float, timeout: float | None) -> None:
+        """A command of the controller: `mode`, and the position `position_m` for the next SYNC."""
 
     @abstractmethod
     def synchronise(self, timeout: float | None) -> None:
@@ -56,7 +56,7 @@ class CarriageBus(WrappingBus):
 
     @abstractmethod
     def acknowledge(self, timeout: float | None) -> None:
-        """The operator acknowledges the drive's fault."""
+        """An acknowledgement of the drive's fault."""
 
     @abstractmethod
     def halt(self, timeout: float | None) -> None:
@@ -64,13 +64,13 @@ class CarriageBus(WrappingBus):
 
     @abstractmethod
     def take(self, message: can.Message) -> bool:
-        """Take a frame in where it is the drive's; whether it was."""
+        """Process a frame of the drive; False for any other frame."""
 
     def live(self, timeout: float | None) -> None:
         """The controller's heartbeat is due."""
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame of the catalogue, the carriage's as the drive's own. Raises can.CanError as `inner`."""
+        """Send a frame of the catalogue; those of the carriage are translated. Raises can.CanError as `inner`."""
         name, codec = self._heard.get(msg.arbitration_id, ("", None))
         values = codec.decode(int.from_bytes(msg.data, "little")) if codec is not None else None
         if not isinstance(values, dict):
@@ -90,7 +90,7 @@ class CarriageBus(WrappingBus):
                 self.synchronise(timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame, the drive's own as the catalogue has it; None where there is none."""
+        """The next frame, the drive's translated to the catalogue's; None without one."""
         while not self._ready:
             message = self.inner.recv(timeout)
             if message is None:
@@ -101,36 +101,103 @@ class CarriageBus(WrappingBus):
                 return message
         return self._ready.popleft()
 
-    def feed(self, state: int, place_m: float, speed_m_s: float, stamp: float) -> None:
-        """Let the controller hear a feedback, `state` in the catalogue's numbers."""
+    def feed(self, state: int, position_m: float, speed_m_s: float, stamp: float) -> None:
+        """Pass a feedback to the controller; `state` in the catalogue's numbers."""
         speed = min(max(speed_m_s, -FASTEST_M_S), FASTEST_M_S)
         temperature = {"State": float(state), "Temperature_degC": NOT_MEASURED_C}
-        self._hear("CarriageFeedback", {"Position_m": place_m, "Velocity_m_s": speed, **temperature}, stamp)
+        self._hear("CarriageFeedback", {"Position_m": position_m, "Velocity_m_s": speed, **temperature}, stamp)
 
     def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
-        """Let it hear a heartbeat; `anew` where the drive has just booted."""
+        """Pass a heartbeat to the controller; `anew` if the drive has just booted."""
         self._began_s = stamp if math.isnan(self._began_s) or anew else self._began_s
         self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s), stamp)
 
     def fail(self, code: int, detail: int, stamp: float) -> None:
-        """Let it hear a fault, twice as every drive tells one."""
+        """Pass a fault to the controller, twice as the catalogue asks for."""
         for _ in range(2):
             self._hear("CarriageFault", {"Code": code, "Detail": detail & 0xFFFF}, stamp)
 
     def refuse(self, name: str, message: can.Message) -> None:
-        """Let it hear a frame that is too short: it is refused for its length, as the catalogue's `name`."""
+        """Pass a frame that is too short as the catalogue's `name`, which is then refused for its length."""
         self._ready.append(self._as_received(message, self._speakers[name].id, _TOO_SHORT))
 
     @staticmethod
     def _as_received(message: can.Message, identifier: int, most: int) -> can.Message:
-        """A frame of the wire as one of the catalogue with the same first bytes; it fits neither CRC nor counter."""
+        """A frame of the wire under an identifier of the catalogue; its CRC and counter do not fit."""
         return classic_frame(identifier, message.data[:most], message.timestamp, heard=True)
 
     def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
-        """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
+        """Pass a frame to the controller; one with a value out of range is dropped, as a corrupt one would be."""
         with suppress(ValueError):
             self._ready.append(self._speakers[name].message(values, stamp, heard=True))
 
     def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
         """Send one of the drive's own frames, classic, with an 11-bit identifier."""
         self.inner.send(classic_frame(identifier, data), timeout)
+
+
+IDLE_TICKS: Final = 5  # commands to remove the torque, after braking
+_SETTLE: Final = 2  # ticks at the end of braking
+
+
+class TurningBus(CarriageBus):
+    """The bus of a drive that counts turns, follows positions and coasts without torque. A command is kept until the
+    next SYNC. A stop acts at once: the carriage is braked by a sequence of positions.
+
+    `_armed`: commands are passed on, from "ready" on; `_led`: the drive has followed since. `_left` is why that ended.
+    `_asked` counts ticks in which it did not follow yet, `_stopped` the commands to stop.
+    """
+
+    def __init__(self, inner: can.BusABC, table: TurningTable, tick_s: float) -> None:
+        super().__init__(inner, table, tick_s)
+        self._position_m = self._speed_m_s = self._wanted_m = 0.0
+        self._last_m = self._rate_m_s = math.nan
+        self._armed = self._led = self._fresh = False
+        self._asked, self._stopped, self._left = 0, 0, ""
+        self._braking: tuple[float, float] | None = None
+        self._rested = 0
+
+    @property
+    @abstractmethod
+    def shown(self) -> int:
+        """The drive's state in the catalogue's numbers."""
+
+    def command(self, mode: int, position_m: float, timeout: float | None) -> None:
+        if mode == ENABLE and self._armed:
+            self._wanted_m, self._fresh = position_m, True
+        elif mode == READY and self.shown == STANDBY:
+            self._arm()
+        elif mode not in (READY, ENABLE):
+            self._armed = False
+        if not self._armed:
+            self._rest(timeout)
+
+    def halt(self, timeout: float | None) -> None:
+        """Brake with the next command, within a tick."""
+        self._armed = False
+
+    def _arm(self) -> None:
+        self._armed, self._led, self._asked, self._left = True, False, 0, ""
+        self._last_m, self._stopped = math.nan, 0
+
+    @abstractmethod
+    def _rest(self, timeout: float | None) -> None:
+        """The next step of braking, and finally the command to stop."""
+
+    def _take_wanted(self, begin_m: float) -> None:
+        """Move from `begin_m` to the commanded position within the tick."""
+        self._rate_m_s, self._last_m = (self._wanted_m - begin_m) / self._tick_s, self._wanted_m
+        self._braking, self._rested = None, 0
+
+    def _brake(self) -> tuple[float, float] | None:
+        """The next position and rate of braking at `QUICK_STOP_M_S2`, from the last command or else from the measured
+        position; None after `_SETTLE` ticks at rest.
+        """
+        if self._rested >= _SETTLE:
+            return None
+        moves = (self._position_m, self._speed_m_s) if math.isnan(self._last_m) else (self._last_m, self._rate_m_s)
+        position, before = self._braking or moves
+        rate = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
+        self._braking = position + 0.5 * (before + rate) * self._tick_s, rate
+        self._rested += before == 0.0
+        return self._braking

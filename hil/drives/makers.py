@@ -1,4 +1,4 @@
-"""The makers whose drives a deployment or a scenario may name by a table of their own."""
+"""The makers whose drives a deployment or a scenario may name, each by its own table."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,22 +8,29 @@ import can
 
 from controller.limits import Limits
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.cia402.bus import Cia402Bus
-from hil.drives.cia402.protocol import Cia402Table
-from hil.drives.cia402.setup import set_up as set_up_cia402
-from hil.drives.moteus.bus import MoteusBus
-from hil.drives.moteus.protocol import MoteusTable
-from hil.drives.moteus.setup import set_up as set_up_moteus
-from hil.drives.odrive.bus import OdriveBus
-from hil.drives.odrive.protocol import OdriveTable
-from hil.drives.odrive.setup import set_up as set_up_odrive
+from hil.drives.cia402_bus import Cia402Bus
+from hil.drives.cia402_protocol import Cia402Table
+from hil.drives.cia402_setup import set_up as set_up_cia402
+from hil.drives.moteus_bus import MoteusBus
+from hil.drives.moteus_protocol import MoteusTable
+from hil.drives.moteus_setup import set_up as set_up_moteus
+from hil.drives.odrive_bus import OdriveBus
+from hil.drives.odrive_protocol import OdriveTable
+from hil.drives.odrive_setup import set_up as set_up_odrive
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP
 
 
 @dataclass(frozen=True)
 class Maker:
-    """What a file says of its drives (`table`), what sets one up, and the bus on which it is our carriage."""
+    """The `table` of a file, the set-up of its drive, and the `bus` on which the drive is the catalogue's carriage.
+
+    `set_up(bus, table, limits, tick_s, faulty=False)` finds the drive and checks its state: it must rest at a known
+    position and stop by itself without commands. It writes the settings for our commands; the drive stays disabled.
+    It blocks for some seconds at most, plus the homing time. With `faulty` the drive may have a fault, which is about
+    to be acknowledged. It returns a sentence for each setting that was rounded or cannot be read, and raises ValueError
+    of one sentence if the drive does not answer or fails a check.
+    """
 
     table: type[ActuatorTable]
     set_up: Callable[..., list[str]]
@@ -42,7 +49,7 @@ ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = {name: maker.table for nam
 
 
 def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> ActuatorTable | None:
-    """The drive that a file names for a rig of `kind`, None: the catalogue's own. Raises ValueError of one sentence."""
+    """The drive that a file names for a rig of `kind`, None for the catalogue's. Raises ValueError of one sentence."""
     named = [name for name in ACTUATORS if name in raw]
     if not named:
         return None
@@ -54,17 +61,3 @@ def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> Actuator
     found = ACTUATORS[name].read(raw)
     found.check_speed(limits.carriage_speed_m_s)
     return found
-
-
-def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
-    """Find the drive, see what it is doing, that it rests where it knows its place and stops by itself without
-    commands, and give it what it is led by; it stays disabled. Blocks, at most some seconds and the time to home.
-    `faulty`: its fault is to be acknowledged, so it may have one. Gives a sentence for each setting that it took
-    rounded or does not tell. Raises ValueError of one sentence where it does not answer or is not as it must be.
-    """
-    return MAKERS[table.where].set_up(bus, table, limits, tick_s, faulty=faulty)
-
-
-def carriage_bus(inner: can.BusABC, table: ActuatorTable, tick_s: float) -> CarriageBus:
-    """The bus on which the drive is the catalogue's carriage."""
-    return MAKERS[table.where].bus(inner, table, tick_s)

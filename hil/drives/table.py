@@ -1,61 +1,61 @@
 """What the tables of other makers' drives have in common."""
 
+import time
 from abc import abstractmethod
+from collections.abc import Callable, Iterator
 from typing import Annotated, ClassVar, Final, Literal
 
 import can
 from pydantic import AfterValidator, Field
 
+from hil.bus.wrapping import heard_for, waiting
 from models.rigs.schema import NamedTable, key
 
 NODE: Final = "node of the carriage's drive, clear of the catalogue's identifiers"
-TURNS: Final = (1.0, 1e5)
-"""The fewest and the most turns in a metre."""
-
-RESTS_M_S: Final = 5e-3
-"""Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
+TURNS: Final = (1.0, 1e5)  # least and most turns per metre
+RESTS_M_S: Final = 5e-3  # measured speed below which a disabled drive is at rest: its encoder's noise stays below
 
 
 class ActuatorTable(NamedTable):
-    """A table that names a drive, which is the carriage; `fd` where its frames are CAN FD."""
+    """The table of a drive that is the carriage; with `fd` its frames are CAN FD."""
 
     fd: ClassVar[bool] = False
     node_id: int = key(NODE)
-    answers_s: float = key("how long it may take to answer", 2.0, 0.1, 60.0)
+    answers_s: float = key("longest time to an answer", 2.0, 0.1, 60.0)
 
     @property
     def node(self) -> str:
-        """What sentences call the drive."""
+        """The name of the drive in sentences."""
         return f"{self.where}: node {self.node_id}"
 
     def must(self, fine: object, words: str, part: str = "") -> None:
-        """Raises ValueError of one sentence, what it or its `part` must instead in `words`, where it is not `fine`."""
+        """Unless `fine`, raises ValueError of one sentence: it or its `part` must do as `words` say."""
         if not fine:
             raise ValueError(f"{self.node}{part} must {words}")
 
-    def must_rest(self, speed_m_s: float, told: str, most_m_s: float = RESTS_M_S) -> None:
-        """The same where it does not rest, as `told`."""
-        self.must(abs(speed_m_s) <= most_m_s, f"rest before it is led; {told}")
+    def must_rest(self, speed_m_s: float, got: str, most_m_s: float = RESTS_M_S) -> None:
+        """Raises ValueError if it moves, with `got` as what was measured."""
+        self.must(abs(speed_m_s) <= most_m_s, f"rest before the run; {got}")
 
-    def must_stand_within(self, travel_m: float, place_m: float, remedy: str) -> None:
-        """The same where it stands beyond the travel, with what to do."""
-        words = f"stand within limits.travel_m, {travel_m:g} m of its zero; got {place_m:g} m: {remedy}"
-        self.must(abs(place_m) <= travel_m, words)
+    def must_stand_within(self, travel_m: float, position_m: float, remedy: str) -> None:
+        """Raises ValueError if its position is beyond the travel, with the remedy."""
+        words = f"stand within limits.travel_m, {travel_m:g} m of its zero; got {position_m:g} m: {remedy}"
+        self.must(abs(position_m) <= travel_m, words)
 
     @abstractmethod
     def orders(self, message: can.Message) -> bool:
-        """Whether `message` is one by which a master commands this drive."""
+        """Whether `message` commands this drive."""
 
     @abstractmethod
     def identifiers(self) -> tuple[frozenset[int], frozenset[int]]:
-        """The identifiers by which the drive is spoken to, and those by which it speaks."""
+        """The identifiers of frames to the drive, and of its own frames."""
 
     @abstractmethod
     def stops_s(self, speed_m_s: float) -> float:
-        """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
+        """The longest time in s from the last command until the carriage, moving at `speed_m_s`, rests."""
 
     def check_speed(self, speed_m_s: float) -> None:
-        """Raises ValueError where its frames cannot carry `limits.carriage_speed_m_s`."""
+        """Raises ValueError if its frames cannot carry `limits.carriage_speed_m_s`."""
 
 
 def _turns(value: float) -> float:
@@ -65,27 +65,66 @@ def _turns(value: float) -> float:
 
 
 class TurningTable(ActuatorTable):
-    """One that counts in turns, follows places, has a watchdog and coasts without torque."""
+    """The table of a drive that counts turns, follows positions, has a watchdog and coasts without torque."""
 
     turns_per_m: Annotated[
         float, AfterValidator(_turns), Field(json_schema_extra={"minimum": TURNS[0], "maximum": TURNS[1]})
     ] = key(
-        "turns that it tells (an ODrive its motor's, a moteus its output's, behind"
-        " `motor_position.rotor_to_output_ratio`), per metre of the carriage; negative: the other way",
+        "turns per metre of the carriage, as the drive counts them (ODrive: of the motor; moteus: of the output, behind"
+        " `motor_position.rotor_to_output_ratio`); negative: reversed",
         100.0,
     )
-    watchdog_s: float = key(
-        "longest time without a command after which its own watchdog must have stopped it", 0.02, 0.004, 0.1
-    )
-    coast_m_s2: float = key(
-        "deceleration of the carriage without torque, by friction of guide and screw: measure it", 5.0, 0.1, 100.0
-    )
+    watchdog_s: float = key("longest time without a command until its own watchdog stops it", 0.02, 0.004, 0.1)
+    coast_m_s2: float = key("deceleration of the carriage without torque, to be measured", 5.0, 0.1, 100.0)
     home: Literal["kept", "here"] = key(
-        "`kept`: its own zero (a moteus: home state 2, known at the output); `here`: the place where it stands as it is"
-        " set up",
-        "kept",
+        "zero: `kept` is the drive's own (moteus: home state 2), `here` its position during set-up", "kept"
     )
 
     def stops_s(self, speed_m_s: float) -> float:
-        """The watchdog, and coasting to rest."""
+        """The watchdog's time and that of coasting to rest."""
         return self.watchdog_s + abs(speed_m_s) / self.coast_m_s2
+
+
+_SKIPPED = 20_000  # frames that are let go before a question
+
+
+class Questions:
+    """Questions to a drive and its answers during set-up; `speaker` gives the node of a frame, -1: not the maker's."""
+
+    def __init__(self, bus: can.BusABC, table: ActuatorTable, speaker: Callable[[can.Message], int]) -> None:
+        self._bus, self._table, self._speaker, self.node = bus, table, speaker, table.node
+        self._errors, self._others = 0, set[int]()
+
+    def send(self, message: can.Message) -> None:
+        """Discard the waiting frames and send one. Raises ValueError if the bus does not take it."""
+        try:
+            for _ in waiting(self._bus, _SKIPPED):
+                pass
+            self._bus.send(message, timeout=0.1)
+        except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
+            raise ValueError(f"{self.node} must be reached; got: {error}") from None
+
+    def heard(self, seconds: float) -> Iterator[can.Message]:
+        for message in heard_for(self._bus, seconds):
+            self._errors += message.is_error_frame
+            speaker = self._speaker(message)
+            if speaker == self._table.node_id:
+                yield message
+            elif speaker > 0:
+                self._others.add(speaker)
+
+    def answer(self, question: Callable[[], can.Message], fits: Callable[[can.Message], bool]) -> can.Message | None:
+        """The frame that answers; the question is repeated each 0.1 s for `answers_s`, then None."""
+        end = time.monotonic() + self._table.answers_s
+        while time.monotonic() < end:
+            self.send(question())
+            if (found := next(filter(fits, self.heard(0.1)), None)) is not None:
+                return found
+        return None
+
+    def silent(self, of_errors: str, of_silence: str) -> ValueError:
+        """The error of a drive that does not answer: other nodes that send, causes of error frames or of silence."""
+        speak = f"; node {', '.join(map(str, sorted(self._others)))} speaks" if self._others else ""
+        broken = f"; {self._errors} error frames: {of_errors}" if self._errors else ""
+        silence = "" if speak or broken else f"; silence: {of_silence}"
+        return ValueError(f"{self.node} must answer within {self._table.answers_s:g} s{speak}{broken}{silence}")

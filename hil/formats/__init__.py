@@ -1,1 +1,1 @@
-"""Files of other programs and instruments: one reader a format, all found through one table."""
+"""Files of other programs and instruments: one reader per format."""

@@ -1,4 +1,4 @@
-"""What every reader of another's file gives: channels by name, each with its unit and perhaps a clock of its own."""
+"""The result of all readers: channels by name, each with its unit and possibly its own clock."""
 
 import os
 import resource
@@ -23,7 +23,7 @@ _ZEROED: Final = "datetime64[ns]"
 
 @dataclass(frozen=True)
 class Heading:
-    """A channel that a file has; `group`: a topic, a frame, a channel group; `samples`: where that is known."""
+    """A channel of a file; `group`: a topic, a frame or a channel group; `samples`: their number, 0 if unknown."""
 
     name: str
     unit: str = ""
@@ -34,7 +34,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Channel:
-    """The samples (n,) of a channel, and their times in s (n,) where it is clocked."""
+    """The samples (n,) of a channel, and their times in s (n,) if it has a clock."""
 
     heading: Heading
     values: Array
@@ -42,13 +42,13 @@ class Channel:
 
 
 Pick = Callable[[Sequence[Heading]], Collection[str]]
-"""Given what a file has, the names of the channels to read."""
+"""From the headings of a file, the names of the channels to read."""
 Read = Callable[[Path, Pick], list[Channel]]
 
 
 @contextmanager
 def refusing(path: Path, wanted: str) -> Iterator[None]:
-    """Within it, whatever a library says of the file `path` is a ValueError of one sentence, with what is `wanted`."""
+    """Turns any error of a library about the file `path` into a ValueError of one sentence that states the `wanted`."""
     try:
         yield
     except RefusedError as error:
@@ -61,23 +61,21 @@ def refusing(path: Path, wanted: str) -> Iterator[None]:
 
 
 class RefusedError(ValueError):
-    """What is wrong with a file, in words of ours."""
+    """What is wrong with a file, as one of our own sentences."""
 
 
 def library(name: str, extra: str) -> Any:
-    """The module `name`; where it is not installed, RefusedError names the extra that brings it."""
+    """The module `name`; if it is not installed, RefusedError names the extra that installs it."""
     try:
         return import_module(name)
     except ImportError:
-        raise RefusedError(
-            f"reading or writing this file needs the package {name.partition('.')[0]}, which is not installed: pip"
-            f" install 'capsule-control[{extra}]'"
-        ) from None
+        needs, install = f"needs the package {name.partition('.')[0]}", f"pip install 'capsule-control[{extra}]'"
+        raise RefusedError(f"reading or writing this file {needs}, which is not installed: {install}") from None
 
 
 @contextmanager
 def alone(path: Path) -> Iterator[BinaryIO]:
-    """The record `path`, open; within it no further file can be opened. Modules must be loaded before."""
+    """The open record `path`; meanwhile no other file can be opened, so modules must be loaded before."""
     with opened(path, "record") as file:
         fence = os.dup(file.fileno())
         os.close(fence)
@@ -90,7 +88,7 @@ def alone(path: Path) -> Iterator[BinaryIO]:
 
 
 def outside(what: str) -> RefusedError:
-    """What is said of a record of which a part is elsewhere: `what` says which, and where."""
+    """The error of a record with a part, described by `what`, in another file."""
     return RefusedError(f"record must hold all that belongs to it itself; got {what}")
 
 
@@ -98,19 +96,15 @@ def check_size(samples: Mapping[str, int]) -> None:
     """Refuse channels with too many samples before they fill the memory."""
     for name, count in samples.items():
         if count > TIME_SERIES_ROWS:
-            raise RefusedError(
-                f"channel {name} must have at most {TIME_SERIES_ROWS} samples; got {count}: cut the file, or sample it"
-                " more slowly"
-            )
-    if sum(samples.values()) > MOST_CELLS:
-        raise RefusedError(
-            f"channels must have at most {MOST_CELLS} samples together; got {sum(samples.values())}: take fewer with"
-            " --rig or --kind, or cut the file"
-        )
+            remedy = "cut the file, or sample it more slowly"
+            raise RefusedError(f"channel {name} must have at most {TIME_SERIES_ROWS} samples; got {count}: {remedy}")
+    if (total := sum(samples.values())) > MOST_CELLS:
+        remedy = "take fewer with --rig or --kind, or cut the file"
+        raise RefusedError(f"channels must have at most {MOST_CELLS} samples together; got {total}: {remedy}")
 
 
 def own_names(grouped: Sequence[tuple[str, str]]) -> list[str]:
-    """A name of its own for each (group, name): the name, with its group before it where others have it, too."""
+    """A unique name for each (group, name): the name, preceded by its group if the name is not unique."""
     count = Counter(name for _, name in grouped)
     full = [f"{group}/{name}" if count[name] > 1 and group else name for group, name in grouped]
     again, seen = Counter(full), Counter[str]()

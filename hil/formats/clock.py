@@ -1,4 +1,4 @@
-"""Channels with clocks of their own on one: straight between samples, never beyond the first or last of them."""
+"""Channels with several clocks on one: interpolated linearly between samples, never extrapolated."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,7 +16,7 @@ def increasing(times: Array) -> np.ndarray:
 
 
 def mean_before(rows: Array, times: Array, levels: Array) -> Array:
-    """Mean of the held `levels` since each row's predecessor; the first interval is as long as the second."""
+    """Mean of the piecewise constant `levels` since the previous row; the first interval is as long as the second."""
     area = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(times))])
     last = np.array([rows[0] - (rows[1] - rows[0]), *rows[:-1]]) if len(rows) > 1 else rows - 1e-3
     upto = np.interp(rows, times, area) + np.maximum(rows - times[-1], 0.0) * levels[-1]
@@ -24,12 +24,12 @@ def mean_before(rows: Array, times: Array, levels: Array) -> Array:
     return np.asarray((upto - before) / (rows - last))
 
 
-_MOST_PARTS = 100  # usual distances that count in a gap
+_MOST_PARTS = 100  # parts of a gap
 
 
 def between(rows: Array, times: Array) -> tuple[Array, np.ndarray]:
-    """The times `rows` with further ones evenly between them, as close as those at which a held level usually changes
-    (`times`; with none, no further ones), and which of them are `rows`.
+    """The times `rows` with further ones evenly between them, as close as the changes of a held level usually are
+    (`times`; without any, no further ones), and a mask of the `rows` among them.
     """
     if len(rows) < 2 or len(times) < 2:
         return rows, np.ones(len(rows), dtype=bool)
@@ -44,18 +44,18 @@ def between(rows: Array, times: Array) -> tuple[Array, np.ndarray]:
 def one_clock(
     samples: Mapping[str, tuple[Array, Array]], rows_of: str, held: Sequence[str] = ()
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Columns at the times of `rows_of`, with `t_s`, from (times, values) of each; and sentences about what was done.
-    Others go straight between their samples; `held` ones are the mean of what was held since the row before, with rows
-    in between where they change more often. Rows outside the span of any are left out.
+    """Columns at the times of `rows_of`, with `t_s`, from (times, values) of each, and notes on the resampling. Other
+    columns are interpolated linearly; a `held` one is the mean of its levels since the previous row, with further rows
+    if it changes more often. Rows outside the common time span are left out.
     """
-    told, clean = list[str](), dict[str, tuple[Array, Array]]()
+    notes, clean = list[str](), dict[str, tuple[Array, Array]]()
     for name, (times, values) in samples.items():
         good = np.isfinite(times) & np.isfinite(values)
         good[good] = increasing(times[good])
         if not good.any():
             raise RefusedError(f"channel of {name} must have samples at increasing times; got none")
         if not good.all():
-            told.append(f"{name}: {np.count_nonzero(~good)} samples without a number or a later time left out")
+            notes.append(f"{name}: {np.count_nonzero(~good)} samples without a number or a later time left out")
         clean[name] = times[good], values[good]
     rows = clean[rows_of][0]
     spans = [(times[0], times[-1]) for name, (times, _) in clean.items()]
@@ -73,16 +73,16 @@ def one_clock(
         else:
             columns[name] = np.interp(at, times, values)
         if name != rows_of:
-            how = "means of what was held before" if name in held else "straight between its samples"
+            how = "averaged since the row before" if name in held else "interpolated"
             where = f"at the times of {rows_of}" + ("" if given.all() else " and evenly between them")
-            told.append(f"{name}: {len(times)} samples told {where}, {how}")
+            notes.append(f"{name}: {len(times)} samples {how} {where}")
     if not inside.all():
-        told.append(f"{np.count_nonzero(~inside)} rows outside the time that all columns share left out")
-    return columns, tuple(told)
+        notes.append(f"{np.count_nonzero(~inside)} rows outside the time that all columns share left out")
+    return columns, tuple(notes)
 
 
 def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
-    """(group, times (n,), channels) but for `t_s`, whose times those without a clock get, else the samples' number."""
+    """Channels by (group, times (n,)), without `t_s`: it is the clock of channels without one, else their count is."""
     clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
     found: list[tuple[str, Array, list[Channel]]] = []
     for channel in (channel for channel in channels if channel.heading.name != TIME):
@@ -98,7 +98,7 @@ def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel
 
 
 def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
-    """All channels as columns of one length at all their times `t_s`, NaN where a channel has no sample."""
+    """All channels as columns at the union of their times `t_s`, NaN for missing samples."""
     if all(channel.time_s is None for channel in channels):
         lengths = {channel.heading.name: len(channel.values) for channel in channels}
         if len(set(lengths.values())) > 1:

@@ -1,4 +1,4 @@
-"""MATLAB and HDF5: arrays of numbers by their paths; structures that Simulink logged have clocks."""
+"""MATLAB and HDF5: arrays of numbers by their paths; Simulink's logged structures have clocks."""
 
 import warnings
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,7 @@ from models.files.access import opened
 
 EXTRA = "matlab"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
-_WIDEST, _DEEPEST = 64, 8  # columns of an array, and nesting of structures
+_WIDEST, _DEEPEST = 64, 8  # maximum columns of an array, and nesting of structures
 
 
 def read(path: Path, pick: Pick) -> list[Channel]:
@@ -29,13 +29,11 @@ def _read_v5(path: Path, pick: Pick) -> list[Channel]:
         warnings.simplefilter("ignore")
         check_size({name: max(shape, default=0) for name, shape, _ in whosmat(file)})
         content = loadmat(file, simplify_cells=True)
-    found = {channel.heading.name: channel for name, value in content.items() if not name.startswith("__")
-             for channel in _channels(name, value)}  # fmt: skip
+    own = {name: value for name, value in content.items() if not name.startswith("__")}
+    found = {channel.heading.name: channel for name, value in own.items() for channel in _channels(name, value)}
     if not found:
-        raise RefusedError(
-            "MATLAB file must hold vectors or matrices of numbers, in structures or not; got none (tables and"
-            " timeseries objects: save their .Time and .Data)"
-        )
+        hint = "of tables and timeseries objects save .Time and .Data"
+        raise RefusedError(f"MATLAB file must hold vectors or matrices of numbers; got none ({hint})")
     return [found[name] for name in pick([channel.heading for channel in found.values()]) if name in found]
 
 
@@ -86,7 +84,7 @@ def _read_hdf5(path: Path, pick: Pick) -> list[Channel]:
         def look(name: str, item: Any) -> None:
             if isinstance(item, h5py.Dataset):
                 _own_samples(name, item)
-            if isinstance(item, h5py.Dataset) and not name.startswith("#") and _told(item):
+            if isinstance(item, h5py.Dataset) and not name.startswith("#") and _readable(item):
                 rows, columns = _shape(item)
                 title = name.replace("/", ".")
                 for k in range(columns):
@@ -99,20 +97,20 @@ def _read_hdf5(path: Path, pick: Pick) -> list[Channel]:
 
 
 def _elsewhere(name: str, link: Any) -> str | None:
-    """What a link is, where it leads to another file."""
+    """A description of a link to another file, None for other links."""
     file = getattr(link, "filename", None)
     return None if file is None else f"a link {name} to the file {file}"
 
 
 def _own_samples(name: str, item: Any) -> None:
-    """Refuse a dataset whose samples are stored in another file, or made up of other datasets."""
+    """Refuse a dataset whose samples are stored in another file, or composed of other datasets."""
     if item.external:
         raise outside(f"samples of {name} in the file {item.external[0][0]}")
     if item.is_virtual:
         raise outside(f"a virtual dataset {name}, made up of others")
 
 
-def _told(item: Any) -> bool:
+def _readable(item: Any) -> bool:
     return (
         item.dtype.kind in "iufb"
         and item.ndim in (1, 2)
@@ -123,7 +121,7 @@ def _told(item: Any) -> bool:
 
 
 def _shape(item: Any) -> tuple[int, int]:
-    """Rows and columns; MATLAB's own files are stored the other way round."""
+    """Rows and columns; MATLAB's own files are stored transposed."""
     if item.ndim == 1 or 1 in item.shape:
         return item.size, 1
     return tuple(reversed(item.shape)) if "MATLAB_class" in item.attrs else tuple(item.shape)

@@ -1,4 +1,4 @@
-"""MCAP: topics of JSON messages, and of ROS 2 messages where the file has their definitions."""
+"""MCAP: topics of JSON messages, and of ROS 2 messages with their definitions in the file."""
 
 import json
 import math
@@ -38,14 +38,12 @@ def _decoder(schema: Any, channel: Any) -> Callable[[bytes], Any]:
         return json.loads
     if channel.message_encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
         return decoder_of(schema.name, schema.data.decode("utf-8"))
-    raise RefusedError(
-        f"topic {channel.topic} must be encoded as json, or as cdr with ros2msg schemas; got"
-        f" {channel.message_encoding!r}"
-    )
+    got = channel.message_encoding
+    raise RefusedError(f"topic {channel.topic} must be encoded as json, or as cdr with ros2msg schemas; got {got!r}")
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
-    """Write channels as JSON messages with schemas: a topic a group and clock, a message a sample."""
+    """Write channels as JSON messages with schemas: one topic per group and clock, one message per sample."""
     with path.open("wb") as file:
         topics = McapTopics(file)
         for number, (group, time_s, members) in enumerate(by_clock(channels)):
@@ -59,26 +57,25 @@ def write(path: Path, channels: Sequence[Channel]) -> None:
 
 
 class McapTopics:
-    """JSON messages with schemas on an open `file`: a topic a kind. A chunk that is full can be read at once."""
+    """Writes JSON messages with schemas to an open `file`, by topic. A full chunk can be read at once."""
 
     def __init__(self, file: BinaryIO, chunk_bytes: int = 1 << 20) -> None:
-        """Begin. Raises RefusedError where the library is not installed."""
+        """Raises RefusedError if the library is not installed."""
         self._writer = library("mcap.writer", EXTRA).Writer(file, chunk_size=chunk_bytes)
         self._writer.start(profile="", library="capsule")
         self._channels: dict[str, tuple[int, count[int]]] = {}
 
     def add(self, topic: str, units: Mapping[str, str]) -> None:
-        """A topic whose messages have numbers of these names and units."""
-        properties = {
-            name: {"type": "number", **({"description": unit} if unit else {})} for name, unit in units.items()
-        }
+        """Add a topic whose messages have numbers of these names and units."""
+        number = {"type": "number"}
+        properties = {name: number | ({"description": unit} if unit else {}) for name, unit in units.items()}
         schema = {"type": "object", "title": topic, "properties": properties}
-        number = self._writer.register_schema(name=topic, encoding="jsonschema", data=json.dumps(schema).encode())
-        channel = self._writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
+        schema_id = self._writer.register_schema(name=topic, encoding="jsonschema", data=json.dumps(schema).encode())
+        channel = self._writer.register_channel(topic=topic, message_encoding="json", schema_id=schema_id)
         self._channels[topic] = (channel, count())
 
     def write(self, topic: str, time_ns: int, values: Mapping[str, float]) -> None:
-        """One message; numbers that are not finite are left out."""
+        """Write one message; numbers that are not finite are left out."""
         channel, sequence = self._channels[topic]
         data = json.dumps({name: value for name, value in values.items() if math.isfinite(value)}).encode()
         self._writer.add_message(channel, log_time=time_ns, publish_time=time_ns, data=data, sequence=next(sequence))

@@ -1,4 +1,4 @@
-"""Messages of topics (JSON objects, ROS messages) as channels: every number in them, named by its path."""
+"""Messages of topics (JSON objects, ROS messages) as channels: each number in them, named by its path."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -8,14 +8,14 @@ import numpy as np
 
 from hil.formats.channels import Channel, Heading, Pick, check_size
 
-MOST_ELEMENTS: Final = 64  # longest list whose elements are channels; longer ones are images, clouds and the like
-_DEEPEST: Final = 12  # nesting of a message
-_CHECKED_EVERY: Final = 10_000  # messages, the memory that they take
+MOST_ELEMENTS: Final = 64  # longest list whose elements are channels; longer ones are images, point clouds and such
+_DEEPEST: Final = 12  # maximum nesting of a message
+_CHECKED_EVERY: Final = 10_000  # messages between two checks of the size
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message of a `topic`: when it came in ns, and its `content` as dicts, dataclasses, lists and numbers."""
+    """One message of a `topic`: its time in ns, and its `content` as dicts, dataclasses, lists and numbers."""
 
     topic: str
     time_ns: int
@@ -23,7 +23,7 @@ class Message:
 
 
 def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[Channel]:
-    """The channels `topic/field` that `pick` takes, at headers' stamps, else their own. `messages` is called twice."""
+    """The channels `topic/field` that `pick` takes, at the times of headers or of messages; calls `messages` twice."""
     known: dict[str, Heading] = {}
     seen: set[str] = set()
     for message in messages():
@@ -54,7 +54,7 @@ def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[C
 
 
 def numbers_in(content: Any, name: str, depth: int = 0) -> Iterator[tuple[str, float]]:
-    """Every number in a message with its name."""
+    """Each number in a message with its name."""
     if isinstance(content, bool | int | float | np.number):
         yield name, float(content)
     elif depth < _DEEPEST:
@@ -73,7 +73,7 @@ def _parts(content: Any) -> Iterable[tuple[Any, Any]]:
 
 
 def _stamp(content: Any) -> int:
-    """The stamp of a message's header in ns; 0 where it has none."""
+    """The stamp of a message's header in ns, 0 without one."""
     stamp = _get(_get(content, "header"), "stamp") or _get(content, "timestamp")
     seconds = _get(stamp, "sec")
     rest = next((part for key in ("nanosec", "nsec", "nanos") if (part := _get(stamp, key)) is not None), 0)

@@ -18,9 +18,8 @@ EXTRA = "mf4"
 MOST_CHANNELS = 20_000
 _FRAMES = b"CAN_DataFrame"
 _TEXT = ("U", "S", "O", "V")
-_EMBEDDED = 1  # the flag of an attachment that is in the file itself
-_NUMBERS_4, _TEXTS_3 = range(6), (7, 8)
-"""Types as the format numbers them: those of numbers in MDF 4, those of text and bytes in MDF 3."""
+_EMBEDDED = 1  # flag of an attachment inside the file
+_NUMBERS_4, _TEXTS_3 = range(6), (7, 8)  # data types: numbers in MDF 4, text and bytes in MDF 3
 
 
 @contextmanager
@@ -37,13 +36,13 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def check_within(path: Path) -> None:
-    """Refuse an MF4 file that points outside itself: with attachments that are files of their own."""
+    """Refuse an MF4 file with attachments in other files."""
     with _opened(path):
         pass
 
 
 def holds_frames(path: Path) -> bool:
-    """Whether the file is a log of a CAN bus rather than of channels, by the names in it. Raises OSError."""
+    """Whether the file is a log of a CAN bus rather than of channels, by its names. Raises OSError."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         return content.find(_FRAMES) >= 0
 
@@ -52,7 +51,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
     """The channels of numbers that `pick` takes, at the times of their groups' masters."""
     with _opened(path) as file:
         places = [(g, i) for g, group in enumerate(file.groups) for i in range(len(group.channels))]
-        places = [(g, i) for g, i in places if i != file.masters_db.get(g) and _told(file, g, i)]
+        places = [(g, i) for g, i in places if i != file.masters_db.get(g) and _readable(file, g, i)]
         if len(places) > MOST_CHANNELS:
             raise RefusedError(f"MF4 file must have at most {MOST_CHANNELS} channels; got {len(places)}")
         names = own_names([(_group(file, g), file.groups[g].channels[i].name) for g, i in places])
@@ -61,7 +60,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
         return [channel for heading, g, i in chosen if (channel := _channel(file, heading, g, i))]
 
 
-def _told(file: Any, group: int, index: int) -> bool:
+def _readable(file: Any, group: int, index: int) -> bool:
     """Whether a channel is stored as plain numbers."""
     stored = file.groups[group].channels[index].data_type
     return stored in _NUMBERS_4 if file.version >= "4.00" else stored not in _TEXTS_3
@@ -77,7 +76,7 @@ def _group(file: Any, number: int) -> str:
 
 
 def _channel(file: Any, heading: Heading, group: int, index: int) -> Channel | None:
-    """A channel, of which codes are told as numbers where a conversion makes them text; None for arrays."""
+    """A channel, as raw numbers if a conversion makes them text; None for arrays."""
     signal = file.get(group=group, index=index)
     if signal.samples.dtype.kind in _TEXT:
         signal = file.get(group=group, index=index, raw=True)
@@ -87,9 +86,8 @@ def _channel(file: Any, heading: Heading, group: int, index: int) -> Channel | N
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
-    """Write channels, those of one group and clock as one group; columns without a clock get that of `t_s`."""
+    """Write channels, one group per group and clock; the clock of columns without one is `t_s`."""
     asammdf = library("asammdf", EXTRA)
-
     file = asammdf.MDF(version="4.10")
     try:
         for group, time_s, members in by_clock(channels):

@@ -1,40 +1,87 @@
-"""Channels of a file, read in a process of its own: a library that crashes or hangs takes nothing with it."""
+"""Formats of other programs' files, and their reading in a separate process, where a library may crash or hang."""
 
 import json
 import os
 import resource
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
 import numpy as np
 
-from hil.formats.channels import Array, Channel, Heading, Pick, check_size, refusing
+from hil.formats import matlab_file, mcap_file, mf4_file, parquet_file, ros_bag, tdms_file
+from hil.formats.channels import Array, Channel, Heading, Pick, Read, check_size, refusing
 from hil.formats.ros_bag import is_bag
-from hil.formats.table import FORMATS, Format, format_of
 from hil.own_process import own_environment, own_module
-from models.files.access import check_source
+from models.files.access import check_source, opened
 
-LONGEST_S: Final = 900.0  # that a reader may run
-_LONGEST_LINE: Final = 1 << 26  # bytes that it may say at once
-MEMORY: Final = 7 << 27  # bytes that a reader may take
-ADDRESSES: Final = 8 << 30
-"""Most memory in bytes of the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
-which libraries reserve without using them.
-"""
-SECONDS: Final = 600  # most time on a processor in s
-UNPACKED: Final = 1 << 30  # most bytes of a file that the process may write: what a library unpacks beside the record
-LEAST_S: Final = 10  # time on a processor that any file may take
-SLOWEST: Final = 500_000  # bytes of a file for which it may take a second more
+Write = Callable[[Path, Sequence[Channel]], None]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of file: its endings, the extra with its library, its reader and its writer."""
+
+    name: str
+    endings: tuple[str, ...]
+    extra: str
+    read: Read
+    write: Write | None = None
+
+
+FORMATS: Final = (
+    Format("Parquet", (".parquet",), parquet_file.EXTRA, parquet_file.read, parquet_file.write),
+    Format("MF4", (".mf4", ".mdf", ".dat"), mf4_file.EXTRA, mf4_file.read, mf4_file.write),
+    Format("MCAP", (".mcap",), mcap_file.EXTRA, mcap_file.read, mcap_file.write),
+    Format("ROS bag", (".db3", ".bag"), ros_bag.EXTRA, ros_bag.read),
+    Format("TDMS", (".tdms",), tdms_file.EXTRA, tdms_file.read),
+    Format("MATLAB or HDF5", (".mat", ".h5", ".hdf5"), matlab_file.EXTRA, matlab_file.read),
+)
+
+_MF4_BEGINS: Final = (b"MDF", b"UnF")  # of a whole MF4 file and of one that was not closed; any other `.dat` is text
+WRITTEN: Final = tuple(one.endings[0] for one in FORMATS if one.write)  # endings of files that can be written
+
+
+def format_of(path: Path) -> Format | None:
+    """The format of a file by its ending, or of a folder that is a bag; None for others and for a `.dat` of text."""
+    ending = ".db3" if ros_bag.is_bag(path) else path.suffix.lower()
+    if ending == ".dat":
+        with suppress(ValueError, OSError), opened(path, "record") as file:
+            if file.read(3) not in _MF4_BEGINS:
+                return None
+    return next((one for one in FORMATS if ending in one.endings), None)
+
+
+def write_channels(path: Path, channels: Sequence[Channel]) -> bytes:
+    """The content of a file `path` of a format that can be written. Raises ValueError of one sentence."""
+    found = format_of(path)
+    if found is None or found.write is None:
+        raise ValueError(f"{path}: file must end in {', '.join(WRITTEN)}")
+    with refusing(path, f"one that can be written as {found.name}"), tempfile.TemporaryDirectory() as folder:
+        within = Path(folder) / f"file{path.suffix.lower()}"
+        found.write(within, channels)
+        return within.read_bytes()
+
+
+# limits of a reader's process
+LONGEST_S: Final = 900.0  # running time
+_LONGEST_LINE: Final = 1 << 26  # bytes of a line that it sends
+MEMORY: Final = 7 << 27  # bytes of data; with its code it stays below 1 GB
+ADDRESSES: Final = 8 << 30  # bytes of address space, of which libraries reserve more than they use
+SECONDS: Final = 600  # processor time
+UNPACKED: Final = 1 << 30  # bytes of a file that it writes: what a library unpacks
+LEAST_S: Final = 10  # processor time for a file of any size
+SLOWEST: Final = 500_000  # bytes of a file per further second of processor time
 
 
 def read_channels(path: Path, pick: Pick) -> list[Channel]:
-    """The channels of a file of a format of the table that `pick` takes. Raises ValueError of one sentence."""
+    """The channels that `pick` takes of a file of one of the `FORMATS`. Raises ValueError of one sentence."""
     found = format_of(path)
     if found is None:
         raise ValueError(f"{path}: file must end in {', '.join(e for f in FORMATS for e in f.endings)}")
@@ -47,7 +94,7 @@ def read_channels(path: Path, pick: Pick) -> list[Channel]:
 
 @contextmanager
 def reading_process(module: str, path: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """The process in which `module` reads `path`; it is ended on leaving, and after `LONGEST_S`."""
+    """The process in which `module` reads `path`; it is killed at the end, and after `LONGEST_S`."""
     with subprocess.Popen(
         [*own_module(module), str(path.absolute())],
         stdin=subprocess.PIPE,
@@ -66,12 +113,12 @@ def reading_process(module: str, path: Path) -> Iterator[subprocess.Popen[bytes]
 
 
 def _converse(path: Path, found: Format, reader: subprocess.Popen[bytes], pick: Pick) -> list[Channel]:
-    """Ask the process for what `pick` takes and receive it."""
-    told, asked = reader.stdout, reader.stdin
-    assert told is not None
-    assert asked is not None
+    """Request the channels that `pick` takes from the process, and receive them."""
+    source, target = reader.stdout, reader.stdin
+    assert source is not None
+    assert target is not None
     channels: list[Channel] = []
-    while line := told.readline(_LONGEST_LINE):
+    while line := source.readline(_LONGEST_LINE):
         document: dict[str, Any] = json.loads(line)
         if "refused" in document:
             raise ValueError(document["refused"].replace(str(path.absolute()), str(path)))
@@ -79,37 +126,30 @@ def _converse(path: Path, found: Format, reader: subprocess.Popen[bytes], pick: 
             return channels
         if "headings" in document:
             headings = [Heading(**heading) for heading in document["headings"]]
-            asked.write(json.dumps(list(_chosen(headings, pick))).encode() + b"\n")
-            asked.flush()
+            chosen = dict.fromkeys(pick(headings))
+            check_size({heading.name: heading.samples for heading in headings if heading.name in chosen})
+            _send(target, list(chosen))
         else:
-            values = _samples(told, document["samples"])
-            times = _samples(told, document["samples"]) if document["clocked"] else None
+            values = _samples(source, document["samples"])
+            times = _samples(source, document["samples"]) if document["clocked"] else None
             channels.append(Channel(Heading(**document["heading"]), values, times))
     ended = reader.wait()
-    raise ValueError(
-        f"{path}: file must be a whole {found.name} file; got one at which the reader ended"
-        f" ({f'signal {-ended}' if ended < 0 else f'status {ended}'})"
-    )
+    how = f"signal {-ended}" if ended < 0 else f"status {ended}"
+    raise ValueError(f"{path}: file must be a whole {found.name} file; got one at which the reader ended ({how})")
 
 
-def _chosen(headings: Sequence[Heading], pick: Pick) -> list[str]:
-    chosen = list(dict.fromkeys(pick(headings)))
-    check_size({heading.name: heading.samples for heading in headings if heading.name in set(chosen)})
-    return chosen
-
-
-def _samples(told: IO[bytes], count: int) -> Array:
-    return np.frombuffer(told.read(8 * count), dtype="<f8").astype(float)
+def _samples(source: IO[bytes], count: int) -> Array:
+    return np.frombuffer(source.read(8 * count), dtype="<f8").astype(float)
 
 
 def allowed_s(size: int) -> int:
-    """Time on a processor in s that a file of `size` bytes may take."""
+    """Processor time in s that a file of `size` bytes may take."""
     return min(LEAST_S + size // SLOWEST, SECONDS)
 
 
 def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
-    """Do `task` with the file that the command line names and standard output, within limits of memory and of processor
-    time that go with its size. HDF5 loads no filters from a folder.
+    """Do `task` with the file on the command line and standard output, within limits of memory and processor time. HDF5
+    loads no filters from a folder.
     """
     os.environ["HDF5_PLUGIN_PRELOAD"] = "::"
     path = Path(sys.argv[1])
@@ -119,16 +159,16 @@ def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
     resource.setrlimit(resource.RLIMIT_FSIZE, (UNPACKED, UNPACKED))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with os.fdopen(os.dup(1), "wb") as told:
+    with os.fdopen(os.dup(1), "wb") as target:
         os.dup2(2, 1)
-        task(path, told)
+        task(path, target)
 
 
 def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
-    """Headings, then samples of what `source` asks for, or a sentence: JSON, then numbers of 8 bytes."""
+    """Send headings, then the channels that `source` asks for, or a sentence: as JSON, samples as 8-byte numbers."""
 
     def pick(headings: Sequence[Heading]) -> Collection[str]:
-        _tell(target, {"headings": [asdict(heading) for heading in headings]})
+        _send(target, {"headings": [asdict(heading) for heading in headings]})
         return list(json.loads(source.readline() or "[]"))
 
     found = format_of(path)
@@ -138,25 +178,21 @@ def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
         with refusing(path, f"a whole {found.name} file"):
             channels = found.read(path, pick)
     except ValueError as error:
-        _tell(target, {"refused": str(error)})
+        _send(target, {"refused": str(error)})
         return
     for channel in channels:
-        _send(target, channel)
-    _tell(target, {"end": len(channels)})
+        clocked = channel.time_s is not None
+        _send(target, {"heading": asdict(channel.heading), "samples": len(channel.values), "clocked": clocked})
+        for values in (channel.values, channel.time_s):
+            if values is not None:
+                target.write(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    _send(target, {"end": len(channels)})
 
 
-def _send(target: IO[bytes], channel: Channel) -> None:
-    clocked = channel.time_s is not None
-    _tell(target, {"heading": asdict(channel.heading), "samples": len(channel.values), "clocked": clocked})
-    for values in (channel.values, channel.time_s):
-        if values is not None:
-            target.write(np.ascontiguousarray(values, dtype="<f8").tobytes())
-
-
-def _tell(target: IO[bytes], document: Any) -> None:
+def _send(target: IO[bytes], document: Any) -> None:
     target.write(json.dumps(document).encode() + b"\n")
     target.flush()
 
 
 if __name__ == "__main__":
-    confined(lambda path, told: read_for(path, sys.stdin.buffer, told))
+    confined(lambda path, target: read_for(path, sys.stdin.buffer, target))

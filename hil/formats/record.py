@@ -1,4 +1,4 @@
-"""A record of a rig from the channels of another program's file."""
+"""The record of a rig in another program's file."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +20,7 @@ _SWITCHES = ("drive_on",)
 
 
 def channel_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
-    """The record of `rig` in a file, its columns as `[columns]` says. Raises ValueError of one sentence."""
+    """The record of `rig` in a file, with columns by the table `[columns]`. Raises ValueError of one sentence."""
     choice = _Choice(path, rig, driven_only)
     channels = {channel.heading.name: channel for channel in read_channels(path, choice.pick)}
     with refusing(path, "a measurement"):
@@ -31,7 +31,7 @@ def channel_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record
 
 @dataclass
 class _Choice:
-    """Which channels of a file are columns of ours."""
+    """The channels of a file that are our columns."""
 
     path: Path
     rig: Rig
@@ -41,7 +41,7 @@ class _Choice:
     clocked: bool = False
 
     def pick(self, headings: Sequence[Heading]) -> Collection[str]:
-        """The channels that are read; where they have clocks, `t_s` need not be one of them."""
+        """The channels to read; if they have clocks, `t_s` need not be one of them."""
         self.units = {heading.name: heading.unit for heading in headings}
         header = [heading.name for heading in headings]
         mapped = {entry.target: entry.column for entry in self.rig.columns.entries}
@@ -58,7 +58,7 @@ class _Choice:
 
 
 def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Columns of ours by name in our units, of one length, and what was done to make them so."""
+    """Our columns in our units, of one length, and notes on the resampling."""
     for target, source in choice.sources.items():
         if source.column not in channels:
             raise RefusedError(f"channel {source.column} ({target}) must hold numbers, one a sample; it does not")
@@ -90,5 +90,5 @@ def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str
 
 
 def since_start(times: Array) -> Array:
-    """Times of a calendar as times since the first of them; others as they are."""
+    """Calendar times as times since the first of them; other times unchanged."""
     return times - times[0] if times.size and times[0] > _CALENDAR_S else times

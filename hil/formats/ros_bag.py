@@ -1,4 +1,4 @@
-"""ROS bags: a folder with metadata.yaml, or one file, whose messages are told by their definitions."""
+"""ROS bags: a folder with metadata.yaml, or one file; messages are decoded by their definitions."""
 
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ def is_bag(path: Path) -> bool:
 
 
 def read(path: Path, pick: Pick) -> list[Channel]:
-    """The fields of messages that `pick` takes, at the times of their headers, else of arrival."""
+    """The fields of messages that `pick` takes, at the times of their headers or else of arrival."""
     if path.is_dir():
         for part in path.iterdir():
             _check_part(part)
@@ -28,7 +28,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 
 
 def _check_part(part: Path) -> None:
-    """Refuse what may lie outside the bag, or make SQLite look there: links, addresses, computed tables."""
+    """Refuse whatever may lead outside the bag: links, names that are addresses for SQLite, computed tables."""
     if part.is_symlink():
         raise outside(f"{part.name} in {part.readlink()}")
     check_source(part, "part of a bag")
@@ -52,7 +52,7 @@ def _messages(path: Path) -> Iterator[Message]:
 
 
 def decoder_of(name: str, definition: str) -> Callable[[bytes], Any]:
-    """What decodes messages of the type `name`, whose ROS 2 definition, with those of its parts, is given."""
+    """A decoder of messages of the type `name` with this ROS 2 definition, which includes those of its parts."""
     typesys = library("rosbags.typesys", EXTRA)
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     store.register(typesys.get_types_from_msg(definition, name))

@@ -1,4 +1,4 @@
-"""TDMS: channels in groups, with clocks where LabVIEW wrote them as waveforms."""
+"""TDMS: channels in groups; LabVIEW's waveforms have clocks."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +16,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
     """The channels of numbers and of times that `pick` takes; waveforms have clocks."""
     nptdms = library("nptdms", EXTRA)
     with alone(path) as content, nptdms.TdmsFile.open(content) as file:
-        parts = [(group.name, one) for group in file.groups() for one in group.channels() if _told(one)]
+        parts = [(group.name, one) for group in file.groups() for one in group.channels() if _readable(one)]
         names = own_names([(group, one.name) for group, one in parts])
         found = {name: (_heading(name, group, one), one) for name, (group, one) in zip(names, parts, strict=True)}
         chosen = [found[name] for name in pick([heading for heading, _ in found.values()]) if name in found]
@@ -24,16 +24,15 @@ def read(path: Path, pick: Pick) -> list[Channel]:
         return [_channel(heading, one, min(starts, default=None)) for heading, one in chosen]
 
 
-def _told(channel: Any) -> bool:
+def _readable(channel: Any) -> bool:
     return len(channel) > 0 and np.dtype(channel.dtype).kind in "iufbM"
 
 
 def _heading(name: str, group: str, channel: Any) -> Heading:
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     is_time = np.dtype(channel.dtype).kind == "M"
-    return Heading(
-        name, "s" if is_time else unit, group, clocked=bool(channel.properties.get(_STEP)), samples=len(channel)
-    )
+    clocked = bool(channel.properties.get(_STEP))
+    return Heading(name, "s" if is_time else unit, group, clocked=clocked, samples=len(channel))
 
 
 def _channel(heading: Heading, channel: Any, first: Any) -> Channel:

@@ -1,1 +1,1 @@
-"""Logs of CAN frames: written by a process of their own, read back, and turned into records."""
+"""Logs of CAN frames: written by a separate process, read back, and converted to records."""

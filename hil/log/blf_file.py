@@ -1,4 +1,4 @@
-"""One BLF file of frames that is readable at every moment: whole containers, and a header that is right."""
+"""A BLF file that is readable at every moment: whole containers and a valid header."""
 
 import struct
 from pathlib import Path
@@ -9,39 +9,44 @@ import can
 from models.files.access import writing
 
 RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
-"""Which way a frame went: to the node, from it, kept back (a dry run); or it is no frame but a note."""
-LOST: Final = 8  # the note that frames are missing (the other notes: `hil.log.recorder`)
-LATEST_S: Final = 1e6  # of a log's own time
-APPLICATION: Final = 200  # the application that writes, in a BLF header: by it our own files are known
+"""Direction of an entry: a frame to the node, from it, not sent in a dry run; or a note instead of a frame."""
+LOST: Final = 8  # the note that frames are missing (other notes: `hil.log.recorder`)
+LATEST_S: Final = 1e6  # latest time in a log
+APPLICATION: Final = 200  # application in the BLF header of our own files
 _HEAD: Final = struct.Struct("<4sLBBBBBBBBQ")
-PACKED: Final = struct.Struct("<qIBB8s2x")  # A frame between processes: time in ns, identifier, way, length, data
+PACKED: Final = struct.Struct(
+    "<qIBB8s2x"
+)  # An entry between processes: time in ns, identifier, direction, length, data
 
 
 class Logged(NamedTuple):
-    """One frame as the node that logs saw it: `time_ns` on its clock, of arrival or of the tick that sent it."""
+    """One entry of a log: its `direction`, and `time_ns` of arrival or of the sending tick on the node's clock."""
 
     time_ns: int
     id: int
     data: bytes
-    way: int
+    direction: int
 
     @property
     def time_s(self) -> float:
         return self.time_ns / 1e9
 
     def packed(self) -> bytes:
-        return PACKED.pack(self.time_ns, self.id, self.way, len(self.data), self.data)
+        return PACKED.pack(self.time_ns, self.id, self.direction, len(self.data), self.data)
 
 
 def unpacked(block: bytes) -> list[Logged]:
     """The frames of a block of whole `PACKED` records."""
-    return [Logged(ns, number, data[:length], way) for ns, number, way, length, data in PACKED.iter_unpack(block)]
+    return [
+        Logged(ns, number, data[:length], direction)
+        for ns, number, direction, length, data in PACKED.iter_unpack(block)
+    ]
 
 
 class BlfFile(can.BLFWriter):
-    """A BLF file whose times are those of the node's clock, which showed 0 at `calendar_s` (s since 1970). Withheld
-    frames stand on channel 2, notes on channel 3. What was written before `flush` survives the death of the process.
-    With `append` a file whose writer has died goes on after its last whole container.
+    """A BLF file with times of the node's clock, whose zero is `calendar_s` (s since 1970). Withheld frames are on
+    channel 2, notes on channel 3. Entries before a `flush` survive the death of the process. With `append` the file of
+    a dead writer is continued after its last whole container.
     """
 
     application_id = APPLICATION
@@ -63,7 +68,7 @@ class BlfFile(can.BLFWriter):
         self.start_timestamp, self.stop_timestamp = begin, end
 
     def write(self, frame: Logged) -> None:
-        """Add a frame. A container is ended before it is full, so that none ends within a frame."""
+        """Add an entry. A container is ended before it is full, so that no entry is split."""
         if self._buffer_size > self.max_container_size - 256:
             self.flush()
         self.on_message_received(
@@ -72,13 +77,13 @@ class BlfFile(can.BLFWriter):
                 frame.id,
                 False,
                 data=frame.data,
-                is_rx=frame.way == RECEIVED,
-                channel=max(frame.way - SENT, 0),
+                is_rx=frame.direction == RECEIVED,
+                channel=max(frame.direction - SENT, 0),
             )
         )
 
     def flush(self) -> None:
-        """Bring the file up to date. Raises OSError."""
+        """Write all entries to the file. Raises OSError."""
         with writing(self._path):
             self._flush()
             self.file.flush()
@@ -95,16 +100,16 @@ class BlfFile(can.BLFWriter):
 
 
 def is_own(head: bytes) -> bool:
-    """Whether a BLF file that begins with `head` is one of ours, with times of a node's clock."""
+    """Whether `head` begins a BLF file of ours, with times of a node's clock."""
     return len(head) >= _HEAD.size and _HEAD.unpack_from(head)[2] == APPLICATION
 
 
 def _whole(head: bytes) -> int:
-    """The size in bytes that a file's header knows of."""
+    """The size in bytes that the file's header states."""
     return int(_HEAD.unpack(head)[10])
 
 
-def way_of(message: can.Message) -> int:
+def direction_of(message: can.Message) -> int:
     if message.is_rx:
         return RECEIVED
     return WITHHELD if message.channel == 1 else NOTED if message.channel == 2 else SENT

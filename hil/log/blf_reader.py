@@ -1,7 +1,8 @@
-"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence, never in a loop.
+"""The CAN frames of a BLF file, with every size checked, so that a damaged file ends in an error.
 
-A file is a header and objects: containers, which unpack to further objects; one may begin in one container and end in
-the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
+python-can's reader has no bounds: an object of size 0 loops for ever, a container unpacks to any size, and a file that
+is cut off raises. A file is a header and objects; containers unpack to further objects, which may continue in the next
+container. Source of the form: python-can's `can/io/blf.py`.
 """
 
 import struct
@@ -15,9 +16,8 @@ from can.io.blf import systemtime_to_timestamp
 from hil.log.blf_file import NOTED, RECEIVED, SENT, WITHHELD, Logged, is_own
 from models.files.access import opened
 
-LARGEST_CONTAINER: Final = 1 << 26
-"""Most bytes of a container, packed and unpacked; Vector's and python-can's have 128 kB."""
-MOST_BYTES: Final = 1 << 32  # most bytes of all containers together, unpacked
+LARGEST_CONTAINER: Final = 1 << 26  # bytes, packed and unpacked; Vector's and python-can's have 128 kB
+MOST_BYTES: Final = 1 << 32  # of all containers together, unpacked
 _FILE: Final = struct.Struct("<4sLBBBBBBBBQQLL8H8H")
 _BASE: Final = struct.Struct("<4sHHLL")
 _STAMP: Final = struct.Struct("<L2HQ")
@@ -26,35 +26,35 @@ _FRAME: Final = struct.Struct("<HBBL8s")
 _CONTAINERS, _FRAMES = 10, (1, 86)  # types of objects in a BLF file
 _HEADERS: Final = {1: 32, 2: 40}  # bytes of an object's header of each version that there is
 _LARGEST_ID, _REMOTE, _DIRECTION, _TEN_US = 0x7FF, 0x80, 0x1, 1  # of a base frame; flags of an object
-_WAYS: Final = {2: WITHHELD, 3: NOTED}
+_BY_CHANNEL: Final = {2: WITHHELD, 3: NOTED}
 
 Tell = Callable[[str], None]
 
 
 def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
-    """The frames of `path`, up to where a file is cut off: `tell` gets a sentence. ValueError names the place."""
+    """The frames of `path`; for a file that is cut off `tell` gets a sentence. Raises ValueError with the byte."""
     with opened(path, "log") as file:
         yield from _BlfReading(path, file).frames(tell)
 
 
 def whole(path: Path) -> bool:
-    """Whether the file holds one object after the other from its header to the end that the header states."""
+    """Whether the file consists of whole objects up to the size that its header states."""
     try:
         with path.open("rb") as file:
             reading = _BlfReading(path, file)
             for _ in reading.containers():
                 pass
-            return reading.place >= reading.size == reading.stated
+            return reading.offset >= reading.size == reading.stated
     except (OSError, ValueError):
         return False
 
 
 class _BlfReading:
-    """One file; `place` is the offset of the object of the file that is being read."""
+    """The reading of one file; `offset` is the offset of the current object."""
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
         self.path, self.file = path, file
-        self.place = self.count = self.unpacked = 0
+        self.offset = self.count = self.unpacked = 0
         data = file.read(_FILE.size)
         if len(data) < _FILE.size or data[:4] != b"LOGG":
             raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
@@ -65,22 +65,19 @@ class _BlfReading:
             self.start_ns = 0 if is_own(data) else round(systemtime_to_timestamp(head[14:22]) * 1e9)
         except (ValueError, OverflowError):
             self.start_ns = 0
-        self.place = max(int(head[1]), _FILE.size)
+        self.offset = max(int(head[1]), _FILE.size)
 
     def frames(self, tell: Tell) -> Iterator[Logged]:
         rest = b""
         for size in self.containers():
             rest = yield from self._objects(rest + self._content(size))
-        if self.place < self.size or rest.strip(b"\0") or self.stated > self.size:
-            tell(
-                f"the log is cut off: it ends at byte {self.size}, within what was being written; the {self.count}"
-                " frames before it are read"
-            )
+        if self.offset < self.size or rest.strip(b"\0") or self.stated > self.size:
+            tell(f"the log is cut off at byte {self.size}; the {self.count} frames before it are read")
 
     def containers(self) -> Iterator[int]:
-        """The size of what each container holds, the file standing at its begin; up to one that is cut off."""
-        while self.place < self.size:
-            self.file.seek(self.place)
+        """The size of each container's content, up to a container that is cut off; the file is at its begin."""
+        while self.offset < self.size:
+            self.file.seek(self.offset)
             head = self.file.read(_BASE.size)
             if len(head) < _BASE.size:
                 return
@@ -89,11 +86,11 @@ class _BlfReading:
                 raise self._wrong("an object", "another content")
             if size < _BASE.size:
                 raise self._wrong(f"an object of {_BASE.size} bytes or more", f"one of {size}")
-            if self.place + size > self.size:
+            if self.offset + size > self.size:
                 return
             if kind == _CONTAINERS:
                 yield size - _BASE.size
-            self.place += size + size % 4
+            self.offset += size + size % 4
 
     def _content(self, size: int) -> bytes:
         if size < _CONTAINER.size or size > LARGEST_CONTAINER:
@@ -106,16 +103,15 @@ class _BlfReading:
         try:
             content = zlib.decompressobj().decompress(packed, LARGEST_CONTAINER + 1) if method else packed
         except zlib.error as error:
-            raise ValueError(
-                f"{self.path}: log must be undamaged; got after {self.count} frames, at byte {self.place}: {error}"
-            ) from None
+            where = f"after {self.count} frames, at byte {self.offset}"
+            raise ValueError(f"{self.path}: log must be undamaged; got {where}: {error}") from None
         self.unpacked += len(content)
         if len(content) > LARGEST_CONTAINER or self.unpacked > MOST_BYTES:
             raise self._wrong(f"at most {LARGEST_CONTAINER} bytes, unpacked, {MOST_BYTES} in all", "more")
         return content
 
     def _objects(self, data: bytes) -> Generator[Logged, None, bytes]:
-        """The frames among unpacked objects; returns what the next container goes on with."""
+        """The frames among unpacked objects; returns the begin of an object that continues in the next container."""
         at = 0
         while True:
             found = data.find(b"LOBJ", at, at + 8)
@@ -129,13 +125,13 @@ class _BlfReading:
             _, _, version, size, kind = _BASE.unpack_from(data, at)
             if version not in _HEADERS:
                 raise self._wrong("an object with a header of version 1 or 2", f"version {version}", at)
-            if not _HEADERS[version] <= size <= LARGEST_CONTAINER:
-                limits = f"{_HEADERS[version]} to {LARGEST_CONTAINER}"
-                raise self._wrong(f"an object of {limits} bytes", f"one of {size}", at)
+            header = _HEADERS[version]
+            if not header <= size <= LARGEST_CONTAINER:
+                raise self._wrong(f"an object of {header} to {LARGEST_CONTAINER} bytes", f"one of {size}", at)
             if at + size > len(data):
                 return data[at:]
-            if kind in _FRAMES and size >= _HEADERS[version] + _FRAME.size:
-                yield from self._frame(data, at, _HEADERS[version])
+            if kind in _FRAMES and size >= header + _FRAME.size:
+                yield from self._frame(data, at, header)
             at += size
 
     def _frame(self, data: bytes, at: int, header: int) -> Iterator[Logged]:
@@ -144,10 +140,10 @@ class _BlfReading:
         self.count += 1
         if number > _LARGEST_ID or flags & _REMOTE:
             return
-        way = _WAYS.get(channel, SENT) if flags & _DIRECTION else RECEIVED
+        direction = _BY_CHANNEL.get(channel, SENT) if flags & _DIRECTION else RECEIVED
         time_ns = self.start_ns + stamp * (10_000 if unit == _TEN_US else 1)
-        yield Logged(time_ns, number, content[: min(length, 8)], way)
+        yield Logged(time_ns, number, content[: min(length, 8)], direction)
 
     def _wrong(self, wanted: str, got: str, within: int | None = None) -> ValueError:
-        place = f"at byte {self.place}" + ("" if within is None else f", byte {within} of what it unpacks to")
-        return ValueError(f"{self.path}: log must have {wanted} {place}; got {got}")
+        offset = f"at byte {self.offset}" + ("" if within is None else f", byte {within} of what it unpacks to")
+        return ValueError(f"{self.path}: log must have {wanted} {offset}; got {got}")

@@ -1,4 +1,4 @@
-"""Logs of a node's frames: a BLF file written by a process of its own, and a record beside it of what ran."""
+"""Logs of a node's frames: a BLF file written by a separate process, and a record of the run beside it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from hil.log.blf_file import PACKED, BlfFile, Logged
-from hil.log.place import check_regular, claim, missing, stands, write_record
+from hil.log.place import cannot_write, check_regular, claim, free_name, missing, stands, write_record
 from hil.log.writer_process import TROUBLE
 from hil.own_process import own_environment, own_module
 
@@ -26,18 +26,18 @@ ROOM: Final = 1 << 20  # bytes between node and writer
 _F_SETPIPE_SZ: Final = 1031  # of fcntl(2)
 _STOP_S: Final = 30.0  # in which a writer must end
 _CONTAINER_S: Final = 1.0  # of the node's clock, in lockstep
-_AGAIN_S: Final = 1.0  # between two looks
-_BEGINS_S = 10.0  # in which it must begin
-_TOGETHER: Final = 4096 // PACKED.size  # frames that the pipe takes together or not at all
+_AGAIN_S: Final = 1.0  # before a writer that fails again is restarted
+_BEGINS_S = 10.0  # in which a writer must begin
+_TOGETHER: Final = 4096 // PACKED.size  # frames that the pipe takes all or none of
 
 
 class NodeLog(ABC):
-    """A log that a node writes its frames to; `dropped` counts those that were not taken. None of its methods but
-    `close` raises or waits. `before_close` is called first when it ends.
+    """The log of a node's frames; `dropped` counts frames that were not taken. Only `close` may raise or wait; it first
+    calls `before_close`.
     """
 
     def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
-        """Begin the log `path` (.blf) with its `record`. Raises ValueError where they cannot be written."""
+        """Begin the log `path` (.blf) with its `record`. Raises ValueError if they cannot be written."""
         check_regular(path)
         write_record(path, record)
         self._record = dict(record)
@@ -45,23 +45,19 @@ class NodeLog(ABC):
         self.before_close: Callable[[], None] = lambda: None
 
     def add_to_record(self, more: Mapping[str, Any]) -> None:
-        """Write the record anew, with what was known only once the run was over. Raises ValueError."""
+        """Write the record again with the results of the run. Raises ValueError."""
         self._record |= more
         write_record(self.path, self._record)
 
     def put(self, frames: Sequence[Logged]) -> None:
-        """Write frames together: all of them, or those at the end not."""
+        """Write frames; those at the end may be dropped."""
         taken = self._write(frames) if frames else 0
         self.written += taken
         self.dropped += len(frames) - taken
 
     @abstractmethod
     def _write(self, frames: Sequence[Logged]) -> int:
-        """Write frames; how many were taken."""
-
-    def _end_record(self) -> None:
-        """Say in the record how many frames and notes the log holds: one that holds fewer was cut off."""
-        self.add_to_record({"entries": self.written})
+        """Write frames; returns the number taken."""
 
     @abstractmethod
     def close(self) -> None:
@@ -75,12 +71,12 @@ class NodeLog(ABC):
 
 
 class FrameLog(NodeLog):
-    """A log that a process of its own writes: the node only hands frames to a pipe, which never waits.
+    """A log written by a separate process: the node puts frames into a pipe and never waits.
 
     Whole containers are on file at least twice a second: a killed node loses nothing, a killed writer at most the last
-    second. A writer that dies is followed by another one; until then frames wait in the pipe (1 MiB, 43,690 frames),
-    and what no longer fits is dropped. Each such thing is a sentence for `tell` and in `troubles`; once closed, `lost`
-    counts frames that were taken and never came on file.
+    second. A dead writer is replaced; until then frames wait in the pipe (1 MiB, 43,690 frames), and further ones are
+    dropped. Each trouble is a sentence for `tell` and in `troubles`. After `close`, `lost` counts frames that were
+    taken but are not on file.
     """
 
     def __init__(
@@ -90,7 +86,7 @@ class FrameLog(NodeLog):
         tell: Callable[[str], object] = lambda sentence: None,
         mcap: Path | None = None,
     ) -> None:
-        """Begin the log at `path`, or, where another run is writing there, beside it (`claim`); and `mcap`."""
+        """Begin the log at `path`, or beside it if another run writes there (`claim`); and the file `mcap`."""
         self._lock, path, self.kept = claim(path)
         self._calendar_s = time.time()
         super().__init__(path, {**record, "calendar_start_s": self._calendar_s})
@@ -98,9 +94,7 @@ class FrameLog(NodeLog):
             BlfFile(path, self._calendar_s).stop()
         except OSError as error:
             os.close(self._lock)
-            raise ValueError(
-                f"{path}: log must be a file that can be written; got: {error.strerror or error}"
-            ) from None
+            raise cannot_write(path, error) from None
         self._reading, self._pipe = os.pipe()
         with contextlib.suppress(OSError):
             fcntl.fcntl(self._pipe, _F_SETPIPE_SZ, ROOM)
@@ -115,7 +109,8 @@ class FrameLog(NodeLog):
         self._begun.wait(_BEGINS_S)
 
     def _begin(self, *how: str) -> subprocess.Popen[str]:
-        beside = "" if self._mcap is None else str(_unused(self._mcap) if how else self._mcap.absolute())
+        mcap = self._mcap if self._mcap is None or not how else free_name(self._mcap, "-{}", 2)
+        beside = "" if mcap is None else str(mcap.absolute())
         command = [*own_module("hil.log.writer_process"), str(self.path.absolute()), str(self._calendar_s), beside]
         writer = subprocess.Popen(
             [*command, *how],
@@ -132,7 +127,7 @@ class FrameLog(NodeLog):
         return writer
 
     def _watched(self) -> None:
-        """Follow the writer, and begin another one where it dies."""
+        """Follow the writer, and replace it if it dies."""
         for begun in count(1):
             before, word = self._on_file, ""
             assert self._writer.stdout is not None
@@ -180,12 +175,12 @@ class FrameLog(NodeLog):
         return taken
 
     def hasten(self, priority: int) -> None:
-        """Give the writer SCHED_FIFO too: else it may hold the pipe against a node of higher priority."""
+        """Give the writer SCHED_FIFO too: else it may block the pipe for a node of higher priority."""
         os.sched_setscheduler(self._writer.pid, os.SCHED_FIFO, os.sched_param(priority))
         self._priority = priority
 
     def close(self) -> None:
-        """End the log; waits until the writer has finished, at most 30 s."""
+        """End the log; waits for the writer, at most 30 s."""
         if self._pipe < 0:
             return
         self.before_close()
@@ -205,25 +200,17 @@ class FrameLog(NodeLog):
             self.troubles.append(f"log {self.path}: {words}")
         else:
             try:
-                self._end_record()
+                self.add_to_record({"entries": self.written})
             except ValueError as error:
                 self.troubles.append(str(error))
         os.close(self._lock)
 
 
-def _unused(path: Path) -> Path:
-    """A name beside `path` that no file has."""
-    number = 2
-    while (other := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
-        number += 1
-    return other.absolute()
-
-
 class LockstepLog(NodeLog):
-    """The same log written at once, in the node's own process: for simulated time, which waits."""
+    """The same log written at once by the node's own process, for simulated time, which waits."""
 
     def __init__(self, path: Path, record: Mapping[str, Any], mcap: McapLog | None = None) -> None:
-        """Begin the log; frames go to `mcap`, too."""
+        """Begin the log; frames are also written to `mcap`."""
         super().__init__(path, record)
         self._file, self._flushed_s, self._mcap = BlfFile(path), 0.0, mcap
 
@@ -242,4 +229,4 @@ class LockstepLog(NodeLog):
         self._file.stop()
         if self._mcap is not None:
             self._mcap.close()
-        self._end_record()
+        self.add_to_record({"entries": self.written})

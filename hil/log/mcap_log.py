@@ -1,4 +1,4 @@
-"""The good frames of a log as MCAP while it is written: a topic a frame, as `capsule convert` has them."""
+"""The good frames of a log as MCAP, live: one topic per frame, as `capsule convert` writes them."""
 
 from pathlib import Path
 from typing import Final
@@ -10,14 +10,14 @@ from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from models.files.access import writing
 
-_CHUNK: Final = 1 << 16  # bytes of a chunk, which is on file once it is full: half a second at 500 Hz
+_CHUNK: Final = 1 << 16  # bytes of a chunk, which is written once it is full: half a second at 500 Hz
 
 
 class McapLog:
-    """An MCAP file of the node's frames, times on its clock. A topic begins with the first frame of its name."""
+    """An MCAP file of the node's frames, with times of its clock. A topic begins with its first frame."""
 
     def __init__(self, path: Path) -> None:
-        """Begin the file. Raises OSError where it cannot be written, RefusedError without the library."""
+        """Begin the file. Raises OSError if it cannot be written, RefusedError without the library."""
         catalogue = load_catalogue()
         self._frames = catalogue.by_id()
         self._reception = Reception(self._frames.values())
@@ -27,8 +27,8 @@ class McapLog:
         self._topics = McapTopics(self._file, _CHUNK)
 
     def write(self, frame: Logged) -> None:
-        """Add a frame; notes, what a dry run withheld and what protection refuses are left out. Raises OSError."""
-        if frame.way not in (RECEIVED, SENT):
+        """Add a frame; notes, withheld frames and those that the protection refuses are skipped. Raises OSError."""
+        if frame.direction not in (RECEIVED, SENT):
             return
         values = self._reception.accept(frame.id, frame.data, frame.time_s)
         if isinstance(values, Refusal):
@@ -41,7 +41,7 @@ class McapLog:
             self._topics.write(known.name, frame.time_ns, without_absent(known.name, values))
 
     def flush(self) -> None:
-        """Hand what is in whole chunks to the operating system."""
+        """Write the whole chunks."""
         with writing(self._path):
             self._file.flush()
 

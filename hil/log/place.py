@@ -1,9 +1,10 @@
-"""Where a log and the record beside it stand, that they are one run's alone, and what became of them."""
+"""The files of a log and its record: names, exclusive use by one run, and checks at the end."""
 
 import fcntl
 import json
 import os
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,17 +15,25 @@ _MOST_NAMES: Final = 1000  # that are tried for a new log
 
 
 def record_path(path: Path) -> Path:
-    """Where the record of the log `path` stands: beside it, ending in `.json`."""
+    """The path of the record of the log `path`."""
     return path.with_suffix(".json")
 
 
+def cannot_write(path: Path, error: OSError) -> ValueError:
+    return ValueError(f"{path}: log must be a file that can be written; got: {error.strerror or error}")
+
+
+def free_name(path: Path, ending: str, first: int) -> Path:
+    """The first free name beside `path` by the numbers from `first` on in `ending`, as "-{}"; also for its record."""
+    names = (path.with_name(f"{path.stem}{ending.format(number)}{path.suffix}") for number in count(first))
+    return next(name for name in names if not name.exists() and not record_path(name).exists())
+
+
 def keep_older(path: Path) -> Path | None:
-    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, ...; that name."""
+    """Move a log at `path` and its record to the first free name `NAME-1.blf`, ...; returns that name."""
     if not path.exists():
         return None
-    number = 1
-    while (kept := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists() or record_path(kept).exists():
-        number += 1
+    kept = free_name(path, "-{}", 1)
     try:
         path.rename(kept)
         if record_path(path).exists():
@@ -35,8 +44,8 @@ def keep_older(path: Path) -> Path | None:
 
 
 def claim(path: Path) -> tuple[int, Path, Path | None]:
-    """A log's file for this run alone: a lock on it, its name (`NAME-run2.blf`, ... where another run writes to
-    `path`), and that of an older log that stood there (`keep_older`). Raises ValueError.
+    """Claim a log's file for this run: its lock, its name (`NAME-run2.blf`, ... if another run writes to `path`), and
+    the new name of an older log (`keep_older`). Raises ValueError.
     """
     check_regular(path)
     kept: Path | None = None
@@ -56,14 +65,12 @@ def claim(path: Path) -> tuple[int, Path, Path | None]:
                 wanted = path.with_name(f"{path.stem}-run{number}{path.suffix}")
             os.close(lock)
         except OSError as error:
-            raise ValueError(
-                f"{path}: log must be a file that can be written; got: {error.strerror or error}"
-            ) from None
+            raise cannot_write(path, error) from None
     raise ValueError(f"{path}: log must have a name that is free; got {_MOST_NAMES} that are not")
 
 
 def _locked(lock: int, path: Path) -> bool:
-    """Whether the open file is now this run's alone, and still the one at `path`."""
+    """Lock the open file for this run; whether that succeeded and it is still the file at `path`."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -80,21 +87,21 @@ def stands(lock: int, path: Path) -> bool:
 
 
 def missing(lock: int, path: Path) -> str:
-    """What is wrong with the file of a log that has ended, "" where nothing is."""
+    """What is wrong with the file of a finished log, "" if it is whole."""
     if not stands(lock, path):
         return "its file was taken away while the run went on; all its frames are missing"
     return "" if whole(path) else "its file was written to by another program; frames are missing"
 
 
 def check_regular(path: Path) -> None:
-    """Raises ValueError where something else than a file or nothing stands at `path`."""
+    """Raises ValueError if `path` exists and is not a regular file."""
     if path.exists() and not path.is_file():
         got = "a folder" if path.is_dir() else "a device, a pipe or a socket"
         raise ValueError(f"{path}: log must be a regular file; got {got}")
 
 
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Write the record of the log `path`, complete or not at all. Raises ValueError."""
+    """Write the record of the log `path` atomically. Raises ValueError."""
     if path.suffix != ".blf":
         raise ValueError(f"log must be a file name that ends in .blf; got {path}")
     target = record_path(path)
@@ -104,4 +111,4 @@ def write_record(path: Path, record: Mapping[str, Any]) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
         temporary.replace(target)
     except OSError as error:
-        raise ValueError(f"{path}: log must be a file that can be written; got: {error.strerror or error}") from None
+        raise cannot_write(path, error) from None

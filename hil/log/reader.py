@@ -1,5 +1,6 @@
-"""Reads CAN logs of any format that python-can reads, and the record beside a log of ours. An MF4 file, which asammdf
-reads for it, is read in a process of its own: a damaged file takes nothing with it.
+"""Reads CAN logs of all formats of python-can, and the record beside a log of ours.
+
+An MF4 file, which needs asammdf, is read in a separate process, so that a damaged file does no harm.
 """
 
 import warnings
@@ -12,7 +13,7 @@ import can
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, check_within, holds_frames
 from hil.formats.reading import confined, reading_process
-from hil.log.blf_file import PACKED, Logged, way_of
+from hil.log.blf_file import PACKED, Logged, direction_of
 from hil.log.blf_reader import Tell, read_blf
 from hil.log.place import record_path
 from models.files.access import check_source, read_json
@@ -20,20 +21,20 @@ from models.files.access import check_source, read_json
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
 """Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
 _END: Final = 0xFFFF_FFFF
-"""Identifier of what stands behind the frames: its time is the length of the sentence below it."""
+"""Identifier of the entry after the last frame: its time is the length of the sentence that follows."""
 LARGEST_RECORD: Final = 1 << 26  # bytes
 
 
 def is_log(path: Path) -> bool:
-    """Whether the file's name is that of a CAN log; an MF4 file may also be one of channels."""
+    """Whether the file is a CAN log, by its name; an MF4 file, which may be one of channels, by its content."""
     if path.suffix.lower() != ".mf4":
         return path.suffix.lower() in ENDINGS
     return check_source(path, "record") > 0 and holds_frames(path)
 
 
 def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of the log `path`, in its order. Times of a log of ours are its
-    node's clock's. A BLF file that ends in the middle gives what is whole, and `tell` gets a sentence. Raises
+    """The classic data frames with 11-bit identifiers of the log `path`, in its order. A log of ours has the times of
+    its node's clock. Of a BLF file that is cut off the whole frames are read, and `tell` gets a sentence. Raises
     ValueError.
     """
     if check_source(path, "log") == 0:
@@ -50,7 +51,7 @@ def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
 
 
 def read_log_record(path: Path) -> dict[str, Any]:
-    """The record beside the log `path`. Raises ValueError of one sentence where there is none."""
+    """The record beside the log `path`. Raises ValueError of one sentence without one."""
     beside = record_path(path)
     if not beside.exists():
         raise ValueError(f"{beside}: record of the log must be there; got no such file")
@@ -81,7 +82,7 @@ def _frames(reader: Any, path: Path) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
         count += 1
         if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
-            yield Logged(stamp, message.arbitration_id, bytes(message.data), way_of(message))
+            yield Logged(stamp, message.arbitration_id, bytes(message.data), direction_of(message))
 
 
 def _words(error: BaseException) -> str:
@@ -95,21 +96,21 @@ def read_mf4_frames(path: Path) -> Iterator[Logged]:
         yield from _received(path, reader.stdout)
 
 
-def _received(path: Path, told: IO[bytes]) -> Iterator[Logged]:
-    while len(data := told.read(PACKED.size)) == PACKED.size:
-        time_ns, identifier, way, size, content = PACKED.unpack(data)
+def _received(path: Path, source: IO[bytes]) -> Iterator[Logged]:
+    while len(data := source.read(PACKED.size)) == PACKED.size:
+        time_ns, identifier, direction, size, content = PACKED.unpack(data)
         if identifier != _END:
-            yield Logged(time_ns, identifier, content[:size], way)
-        elif said := told.read(time_ns).decode():
-            raise ValueError(f"{path}: {said}")
+            yield Logged(time_ns, identifier, content[:size], direction)
+        elif wrong := source.read(time_ns).decode():
+            raise ValueError(f"{path}: {wrong}")
         else:
             return
     raise ValueError(f"{path}: log must be a whole MF4 file; got one at which the reader ended")
 
 
-def tell_frames(path: Path, target: IO[bytes]) -> None:
-    """Write the frames of `path` to `target`, and behind them what is wrong, or nothing."""
-    said = ""
+def send_frames(path: Path, target: IO[bytes]) -> None:
+    """Write the frames of `path` to `target`, and then a sentence if something is wrong."""
+    wrong = b""
     try:
         with refusing(path, "a log"):
             library("asammdf", EXTRA)
@@ -117,11 +118,10 @@ def tell_frames(path: Path, target: IO[bytes]) -> None:
         for frame in library_frames(path):
             target.write(frame.packed())
     except ValueError as error:
-        said = str(error).removeprefix(f"{path}: ")
-    text = said.encode()
-    target.write(PACKED.pack(len(text), _END, 0, 0, b"") + text)
+        wrong = str(error).removeprefix(f"{path}: ").encode()
+    target.write(PACKED.pack(len(wrong), _END, 0, 0, b"") + wrong)
     target.flush()
 
 
 if __name__ == "__main__":
-    confined(tell_frames)
+    confined(send_frames)

@@ -1,7 +1,7 @@
 """A CAN log as a record: the rig's driven and measured columns on one time base, decoded with the catalogue."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -12,15 +12,18 @@ from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
 from hil.formats.channels import Array, Channel, Heading
 from hil.formats.clock import between, increasing, mean_before
+from hil.formats.reading import format_of, read_channels
 from hil.formats.record import channel_record
-from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
-from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS
-from models.records.record import Record, kept_between, read_record
+from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
+from models.files.csv_reader import read_table
+from models.files.units import split_unit
+from models.records.record import Record, read_record, record_of
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
+from models.rigs.mapping import ColumnMap
 from models.rigs.rig import Rig
 
 _CALENDAR_S: Final = 1e6  # a later stamp is a date
@@ -30,7 +33,7 @@ _HEARTBEAT: Final = "Heartbeat"
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column of a record stands on the bus."""
+    """The signal on the bus of a record's column."""
 
     column: str
     frame: str
@@ -39,35 +42,33 @@ class Source:
 
 @dataclass(frozen=True)
 class Sources:
-    """A kind of rig's driven and measured column; `held` drives hold between commands."""
+    """The driven and the measured column of a kind of rig; a `held` drive is constant between commands."""
 
     driven: Source
     measured: Source
     held: bool = False
 
 
-_PLACE: Final = Source("position_m", "CapsuleLocalisation", "Position_m")
-_ON_BUS: Final = (
-    Sources(
-        Source("position_m", CARRIAGE_MAP.feedback, CARRIAGE_MAP.signal), Source("force_N", "ForceReading", "Force_N")
-    ),
-    *(
-        Sources(
-            Source(one.channel, one.command if one.drive.shaken else one.feedback, one.signal), _PLACE, one.drive.shaken
-        )
-        for one in FRAME_MAPS.values()
-    ),
-)
+_POSITION: Final = Source("position_m", "CapsuleLocalisation", "Position_m")
+_FORCE: Final = Source("force_N", "ForceReading", "Force_N")
+
+
+def _sources(one: FrameMap) -> Sources:
+    frame = one.command if one.drive.shaken else one.feedback
+    return Sources(Source(one.channel, frame, one.signal), _POSITION, one.drive.shaken)
+
+
+_PULLED: Final = Sources(Source("position_m", CARRIAGE_MAP.feedback, CARRIAGE_MAP.signal), _FORCE)
 SOURCES: Final[Mapping[str, Sources]] = {
     kind: sources
-    for sources in _ON_BUS
+    for sources in (_PULLED, *map(_sources, FRAME_MAPS.values()))
     for kind, one in KINDS.items()
     if one.layout.measured == (sources.measured.column,) and sources.driven.column in sum(one.layout.driven, ())
 }
 
 
 def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """A record of `rig` from a CSV file, a CAN log or a file of another format; `lenient`: as `read_record`."""
+    """A record of `rig` from a CSV file, a CAN log or a file of another format; `lenient`: see `read_record`."""
     if is_log(path):
         return log_record(path, rig, driven_only=driven_only)
     if format_of(path):
@@ -76,7 +77,7 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """Every signal of the good frames as a channel `Frame/Signal` at the times of arrival. Raises ValueError."""
+    """Each signal of the good frames as a channel `Frame/Signal` at the times of arrival. Raises ValueError."""
     reading = _Reading(path, tell)
     channels: list[Channel] = []
     for name, frames in reading.good.items():
@@ -94,36 +95,24 @@ def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
 
 
 def log_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
-    """The record that the log `path` holds of `rig`: rows are the measured values' own times, arrival less the age that
-    the frame states. What was fed back goes straight between its frames; a held drive is the mean of what was commanded
-    since the row before. What protection refuses or the sensor does not vouch for is left out. With `driven_only` rows
-    may be the drive's. Raises ValueError of one sentence.
+    """The record of `rig` in the log `path`. Its rows are the times of the measured values: arrival less the age in the
+    frame. Feedback is interpolated linearly; a held drive is the mean of its commands since the previous row. Frames
+    that the protection refuses and values that the sensor marks invalid are left out. With `driven_only` the rows may
+    be the drive's. Raises ValueError of one sentence.
     """
     if rig.kind not in SOURCES:
-        raise ValueError(
-            f"{path}: CAN log must be of a rig of kind {', '.join(SOURCES)}; got kind {rig.kind!r}: give a CSV"
-        )
+        kinds = ", ".join(SOURCES)
+        raise ValueError(f"{path}: CAN log must be of a rig of kind {kinds}; got kind {rig.kind!r}: give a CSV")
     notes: list[str] = []
-    sources, reading = SOURCES[rig.kind], _Reading(path, notes.append)
-    columns = _columns(reading, sources, driven_only)
-    kind = KINDS[rig.kind]
-    least, rows = 2 if driven_only else kind.layout.minimum, len(columns[TIME])
-    if not least <= rows <= kind.layout.limit:
-        raise ValueError(
-            f"{path}: record of kind {rig.kind} must have {least} to {kind.layout.limit} rows; the log gives {rows}"
-        )
-    measured = sources.measured.column
-    if measured in columns:
-        columns |= kept_between(str(path), measured, columns[measured], least)
-    for name, values in columns.items():
-        row, limits = kind.first_wrong(name, values), kind.range(name)
-        if row is not None and limits is not None:
-            raise ValueError(f"{path}: {name} must be {limits.words}; got {values[row]:g} at {columns[TIME][row]:g} s")
-    return Record(path.stem, rig.kind, columns, notes=tuple(notes))
+    columns = _columns(_Reading(path, notes.append), SOURCES[rig.kind], driven_only)
+    limit, rows, ours = KINDS[rig.kind].layout.limit, len(columns[TIME]), replace(rig, columns=ColumnMap())
+    if rows > limit:
+        raise ValueError(f"{path}: record of kind {rig.kind} must have at most {limit} rows; the log gives {rows}")
+    return record_of(path.stem, columns, ours, where=str(path), driven_only=driven_only, notes=tuple(notes))
 
 
 class _Reading:
-    """The good frames of a log by name: arrival in s (from the first frame on for a calendar's), values."""
+    """The good frames of a log by name: arrival in s (calendar times: since the first frame), values."""
 
     def __init__(self, path: Path, tell: Tell | None) -> None:
         self.where, self.catalogue = str(path), load_catalogue()
@@ -134,7 +123,7 @@ class _Reading:
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
             receiver = self.receivers.get(logged.id)
-            if receiver is None or logged.way not in (RECEIVED, SENT):
+            if receiver is None or logged.direction not in (RECEIVED, SENT):
                 continue
             now = logged.time_s - start
             values = receiver.accept(logged.data, now)
@@ -145,13 +134,12 @@ class _Reading:
     def _check_catalogue(self, name: str, values: Mapping[str, float]) -> None:
         known = self.catalogue.fingerprint
         if name.endswith(_HEARTBEAT) and values["Catalogue"] != known:
-            raise ValueError(
-                f"{self.where}: log must be one of {Path(self.catalogue.source).name} with fingerprint {known:#06x}; "
-                f"got {int(values['Catalogue']):#06x} in {name}"
-            )
+            got, source = int(values["Catalogue"]), Path(self.catalogue.source).name
+            wanted = f"one of {source} with fingerprint {known:#06x}"
+            raise ValueError(f"{self.where}: log must be {wanted}; got {got:#06x} in {name}")
 
     def frames(self, name: str) -> list[tuple[float, dict[str, float]]]:
-        """The good frames of a name, or the sentence that says what came instead."""
+        """The good frames of a name. Raises ValueError that names the received ones instead."""
         if name in self.good:
             return self.good[name]
         frame = self.catalogue[name]
@@ -183,26 +171,25 @@ def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str
 
 
 def _measured(reading: _Reading, source: Source) -> tuple[Array, Array]:
-    """Times at which the values were true, increasing, and the values."""
+    """Increasing times at which the values were measured, and the values."""
     found = [(t - v["Age_s"], v[source.signal]) for t, v in reading.frames(source.frame) if v["Valid"]]
     if not found:
-        raise ValueError(f"{reading.where}: {source.frame} must hold values that the sensor vouches for; got none")
+        raise ValueError(f"{reading.where}: {source.frame} must hold values with Valid 1; got none")
     times, values = np.array(found).T
     kept = increasing(times)
     return times[kept], values[kept]
 
 
 def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) -> tuple[Array, Array]:
-    """When the level changed and to what: the newest command's while it lives and the drive is enabled."""
+    """Times of changes of the level, and the levels: those of valid commands while the drive is enabled, else 0."""
     states = reading.good.get("InnerMassFeedback", [(0.0, {"State": float(_ENABLED)})])
     at = np.searchsorted(np.array([t for t, _ in states]), np.array([t for t, _ in frames]), "right") - 1
     runs = [states[max(k, 0)][1]["State"] in (_ENABLED, _DERATED) for k in at.tolist()]
     times, levels = list[float](), list[float]()
     for (t, v), on, later in zip(frames, runs, [*(t for t, _ in frames[1:]), np.inf], strict=True):
         if v["Period_s"]:
-            raise ValueError(
-                f"{reading.where}: InnerMassCommand must hold a level (Period_s 0) in a record; got {v['Period_s']:g} s"
-            )
+            wanted = "InnerMassCommand must hold a level (Period_s 0) in a record"
+            raise ValueError(f"{reading.where}: {wanted}; got {v['Period_s']:g} s")
         if v["Level"] < 0:
             raise ValueError(f"{reading.where}: Level must lie in [0, 1] in a record; got {v['Level']:g} at {t:g} s")
         times.append(t)
@@ -211,3 +198,21 @@ def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) 
             times.append(t + v["TimeToLive_ms"] * 1e-3)
             levels.append(0.0)
     return np.array(times), np.array(levels)
+
+
+def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
+    """All channels of numbers in a file; `tell`: see `read_frames`. Raises ValueError of one sentence."""
+    if is_log(path):
+        return log_channels(path, tell)
+    if format_of(path) is not None:
+        channels = read_channels(path, lambda found: [one.name for one in found])
+    else:
+        table = read_table(path, lambda names, units: ())
+        channels = [
+            Channel(Heading(name, table.units.get(name) or split_unit(name)[1]), values)
+            for name, values in zip(table.header, table.values.T, strict=True)
+            if name and not np.isnan(values).all()
+        ]
+    if len(channels) < 2 or not any(len(channel.values) for channel in channels):
+        raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
+    return channels

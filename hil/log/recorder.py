@@ -1,4 +1,4 @@
-"""What a controller node leaves in its log: every frame in its own order, the operator's words, exact times."""
+"""The log entries of a controller node: all frames in its order, the operator's actions, exact times."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from hil.log.log import NodeLog
 from models.theta import Theta
 
 START, STOP, UNSOLVED, CUT, EXACT, HEARD, ACKNOWLEDGED = range(1, 8)
-"""Notes in a log: the operator's start (value: origin of the reference in s, nan where the drive's being enabled begins
-it) and stop, a tick that is computed without a solution, after how many steps the clock cut the plan of the tick before
-short, the true time of the next frame or note where the log's is another one, that the next frame was heard by the tick
-before it, and the operator's acknowledgement of a fault. `LOST` says that frames are missing here.
+"""Notes in a log. `START`: the operator's start (value: origin of the reference in s; nan: it begins as the drive is
+enabled). `STOP`: the operator's stop. `UNSOLVED`: a tick without a solution. `CUT`: the steps after which the clock cut
+the previous tick's plan. `EXACT`: the true time of the next entry, if the log rounds it. `HEARD`: the next frame was
+received by the tick before it. `ACKNOWLEDGED`: the operator acknowledged a fault. `LOST`: frames are missing here.
 """
 _GIT_S: Final = 5  # for which git may run
 
 
 class Recorder:
-    """The observer of a controller node. What it writes is in order of time, a tick's at its end: what the tick heard,
-    then what it sent. What came later than the tick's begin, or goes before the last frame in the log by its time, is
-    marked by a note, so that a replay finds the order in which the node acted, and each time to the last bit.
+    """The observer of a controller node. It writes in order of time; at a tick's end first the frames that the tick
+    received, then those that it sent. A note marks frames that arrived after the tick's begin and times that the log
+    cannot hold, so that a replay has the node's order and each time to the last bit.
     """
 
     def __init__(self, log: NodeLog, dry_run: bool = False) -> None:
@@ -49,57 +49,57 @@ class Recorder:
         if message.timestamp != self._began_s:
             self.flush()
             self._tick, self._before, self._began_s = self._before, [], message.timestamp
-        way = WITHHELD if self._dry else SENT
-        self._tick.append(_Entry(message.timestamp, way, message.arbitration_id, bytes(message.data)))
+        direction = WITHHELD if self._dry else SENT
+        self._tick.append(_Entry(message.timestamp, direction, message.arbitration_id, bytes(message.data)))
 
     def start(self, now: float, origin_s: float) -> None:
-        """The operator's start, just before `ControllerNode.start(now, origin_s)`; nan: without one."""
-        self._word(now, START, origin_s)
+        """Call just before `ControllerNode.start(now, origin_s)`; nan: without an origin."""
+        self._note(now, START, origin_s)
 
     def stop(self, now: float) -> None:
-        """The operator's stop, just before `ControllerNode.stop()`."""
-        self._word(now, STOP)
+        """Call just before `ControllerNode.stop()`."""
+        self._note(now, STOP)
 
     def acknowledge(self, now: float) -> None:
-        """The operator's word just before `ControllerNode.acknowledge()`."""
-        self._word(now, ACKNOWLEDGED)
+        """Call just before `ControllerNode.acknowledge()`."""
+        self._note(now, ACKNOWLEDGED)
 
     def unsolved(self, now: float) -> None:
-        """Just before `ControllerNode.tick(now, solved=False)`."""
+        """Call just before `ControllerNode.tick(now, solved=False)`."""
         self._before.append(_Entry(now, NOTED, UNSOLVED, _value(0.0)))
 
     def ticked(self, now: float, action: Action) -> None:
-        """After a tick at `now`, whose plan the clock may have cut short: a replay cuts it there again."""
+        """Call after a tick at `now`; a replay cuts its plan where the clock did."""
         self.flush()
         if action.cut_after is not None:
-            self._word(now, CUT, action.cut_after)
+            self._note(now, CUT, action.cut_after)
 
     def flush(self) -> None:
         entries, self._tick = self._tick, []
-        heard = [entry for entry in entries if entry.way == RECEIVED]
-        own = [entry for entry in entries if entry.way != RECEIVED]
-        sent = any(entry.way != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
+        heard = [entry for entry in entries if entry.direction == RECEIVED]
+        own = [entry for entry in entries if entry.direction != RECEIVED]
+        sent = any(entry.direction != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
         late = next((k for k, entry in enumerate(heard) if sent and entry.time_s > self._began_s), len(heard))
         self._write([*heard[:late], *own], heard[late:])
 
-    def _word(self, now: float, code: int, value: float = 0.0) -> None:
+    def _note(self, now: float, code: int, value: float = 0.0) -> None:
         self.flush()
         self._write([_Entry(now, NOTED, code, _value(value))])
 
     def _write(self, entries: list[_Entry], after: Sequence[_Entry] = ()) -> None:
-        """Write entries with the notes that they need; those of `after` were heard after what the tick sent."""
+        """Write entries with their notes; those of `after` were received after the tick had sent."""
         frames: list[Logged] = []
-        for place, entry in enumerate([*entries, *after]):
+        for k, entry in enumerate([*entries, *after]):
             if not abs(entry.time_s) <= LATEST_S:
                 self.log.dropped += 1
                 continue
             self._last_s = max(entry.time_s, self._last_s)
             time_ns = round(self._last_s * 1e9)
-            if place >= len(entries):
+            if k >= len(entries):
                 frames.append(Logged(time_ns, HEARD, _value(0.0), NOTED))
             if time_ns / 1e9 != entry.time_s:
                 frames.append(Logged(time_ns, EXACT, _value(entry.time_s), NOTED))
-            frames.append(Logged(time_ns, entry.id, entry.data, entry.way))
+            frames.append(Logged(time_ns, entry.id, entry.data, entry.direction))
         self.log.put(frames)
 
 
@@ -108,10 +108,10 @@ def _value(value: float) -> bytes:
 
 
 class _Entry(NamedTuple):
-    """What the node did, `time_s` by its own word."""
+    """A frame or note at `time_s` of the node."""
 
     time_s: float
-    way: int
+    direction: int
     id: int
     data: bytes
 
@@ -119,7 +119,7 @@ class _Entry(NamedTuple):
 def log_record(
     described: Mapping[str, str], controller: str, values: Theta, limits: Limits, catalogue: FrameCatalogue, **more: Any
 ) -> dict[str, Any]:
-    """The record beside a log, by which `capsule replay` builds the same controller; `described`: a file's text."""
+    """The record beside a log, from which `capsule replay` builds the same controller; `described`: a file's text."""
     return {
         **described,
         "controller": controller,
@@ -132,7 +132,7 @@ def log_record(
 
 
 def code_version() -> str:
-    """The program's version and, in a checkout, its commit; "+" where files differ from it."""
+    """The program's version and, in a checkout, its commit, with "+" if files differ from it."""
     try:
         number = version("capsule-control")
     except PackageNotFoundError:
@@ -143,9 +143,7 @@ def code_version() -> str:
 
 def _git(*words: str) -> str:
     try:
-        done = run(
-            ["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, timeout=_GIT_S, check=False
-        )
+        done = run(["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, timeout=_GIT_S)
     except (OSError, TimeoutError, ValueError):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""

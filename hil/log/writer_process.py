@@ -1,4 +1,4 @@
-"""The process that writes a log: frames from standard input to a BLF file, and to an MCAP file beside it."""
+"""The process that writes a log: entries from standard input to a BLF file and an MCAP file beside it."""
 
 import contextlib
 import os
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from hil.log.mcap_log import McapLog
 
 FLUSH_S: Final = 0.4  # after which a container is written though it is not full
-TROUBLE: Final = "trouble: "
-"""What a line on standard output begins with that is neither a number of frames nor the end."""
+TROUBLE: Final = "trouble: "  # begins a line on standard output that reports a failure
 _BLOCK: Final = PACKED.size * 2048  # bytes read at once
 
 
@@ -29,15 +28,15 @@ def write_until_end(
     calendar_s: float = 0.0,
     append: bool = False,
     mcap: Path | None = None,
-    told: Callable[[int], object] = lambda count: None,
+    written: Callable[[int], object] = lambda count: None,
 ) -> int:
-    """Write the frames that come from `source` to `path`, on file every `FLUSH_S`; how many. `told` gets how many are,
-    each time. With `append` it goes on with the file, after a note that frames are missing. `mcap` gets the good
-    frames, too. Raises OSError where the disk does not take them.
+    """Write the entries from `source` to `path`, on file every `FLUSH_S`, and return their number; `written` gets it
+    each time. With `append` the file is continued after a note that frames are missing. `mcap` gets the good frames.
+    Raises OSError if the disk does not take them.
     """
     file, rest, count = BlfFile(path, calendar_s, append=append), b"", 0
     beside = None if mcap is None else _Beside(mcap)
-    told(count)
+    written(count)
     due = time.monotonic() + FLUSH_S
     while True:
         ready, _, _ = select.select([source], [], [], max(due - time.monotonic(), 0.0))
@@ -57,18 +56,18 @@ def write_until_end(
                     beside.write(frame)
         if time.monotonic() >= due:
             file.flush()
-            told(count)
+            written(count)
             due = time.monotonic() + FLUSH_S
     file.flush()
     file.stop()
     if beside is not None:
         beside.close()
-    told(count)
+    written(count)
     return count
 
 
 class _Beside:
-    """An MCAP file that a log does not hang on: once it fails, that is said, and no more is written to it."""
+    """An MCAP file beside the log: a failure is reported and ends it, but not the log."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -99,19 +98,19 @@ class _Beside:
 
 
 def main() -> int:
-    """`PATH CALENDAR_S MCAP [append]`; says on standard output how many frames are on file, or what is wrong."""
+    """`PATH CALENDAR_S MCAP [append]`; writes the number of frames on file, or what is wrong, to standard output."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)
     path, calendar_s, append = Path(sys.argv[1]), float(sys.argv[2]), sys.argv[4:] == ["append"]
     mcap = Path(sys.argv[3]) if sys.argv[3] else None
 
-    def told(count: int) -> None:
+    def written(count: int) -> None:
         with contextlib.suppress(OSError):
             print(count, flush=True)
 
     try:
-        write_until_end(sys.stdin.fileno(), path, calendar_s=calendar_s, append=append, mcap=mcap, told=told)
+        write_until_end(sys.stdin.fileno(), path, calendar_s=calendar_s, append=append, mcap=mcap, written=written)
     except OSError as error:
         print(error.strerror or error, flush=True)
         os._exit(1)

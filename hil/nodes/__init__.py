@@ -1,1 +1,1 @@
-"""What sits on the bus: the controller with its guard, who steers by hand, and which frames are whose."""
+"""Nodes on the bus: the controller with its guard, the operator's sender, and the frame map of each kind of rig."""

@@ -1,4 +1,4 @@
-"""Which frames and signals belong to which kind of rig, and what its drive's numbers mean."""
+"""The frame map: the frames and signals of each kind of rig, and the meaning of its drive's numbers."""
 
 import math
 import zlib
@@ -15,28 +15,29 @@ from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from models.parameter import nearest
 
 Observer = Callable[[can.Message], object]
-"""Sees every frame of a node, with its timestamp."""
+"""Gets every frame of a node, with its timestamp."""
 OFF, READY, ENABLE, QUICK_STOP = range(4)  # modes of a command
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
 MOVING: Final = (ENABLED, DERATED)
 NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, OVER_SPEED, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
 SENSOR, BUS_OFF, SUPPLY, SELF_TEST_FAILED, INTERNAL = range(7, 12)  # codes of faults, in the numbers of fault frames
-IN_HEARTBEAT: Final = (0, 0, 1, 1, 2, 2, 3, 4)  # the same in the numbers of heartbeats
-LONGEST_S: Final = 167772.0  # the longest time that a frame can tell
-FASTEST_M_S: Final = 0.4  # what the frame can say
+IN_HEARTBEAT: Final = (0, 0, 1, 1, 2, 2, 3, 4)  # states of a drive, in the numbers of heartbeats
+LONGEST_S: Final = 167772.0  # upper end of the range of times in frames
+FASTEST_M_S: Final = 0.4  # upper end of the range of speeds in frames
 QUICK_STOP_M_S2: Final = 25.0  # braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms
 
 
 @dataclass(frozen=True)
 class FrameMap:
-    """One `drive` on the bus. `node` is its name there, `channel` the column of records that its `signal` is, `still`
-    the signal of its feedback that rests while it is not enabled, `target` its number in SafeStop and DriveReset,
-    `bounds` the limits that its command's signals must hold. A command is worth something for `life_ms`: the drive's
-    safe state (carriage at rest, no current, inner mass off) follows the last one within `stops_s`, the time to brake
-    included. For as long a controller may be silent and go on. It follows the last good feedback within `seen_s`.
-    `feedback_s` is how old the feedback of a drive at rest may be, less a tick to the guard, the way of the stop and
-    the decay of a coil's current. `command` to `challenge` name its frames.
+    """One `drive` on the bus, named `node`. Its `signal` is the column `channel` of records. The signal `still` of its
+    feedback rests while the drive is disabled. `target` is its number in SafeStop and DriveReset. `bounds` pairs the
+    command's signals with their limits. `command` to `challenge` name its frames.
+
+    A command is valid for `life_ms`. The drive reaches its safe state (carriage at rest, no current, inner mass off)
+    within `stops_s` of the last command, braking included, and within `seen_s` of the last good feedback. `feedback_s`
+    is the maximum age of the feedback of a drive at rest: a tick, the delay of the stop and the decay of a coil's
+    current are already subtracted.
     """
 
     drive: Driven
@@ -63,11 +64,11 @@ class FrameMap:
             object.__setattr__(self, part.lower(), self.node + part)
 
     def life_ms(self, rate: float) -> int:
-        """Time to live in ms of a command that changes by `rate` a second, less the time to brake, at least 6."""
+        """Time to live in ms, at least 6, of a command that changes by `rate` per second; excludes the braking time."""
         return max(int(self.still_ms - 1e3 * abs(rate) / self.braking_m_s2), 6)
 
     def values(self, command: float, rate: float, mode: int) -> dict[str, float]:
-        """The signals of a command frame for `command` in the drive's unit that changes by `rate` a second."""
+        """The signals of a command frame for `command` in the drive's unit, which changes by `rate` per second."""
         values = {self.signal: command, "TimeToLive_ms": self.life_ms(rate), "Mode": mode}
         if self.drive.placed:
             values["Velocity_m_s"] = min(max(rate, -FASTEST_M_S), FASTEST_M_S)
@@ -76,18 +77,13 @@ class FrameMap:
         return values
 
 
-def plain(message: can.Message) -> bool:
-    """Whether a frame is classic data with an 11-bit identifier: nothing else is acted on, whatever its bytes say."""
-    return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
-
-
 def heartbeat(state: int, up_s: float) -> dict[str, float]:
-    """The signals of the heartbeat of a node in `state`, in the numbers of heartbeats, that has run for `up_s`."""
+    """The signals of the heartbeat of a node in `state` (heartbeat's numbers) after `up_s` of running."""
     return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": frames().fingerprint}
 
 
 def answer_of(number: int, target: int) -> int:
-    """The answer to a challenge: CRC-32 of `number` (4 bytes, least first) and `target`."""
+    """The answer to a challenge: CRC-32 of `number` (4 bytes, little endian) and `target`."""
     return zlib.crc32(number.to_bytes(4, "little") + bytes([target]))
 
 
@@ -111,16 +107,15 @@ FRAME_MAPS: Final = MappingProxyType({one.drive.name: one for one in (CARRIAGE_M
 
 
 def frame_map_of(kind: str) -> FrameMap:
-    """The wiring of a kind of rig. Raises ValueError for one without a drive on the bus."""
+    """The frame map of a kind of rig. Raises ValueError for one without a drive on the bus."""
     if kind not in FRAME_MAPS:
-        raise ValueError(
-            f"rig.kind must be one of {', '.join(FRAME_MAPS)} on the bus; got {kind!r}; {nearest(kind, FRAME_MAPS)}"
-        )
+        known, hint = ", ".join(FRAME_MAPS), nearest(kind, FRAME_MAPS)
+        raise ValueError(f"rig.kind must be one of {known} on the bus; got {kind!r}; {hint}")
     return FRAME_MAPS[kind]
 
 
 def controllers_frames() -> dict[int, str]:
-    """Identifiers and names of the frames that a controller alone sends."""
+    """Identifiers and names of the frames that only a controller sends."""
     return {frame.id: frame.name for frame in frames().frames.values() if frame.sender == "Controller"}
 
 

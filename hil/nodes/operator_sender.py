@@ -1,4 +1,4 @@
-"""Who steers by hand, as a node on the bus: setpoints out, the controller's answer in."""
+"""An operator as a node on the bus: it sends setpoints and receives the controller's answers."""
 
 import math
 import time
@@ -11,18 +11,18 @@ import can
 
 from hil.bus.codec import Refusal
 from hil.bus.protection import FrameTransmitter, Receiver
-from hil.nodes.controller.operator import SETPOINT, STATUS
-from hil.nodes.frame_map import frames, plain
-from hil.nodes.listening import waiting
+from hil.bus.wrapping import plain, waiting
+from hil.nodes.frame_map import frames
+from hil.nodes.operator import SETPOINT, STATUS
 
-CYCLE_S: Final = 0.02  # how often a setpoint is to be sent, released ones too
-_MOST: Final = 256  # frames that are read at once
-_READ_S: Final = 0.02  # A setpoint that was sent so long before an answer has been read by then
+CYCLE_S: Final = 0.02  # period of setpoints, released ones included
+_MOST: Final = 256  # frames that are read in one call
+_READ_S: Final = 0.02  # An answer covers the setpoints sent at least so long before it
 
 
 @dataclass(frozen=True, slots=True)
 class OperatorAnswer:
-    """What the controller said last; `refused` is why a setpoint was within the last 0.2 s ("none")."""
+    """The controller's last answer; `refused` is the reason of a refusal within the last 0.2 s ("none")."""
 
     state: str
     source: str
@@ -32,13 +32,12 @@ class OperatorAnswer:
 
 
 class OperatorSender:
-    """Sends OperatorSetpoint on `bus` as `source`; each setpoint lives for `life_ms`, 1 to 200.
+    """Sends OperatorSetpoint on `bus` as `source`; each setpoint is valid for `life_ms`, 1 to 200.
 
-    Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
-    has sent `release`. The counter goes on by one each `CYCLE_S` of `clock`, also where a call came later. Of the
-    setpoints with the switch held `taken` counts those for which this source was in charge, `refused` the others by
-    reason, `others` those that somebody else sends as this source. Raises ValueError for a source that the frame does
-    not know.
+    Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: the controller accepts a sender
+    only after a `release`. The counter rises by one each `CYCLE_S` of `clock`, also after a late call. Of the setpoints
+    with the switch pressed, `taken` counts those for which this source was in charge and `refused` the others by
+    reason; `others` counts those that another node sends as this source. Raises ValueError for an unknown source.
     """
 
     def __init__(
@@ -69,26 +68,26 @@ class OperatorSender:
     answer: OperatorAnswer | None
 
     def speed(self, speed_m_s: float) -> None:
-        """Steer at a speed, dead-man switch held; the controller keeps it within the deployment's limits."""
-        self._say("speed", 0.0, speed_m_s, held=True)
+        """Move at a speed, dead-man switch pressed; the controller keeps it within the deployment's limits."""
+        self._say("speed", 0.0, speed_m_s, pressed=True)
 
     def position(self, position_m: float, speed_m_s: float = 0.0) -> None:
-        """Go to a position, no faster than `speed_m_s` (0: the deployment's speed), dead-man switch held."""
-        self._say("position", position_m, speed_m_s, held=True)
+        """Go to a position, no faster than `speed_m_s` (0: the deployment's speed), dead-man switch pressed."""
+        self._say("position", position_m, speed_m_s, pressed=True)
 
     def steer(self, mode: str, value: float) -> None:
-        """As a step of a script has it: by "speed" or "position", else "release"."""
+        """Do a step of a script: "speed", "position" or "release"."""
         if mode == "release":
             self.release()
         else:
             (self.speed if mode == "speed" else self.position)(value)
 
     def release(self) -> None:
-        """The dead-man switch is released: the capsule is held at once, and the drive stopped after a while."""
-        self._say("speed", 0.0, 0.0, held=False)
+        """Release the dead-man switch: the capsule stops at once, and the drive after a while."""
+        self._say("speed", 0.0, 0.0, pressed=False)
 
     def listen(self) -> OperatorAnswer | None:
-        """Take in what has come, nothing where the bus raises; the controller's last answer, None before the first."""
+        """Read the bus; an error of the bus is silence. Returns the controller's last answer, None before the first."""
         for message in waiting(self.bus, _MOST):
             if not plain(message):
                 continue
@@ -108,7 +107,7 @@ class OperatorSender:
             self._count(self.answer)
 
     def _count(self, answer: OperatorAnswer) -> None:
-        """What became of the setpoints that had been read when the controller said `answer`."""
+        """Count the setpoints that the controller had read when it sent `answer`."""
         read = [sent for sent in self._pending if sent <= self._clock() - _READ_S]
         if answer.source != self.source and answer.refused != "none" and read:
             self.refused[answer.refused] += len(read)
@@ -116,14 +115,14 @@ class OperatorSender:
             self.taken += len(read)
         self._pending = self._pending[len(read) :]
 
-    def _say(self, mode: str, position_m: float, speed_m_s: float, *, held: bool) -> None:
+    def _say(self, mode: str, position_m: float, speed_m_s: float, *, pressed: bool) -> None:
         now = self._clock()
         self._behind_s = max(self._behind_s + now - self._said_at - CYCLE_S, 0.0)
         missed, self._said_at = int(self._behind_s / CYCLE_S), now
         self._behind_s -= missed * CYCLE_S
         self.transmitter.skip(SETPOINT, missed)
         values = {"Mode": self._modes[mode], "Position_m": position_m, "Velocity_m_s": speed_m_s}
-        self.transmitter.say(SETPOINT, values | self._common | {"DeadMan": float(held)})
+        self.transmitter.say(SETPOINT, values | self._common | {"DeadMan": float(pressed)})
         self.sent += 1
-        if held:
+        if pressed:
             self._pending = [*self._pending[1 - _MOST :], now]

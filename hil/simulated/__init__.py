@@ -1,1 +1,1 @@
-"""What stands in for a rig: the medium, the plant behind its drive, the drives' doubles, and faults."""
+"""A simulated rig: the bus medium, the plant behind its drive, simulated drives of other makers, and faults."""

@@ -1,4 +1,4 @@
-"""A carriage as a CiA 402 drive on CANopen, simulated. Needs canopen."""
+"""A simulated CiA 402 drive on CANopen as the carriage. Needs canopen."""
 
 import math
 from typing import Any, Final
@@ -6,10 +6,11 @@ from typing import Any, Final
 import can
 import canopen
 
-from hil.drives.cia402 import protocol as p402
-from hil.drives.cia402.protocol import DEADLINE_ERROR, HEARTBEAT_ERROR, SENSOR_ERROR, TEMPERATURE_ERROR, Cia402Table
-from hil.drives.cia402.setup import entries
-from hil.nodes.frame_map import NO_FAULT, plain
+from hil.bus.wrapping import plain
+from hil.drives import cia402_protocol as p402
+from hil.drives.cia402_protocol import DEADLINE_ERROR, HEARTBEAT_ERROR, SENSOR_ERROR, TEMPERATURE_ERROR, Cia402Table
+from hil.drives.cia402_setup import entries
+from hil.nodes.frame_map import NO_FAULT
 from hil.simulated.cia402_node import MONITORED_OFF, PolledNetwork, dictionary
 from hil.simulated.drive_node import HOT_S
 from hil.simulated.makers_drive import MakersDrive
@@ -21,16 +22,15 @@ _HOMING_BITS: Final = {
     HOMED: p402.REACHED | p402.ATTAINED,
     NOT_FOUND: p402.REACHED | p402.HOMING_ERROR,
 }
-"""Bits 13, 12 and 10 of the statusword: not started or interrupted, on the way, done, failed at rest."""
+"""Bits 13, 12 and 10 of the statusword: not started or interrupted, in progress, done, failed at rest."""
 _INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022  # abort codes of SDO
 
 
 class Cia402Drive(MakersDrive):
-    """What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last
-    rate: the worst of what the profile leaves open. RPDO 1 too late, a controller without heartbeat and heat are
-    faults.
+    """RPDO 1 is applied with the next SYNC, which the TPDOs answer. Without SYNC the drive continues at its last rate:
+    the worst that the profile permits. Faults: a late RPDO 1, a controller without heartbeat, over-temperature.
 
-    What it may do wrong: it `stays` in its mode, `ignores` its targets and says so, is `jammed`, or `homeless`.
+    Possible defects: it `stays` in its mode, `ignores` its targets and reports so, is `jammed`, or `homeless`.
     """
 
     LED = p402.OPERATION
@@ -52,7 +52,6 @@ class Cia402Drive(MakersDrive):
         self.node.nmt.state = "PRE-OPERATIONAL"
 
     def configure(self, time_to_live_ms: int) -> None:
-        """Set it up in its own process, as `hil.drives.cia402.setup` would over the bus."""
         for entry in entries(self.table, self.limits, self.tick_s, time_to_live_ms):
             self.node.set_data(entry.index, entry.sub, entry.data)
         self.node.nmt.state = "OPERATIONAL"
@@ -65,7 +64,7 @@ class Cia402Drive(MakersDrive):
             self.network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
 
     def _run(self) -> None:
-        """Reports leave with each SYNC."""
+        """Homing and SDO-visible state; the reports are sent with each SYNC."""
         if self.node.nmt.state == "OPERATIONAL" and not self._mapped:
             self._map()
         before = self._word
@@ -110,7 +109,7 @@ class Cia402Drive(MakersDrive):
         return word | (0 if self.ignores else p402.FOLLOWS) | (p402.DEVIATES if deviates else 0)
 
     def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
-        """What an SDO must not write; and a mode that is taken."""
+        """Refuse an SDO write that is not permitted; take over a mode."""
         if index == 0x6060:
             mode = int.from_bytes(data, "little", signed=True)
             if not (mode > 0 and self._held(0x6502) & 1 << (mode - 1)):
@@ -122,7 +121,7 @@ class Cia402Drive(MakersDrive):
             raise canopen.SdoAbortedError(_NOT_NOW)
 
     def _home(self, *, begins: bool) -> None:
-        """From the rising edge of bit 4 until it falls: the present place by 35 and 37, else `home_m`."""
+        """Home from the rising to the falling edge of bit 4: in place by methods 35 and 37, else at `home_m`."""
         if begins:
             self.homing = HOMING
         if self.homing != HOMING:
@@ -138,10 +137,10 @@ class Cia402Drive(MakersDrive):
             self.zero_m, self.homing = self.power.output + left, HOMED
 
     def _map(self) -> None:
-        """Take the process data as it was set up."""
+        """Apply the mapping of process data."""
         self._mapped = True
-        for place in (self.node.rpdo[1], self.node.tpdo[1], self.node.tpdo[2]):
-            place.read()
+        for pdo in (self.node.rpdo[1], self.node.tpdo[1], self.node.tpdo[2]):
+            pdo.read()
         self.node.rpdo[1].add_callback(self._commanded)
         braking, window = self._held(0x6085), self._held(0x6065)
         self.power.braking_m_s2 = braking / self.table.counts_per_m
@@ -156,7 +155,7 @@ class Cia402Drive(MakersDrive):
         self._heard_at = stamp
 
     def _synchronised(self, *_: Any) -> None:
-        """SYNC: the newest command is taken over, then the reports go out."""
+        """SYNC: apply the newest command, then send the reports."""
         if math.isfinite(self.good_at):
             before, self._word = self._word, int(self.node.rpdo[1][0x6040].raw)
             self._go(self._word, before)
@@ -169,7 +168,7 @@ class Cia402Drive(MakersDrive):
         second.transmit()
 
     def _follow(self) -> None:
-        """Take the target over: a place, or a speed for a tick, within the drive's own limits."""
+        """Apply the target, a position or a speed for a tick, within the drive's own limits."""
         counts, before = self.table.counts_per_m, self._demand_m
         if math.isnan(before) or abs(before - self.power.output) <= self._window_m:
             self._near_at = self._now

@@ -1,4 +1,4 @@
-"""The CANopen side of a simulated CiA 402 drive: a node without threads, and its objects. Needs canopen."""
+"""The CANopen side of a simulated CiA 402 drive: a network without threads, and its objects. Needs canopen."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import canopen
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
 from controller.limits import Limits
-from hil.drives.cia402 import protocol as p402
-from hil.drives.cia402.protocol import Cia402Table
-from hil.drives.cia402.setup import PROFILE, entries
+from hil.drives import cia402_protocol as p402
+from hil.drives.cia402_protocol import Cia402Table
+from hil.drives.cia402_setup import PROFILE, entries
 
 KNOWN: Final = (p402.HOMING_MODE, p402.CYCLIC_SYNCHRONOUS_POSITION, p402.CYCLIC_SYNCHRONOUS_VELOCITY)
-"""Modes of operation that the drive knows."""
-MONITORED_OFF: Final = 0xFFFFFFFF  # A following error window that is none, as drives are shipped
-_TOLD: Final = (0x1000, 0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x6502)  # objects that are read alone
+"""Modes of operation of the drive."""
+MONITORED_OFF: Final = 0xFFFFFFFF  # following error window of a drive as shipped: not monitored
+_READ_ONLY: Final = (0x1000, 0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x6502)
 _TYPES: Final = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
 _SIGNED: Final = {1: datatypes.INTEGER8, 2: datatypes.INTEGER16, 4: datatypes.INTEGER32}
 _NEGATIVE: Final = (0x607C, 0x607D, 0x6064, 0x606C, 0x607A, 0x60FF, 0x6060, 0x6061, 0x6098)  # objects that are signed
 
 
 class PolledNetwork(canopen.Network):  # type: ignore[misc]
-    """A network without threads: what is periodic leaves when `beat` is called, so that a dead drive is silent."""
+    """A network without threads: periodic frames are sent by `beat`, so that a dead drive is silent."""
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus)
@@ -36,7 +36,7 @@ class PolledNetwork(canopen.Network):  # type: ignore[misc]
         return self._beats[-1]
 
     def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
-        """Send a frame; a drive that is off the bus goes on without it."""
+        """Send a frame; a failure is ignored."""
         with contextlib.suppress(can.CanError, OSError):
             super().send_message(can_id, data, remote)
 
@@ -66,14 +66,14 @@ class _Beat:
 
 
 def dictionary(table: Cia402Table, limits: Limits, tick_s: float) -> canopen.ObjectDictionary:
-    """The drive's objects: all that may be set, at the values that leave it still, and what it tells."""
+    """The drive's objects: its settings, with values at which it does not move, and its reports."""
     found = canopen.ObjectDictionary()
-    tells = [(0x1000, 4, PROFILE | 2 << 16), (0x1001, 1, 0), (0x603F, 2, 0), (0x6040, 2, 0), (0x6041, 2, 0)]
-    tells += [(0x6061, 1, 0), (0x6064, 4, 0), (0x606C, 4, 0), (0x607A, 4, 0), (0x607C, 4, 0), (0x60FF, 4, 0)]
-    tells += [(0x6502, 4, sum(1 << (mode - 1) for mode in KNOWN)), (0x2000, 2, 0)]
-    tells += [(0x6098, 1, 0)] * (not table.homing_method)
-    tells += [(0x6065, 4, MONITORED_OFF), (0x6066, 2, 0)] * (not table.following_m)
-    for index, size, value in tells:
+    objects = [(0x1000, 4, PROFILE | 2 << 16), (0x1001, 1, 0), (0x603F, 2, 0), (0x6040, 2, 0), (0x6041, 2, 0)]
+    objects += [(0x6061, 1, 0), (0x6064, 4, 0), (0x606C, 4, 0), (0x607A, 4, 0), (0x607C, 4, 0), (0x60FF, 4, 0)]
+    objects += [(0x6502, 4, sum(1 << (mode - 1) for mode in KNOWN)), (0x2000, 2, 0)]
+    objects += [(0x6098, 1, 0)] * (not table.homing_method)
+    objects += [(0x6065, 4, MONITORED_OFF), (0x6066, 2, 0)] * (not table.following_m)
+    for index, size, value in objects:
         found.add_object(_variable(index, 0, size, value))
     for entry in entries(table, limits, tick_s, 1):
         many = entry.index in (0x1016, 0x607D, 0x6099, 0x60C2) or 0x1400 <= entry.index < 0x1B00
@@ -92,9 +92,7 @@ def dictionary(table: Cia402Table, limits: Limits, tick_s: float) -> canopen.Obj
 def _variable(index: int, sub: int, size: int, value: int) -> ODVariable:
     variable = ODVariable(f"0x{index:04X}:{sub:02X}", index, sub)
     signed = index in _NEGATIVE or (index, sub) == (0x60C2, 2)
-    variable.data_type, variable.access_type = (
-        (_SIGNED if (signed and sub != 0) or (signed and size == 4) else _TYPES)[size],
-        "ro" if index in _TOLD else "rw",
-    )
+    variable.data_type = (_SIGNED if signed and (sub != 0 or size == 4) else _TYPES)[size]
+    variable.access_type = "ro" if index in _READ_ONLY else "rw"
     variable.default, variable.pdo_mappable = value, True
     return variable

@@ -1,4 +1,4 @@
-"""A drive on the bus: what it hears, its state machine, its temperature, and what it reports."""
+"""The catalogue's drive on the bus, simulated: reception, state machine, temperature, reports."""
 
 import math
 import secrets
@@ -10,71 +10,68 @@ import can
 from controller.limits import Limits
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.protection import FrameTransmitter, Reception
+from hil.bus.wrapping import plain, waiting
 from hil.nodes import frame_map as wire
-from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
-from hil.nodes.listening import waiting
+from hil.nodes.frame_map import FrameMap, answer_of, heartbeat
 from hil.simulated import state_machine as states
 from hil.simulated.makers_drive import AMBIENT_C, MOST
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
-from hil.simulated.state_machine import DriveFacts, Stage
-from hil.simulated.sync_clock import SyncClock
+from hil.simulated.state_machine import DriveFacts, Stage, SyncClock
 
-HEARTBEAT_S: Final = 0.06  # without the controller's, after which a drive stops
-SAFE_STOP_S: Final = 0.06  # for which a safe stop holds
-HOT_S: Final = 0.2  # above its temperature, after which a drive fails
-_WARMING_S: Final = 60.0  # time constant of the simulated drive
-_WARMTH_C: Final = 8.0  # by which it is warmer at full load
+HEARTBEAT_S: Final = 0.06  # without the controller's heartbeat, after which a drive stops
+SAFE_STOP_S: Final = 0.06  # for which a SafeStop is in force
+HOT_S: Final = 0.2  # above the temperature limit, after which a drive fails
+_WARMING_S: Final = 60.0  # time constant of the simulated drive's temperature
+_WARMTH_C: Final = 8.0  # temperature rise at full load
 
 
 class DriveNode:
-    """Listens, steps its state machine, and moves its power stage only while enabled and its command lives.
+    """Receives frames, steps its state machine, and moves its power stage only while enabled with a valid command.
 
-    A command counts from its arrival for its time to live, but from no more than a tick after the begin of its own
-    tick: one that comes too late is refused as `stale`. It is taken over with the next SYNC, without one at the drive's
-    own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a
-    controller without heartbeat for 60 ms, and to be off the bus. A controller that has begun anew is told of a latched
-    fault again.
+    A command is valid for its time to live, counted from its arrival, but at most from one tick after the begin of its
+    own tick; one that arrives too late is refused (`stale`). It is applied with the next SYNC, or in the drive's own
+    cycle without SYNC. A temperature above `derate_C` halves the limits; above `temperature_C` for `HOT_S` it is a
+    fault. Further faults are a controller without heartbeat for 60 ms, and the drive's bus-off. A restarted controller
+    gets the report of a latched fault again.
 
-    Standing by it draws a number (`draw`), tells it, and does not become ready before that has been answered: what was
-    recorded before cannot enable it. Frames of other types are counted (`strange`), and slots in which the bus raises
-    (`deaf`).
+    In standby it draws a number (`draw`), sends it, and becomes ready only after the right answer, so a recording
+    cannot enable it. `strange` counts frames of other types, `deaf` slots in which the bus raises.
     """
 
     def __init__(
         self,
         bus: can.BusABC,
-        wiring: FrameMap,
+        frame_map: FrameMap,
         power: Power,
         limits: Limits,
         tick_s: float,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         self._draw = draw
-        self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
+        self.bus, self.frame_map, self.power, self.limits, self.tick_s = bus, frame_map, power, limits, tick_s
         self.temperature_C = AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
-        self.broken, self.node_id = False, wiring.target
+        self.broken, self.node_id = False, frame_map.target
         self.boot(0.0)
 
     def boot(self, now: float) -> None:
-        """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
-        names = (self.wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
+        """Restart, as after a loss of supply: nothing is remembered, counters start at 0."""
+        names = (self.frame_map.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
         self.reception = Reception(wire.frames()[name] for name in names)
-        for name in (self.wiring.command, "Sync"):
+        for name in (self.frame_map.command, "Sync"):
             receiver = self.reception.receivers[wire.frames()[name].id]
-            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
-        self.transmitter = FrameTransmitter(
-            self.bus, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge)
-        )
+            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.frame_map.still_ms)
+        ours = self.frame_map
+        self.transmitter = FrameTransmitter(self.bus, (ours.feedback, ours.fault, ours.heartbeat, ours.challenge))
         self.stage = Stage(wire.BOOT, now)
         self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
         self._number, self._answered, self._asked_at = 0, False, -math.inf
-        self._metronome = SyncClock()
-        self._began, self._last = now, now
+        self._clock = SyncClock()
+        self._began = now
         self._mode, self._setpoint, self._taken, self._waiting = wire.OFF, 0.0, wire.OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
-        self._reset, self._hot_since, self._phase, self._tell = wire.NO_FAULT, math.inf, 0, 0
+        self._reset, self._hot_since, self._phase, self._reports = wire.NO_FAULT, math.inf, 0, 0
         self._stranger, self._uptime_s, self._shown = False, math.inf, 0.0
 
     @property
@@ -83,11 +80,11 @@ class DriveNode:
 
     @property
     def safe(self) -> bool:
-        """Whether the drive follows no command and is in its safe state."""
+        """Whether the drive is in its safe state and follows no command."""
         return not states.may_move(self.stage) and self.power.at_rest
 
     def listen(self, now: float, slots: int) -> None:
-        """One run of the firmware, `slots` of which make a tick: take frames in, step the state machine, report."""
+        """One run of the firmware, `slots` of which make a tick: receive, step the state machine, report."""
         synced = self._hear(now)
         self._phase = 0 if synced else (self._phase + 1) % slots
         if self._phase == 0 and not synced:
@@ -95,10 +92,10 @@ class DriveNode:
         cause = self._cause(now)
         alive, stopped = now <= self._dies_at, now < self._stop_until
         hot = self.temperature_C > self.limits.derate_C
-        told = DriveFacts(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
-        before, self.stage, self._reset = self.stage, states.next_stage(self.stage, told, now), wire.NO_FAULT
+        facts = DriveFacts(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
+        before, self.stage, self._reset = self.stage, states.next_stage(self.stage, facts, now), wire.NO_FAULT
         if self.stage.fault and not before.fault:
-            self._tell = 2
+            self._reports = 2
         if self.stage.state == wire.STANDBY != before.state:
             self._number, self._answered, self._asked_at = self._draw() & 0xFFFFFFFF, False, -math.inf
         self._report(now, self._phase == 0)
@@ -114,7 +111,7 @@ class DriveNode:
         self.deaf += 1
 
     def _hear(self, now: float) -> bool:
-        """Take in what has come; whether SYNC was among it."""
+        """Process the received frames; whether SYNC was among them."""
         synced = False
         for message in waiting(self.bus, MOST, self._deafened):
             if not plain(message):
@@ -126,38 +123,38 @@ class DriveNode:
             receiver = self.reception.receivers[message.arbitration_id]
             name, counter, stamp = receiver.frame.name, receiver.counter, message.timestamp
             if name == "Sync":
-                if not self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
+                if not self._clock.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
                     self.stale += 1
                     continue
                 self._take_over()
                 synced = True
-            elif name == self.wiring.command:
-                self._follow(values, stamp, self._metronome.begin(counter, stamp))
+            elif name == self.frame_map.command:
+                self._follow(values, stamp, self._clock.begin(counter, stamp))
             else:
                 self._obey(name, values, stamp)
         return synced
 
     def _follow(self, values: dict[str, float], stamp: float, begin: float) -> None:
-        """Take a command in that came at `stamp`, of the tick that began at `begin`."""
+        """Accept a command received at `stamp`, of the tick that began at `begin`."""
         dies_at = min(stamp, begin + self.tick_s) + 1e-3 * values["TimeToLive_ms"]
         if dies_at <= stamp:
             self.stale += 1
             return
-        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.wiring.signal], True
+        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.frame_map.signal], True
         self._dies_at, self.good_at = dies_at, stamp
 
     def _obey(self, name: str, values: dict[str, float], stamp: float) -> None:
-        mine = values.get("Target", 0) in (0, self.wiring.target)
+        mine = values.get("Target", 0) in (0, self.frame_map.target)
         if name == "SafeStop" and mine:
             self._stop_until = stamp + SAFE_STOP_S
         elif name == "DriveReset" and mine:
-            self._reset, self._metronome = int(values["Code"]), SyncClock()
+            self._reset, self._clock = int(values["Code"]), SyncClock()
         elif name == "EnableAnswer":
-            if values["Target"] == self.wiring.target and self.stage.state == wire.STANDBY:
-                self._answered = values["Answer"] == answer_of(self._number, self.wiring.target)
+            if values["Target"] == self.frame_map.target and self.stage.state == wire.STANDBY:
+                self._answered = values["Answer"] == answer_of(self._number, self.frame_map.target)
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
-                self._tell = 2
+                self._reports = 2
             self._uptime_s = values["Uptime_s"]
             self._heard_at, self._stranger = stamp, values["Catalogue"] != wire.frames().fingerprint
 
@@ -180,18 +177,18 @@ class DriveNode:
         return wire.NO_FAULT
 
     def _report(self, now: float, due: bool) -> None:
-        if self._tell:
-            self._tell -= 1
-            self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
+        if self._reports:
+            self._reports -= 1
+            self.transmitter.say(self.frame_map.fault, {"Code": self.stage.fault, "Detail": 0})
         if self.stage.state == wire.STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
             self._asked_at = now
-            self.transmitter.say(self.wiring.challenge, {"Number": self._number})
+            self.transmitter.say(self.frame_map.challenge, {"Number": self._number})
         if due and self.stage.state != wire.BOOT:
-            self.transmitter.say(self.wiring.feedback, self._feedback())
+            self.transmitter.say(self.frame_map.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
             beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began)
-            self.transmitter.say(self.wiring.heartbeat, beat)
+            self.transmitter.say(self.frame_map.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:
         warm = min(max(self.temperature_C, NOT_MEASURED_C + 1), 150.0)

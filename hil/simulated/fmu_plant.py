@@ -1,4 +1,4 @@
-"""An FMU in the place of the simulated plant: a program of somebody else's that is stepped as ours is."""
+"""An FMU, another program's model, in place of the simulated plant."""
 
 import shutil
 import tempfile
@@ -7,29 +7,30 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import numpy as np
 
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueDrive, TruePull, TrueVibro
+from plant.drives import TrueCoil, TrueDrive, TruePull, TrueVibro
 from plant.rig import Truth
 from plant.tables import Floats
 
 
 @dataclass(frozen=True)
 class Named:
-    """A variable: `place` is where the plant's state has it, `column` where its rows do, -1 where they do not."""
+    """A variable: `index` is that in the plant's state, `column` that in its rows, -1: none."""
 
     name: str
     unit: str
     description: str
-    place: int = -1
+    index: int = -1
     column: int = -1
 
 
-WALL: Final = Named("wall_displacement_m", "m", "by which the wall is dragged", at.S_U, at.O_U)
+WALL: Final = Named("wall_displacement_m", "m", "displacement of the wall", at.S_U, at.O_U)
 FORCE: Final = Named("force_N", "N", "drive's force (a pull's own) in the last step", column=at.O_FORCE)
 _EVERY: Final = (
     Named("position_m", "m", "capsule along the lumen", at.S_X, at.O_X),
@@ -61,12 +62,12 @@ def _by_coil(drive: TrueDrive) -> bool:
     return isinstance(drive, TrueCoil) or (isinstance(drive, TrueVibro) and drive.coil is not None)
 
 
-UNPACKED: Final = 1 << 30  # most bytes that an FMU may unpack to
+UNPACKED: Final = 1 << 30  # maximum bytes of an unpacked FMU
 
 
 @dataclass(frozen=True)
 class FmuFile:
-    """What an FMU says of itself, and the value references of what a plant needs of it."""
+    """The description of an FMU, and the value references of command and outputs."""
 
     description: Any
     command: int
@@ -74,7 +75,7 @@ class FmuFile:
 
 
 def read_fmu(path: Path, rig: Truth) -> FmuFile:
-    """The FMU `path` for a plant like `rig`. Raises ValueError of one sentence where it is none for it."""
+    """The FMU `path` for a plant like `rig`. Raises ValueError of one sentence if it does not fit."""
     if find_spec("fmpy") is None:
         raise ValueError("plant.fmu needs the package fmpy, which is not installed: pip install '.[fmu]'")
     import fmpy
@@ -83,28 +84,28 @@ def read_fmu(path: Path, rig: Truth) -> FmuFile:
         raise ValueError(f"plant.fmu must be a file; got {path}, which is not there")
     try:
         _check_archive(path)
-        told = fmpy.read_model_description(str(path))
+        described = fmpy.read_model_description(str(path))
     except Exception as error:  # noqa: BLE001  zip, XML, schema: whatever FMPy meets
         raise ValueError(f"plant.fmu must be an FMU; got {path}: {str(error).splitlines()[0]}") from None
-    if told.coSimulation is not None and not told.coSimulation.modelIdentifier.isidentifier():
-        raise ValueError(f"plant.fmu must name a library in itself; got {path}, {told.coSimulation.modelIdentifier!r}")
-    if told.coSimulation is None or not told.fmiVersion.startswith(("2.", "3.")):
-        raise ValueError(f"plant.fmu must be one for Co-Simulation, FMI 2 or 3; got {path}, FMI {told.fmiVersion}")
+    unit, version = described.coSimulation, described.fmiVersion
+    if unit is not None and not unit.modelIdentifier.isidentifier():
+        raise ValueError(f"plant.fmu must name a library in itself; got {path}, {unit.modelIdentifier!r}")
+    if unit is None or not version.startswith(("2.", "3.")):
+        raise ValueError(f"plant.fmu must be one for Co-Simulation, FMI 2 or 3; got {path}, FMI {version}")
     command = input_of(rig.drive).name
     outputs = {v.name: v.column for v in (*outputs_of(rig.drive), FORCE)}
     wanted = [name for name in outputs if name != WALL.name]
-    there = {(v.name, v.causality): v.valueReference for v in told.modelVariables}
-    missing = [f"input {command}"] if (command, "input") not in there else []
-    missing += [f"output {name}" for name in wanted if (name, "output") not in there]
-    if missing:
-        needed = ", ".join([f"input {command}", *(f"output {name}" for name in wanted)])
-        raise ValueError(f"plant.fmu must have the variables {needed}; got {path} without {', '.join(missing)}")
+    there = {(v.name, v.causality): v.valueReference for v in described.modelVariables}
+    needed = [(command, "input"), *((name, "output") for name in wanted)]
+    if missing := [one for one in needed if one not in there]:
+        names, lacks = (", ".join(f"{causality} {name}" for name, causality in some) for some in (needed, missing))
+        raise ValueError(f"plant.fmu must have the variables {names}; got {path} without {lacks}")
     columns = {there[name, "output"]: column for name, column in outputs.items() if (name, "output") in there}
-    return FmuFile(told, there[command, "input"], columns)
+    return FmuFile(described, there[command, "input"], columns)
 
 
 def _check_archive(path: Path) -> None:
-    """Refuse, before anything is unpacked, an archive with places outside itself or with more than a program is."""
+    """Refuse, before unpacking, an archive with paths outside itself or with too many bytes."""
     with zipfile.ZipFile(path) as archive:
         for part in archive.infolist():
             if part.filename.startswith("/") or ".." in PurePosixPath(part.filename).parts:
@@ -114,10 +115,10 @@ def _check_archive(path: Path) -> None:
 
 
 class FmuPlant:
-    """`plant.session.Stepped` by an FMU at rest at 0: rows have its outputs, steps the drive's command at their end."""
+    """`plant.session.Stepped` by an FMU, at first at rest at 0. Rows have its outputs; a step ends at its command."""
 
     def __init__(self, path: Path, rig: Truth) -> None:
-        """Raises ValueError as `read_fmu`, and for one that does not start."""
+        """Raises ValueError as `read_fmu`, and for an FMU that does not start."""
         import fmpy
         from fmpy.simulation import instantiate_fmu
 
@@ -143,15 +144,13 @@ class FmuPlant:
         return float(self.state[at.S_STEP] * self.rig.step_s)
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
-        """Do `len(drive) - 1` steps of the rig's length; see `Plant.advance`. Raises ValueError where the FMU fails."""
+        """Do `len(drive) - 1` steps of the rig's length; see `Plant.advance`. Raises ValueError if the FMU fails."""
         rows, first, steps = [], int(self.state[at.S_STEP]), drive.size - 1
-        stops = [*(k for k in range(1, steps) if (first + k) % every == 0), steps]
-        at_step = 0
-        for stop in stops:
-            if (first + at_step) % every == 0:
-                rows.append(self._row(float(drive[at_step])))
-            self._step(float(drive[stop]) / self.rig.drive.command_scale, stop - at_step)
-            at_step = stop
+        stops = [0, *(k for k in range(1, steps) if (first + k) % every == 0), steps]
+        for begin, end in pairwise(stops):
+            if (first + begin) % every == 0:
+                rows.append(self._row(float(drive[begin])))
+            self._step(float(drive[end]) / self.rig.drive.command_scale, end - begin)
         return np.array(rows).reshape(-1, at.O_COUNT)
 
     def _step(self, command: float, steps: int) -> None:

@@ -1,4 +1,4 @@
-"""A carriage of another maker, simulated: what all of them have in common."""
+"""The common part of simulated drives of other makers."""
 
 import math
 from abc import ABC, abstractmethod
@@ -8,18 +8,18 @@ from typing import Any, Final
 import can
 
 from controller.limits import Limits
-from hil.nodes.listening import waiting
+from hil.bus.wrapping import waiting
 from hil.simulated.power_stage import CarriagePower
 from hil.simulated.state_machine import Stage
 
-MOST: Final = 256  # frames that a firmware takes in at once
+MOST: Final = 256  # frames that a firmware receives in one run
 AMBIENT_C: Final = 25.0  # of a laboratory
 
 
 class MakersDrive(ABC):
-    """Behaves as a `DriveNode` to the plant. Its state in its maker's numbers is `state`, `LED` that in which it
-    follows. It is as hot as it is `heated_to_C`, its encoder shows what `misread` makes of the place, or nothing where
-    it is `broken`, and it answers as `node_id`. `rejected` counts frames that were refused or not sent.
+    """Behaves as a `DriveNode` to the plant. `state` is in its maker's numbers, `LED` the one in which it follows.
+    `heated_to_C` raises its temperature; its encoder shows `misread` of the position, or nothing while it is `broken`;
+    it answers as `node_id`. `rejected` counts frames that were refused or not sent.
     """
 
     LED: int
@@ -33,12 +33,12 @@ class MakersDrive(ABC):
         self.boot(0.0)
 
     def boot(self, now: float) -> None:
-        """Begin anew, as after a loss of supply."""
+        """Restart, as after a loss of supply."""
         self.good_at, self.zero_m = -math.inf, 0.0
         self._now = self._since = self._began = now
 
     def configure(self, time_to_live_ms: int) -> None:  # noqa: B027 - most need none
-        """Set it up in its own process, as its `set_up` would over the bus, for commands that live so long."""
+        """Set it up without the bus, as its `set_up` would, for commands with this time to live."""
 
     @property
     def led(self) -> bool:
@@ -46,7 +46,7 @@ class MakersDrive(ABC):
 
     @property
     def safe(self) -> bool:
-        """Whether it follows no command and is at rest."""
+        """Whether it is at rest and follows no command."""
         return not self.led and self.power.at_rest
 
     @property
@@ -60,9 +60,9 @@ class MakersDrive(ABC):
 
     @property
     def shown_m(self) -> float:
-        """Where its encoder shows the carriage."""
-        place = self.power.output - self.zero_m
-        return place if self.misread is None else self.misread(place)
+        """The position that its encoder shows."""
+        position = self.power.output - self.zero_m
+        return position if self.misread is None else self.misread(position)
 
     @property
     def stage(self) -> Stage:
@@ -72,10 +72,10 @@ class MakersDrive(ABC):
 
     @abstractmethod
     def _stands(self) -> tuple[int, int]:
-        """The same without its begin."""
+        """State and fault of `stage`."""
 
     def listen(self, now: float, slots: int) -> None:
-        """One run of the firmware: take frames in, judge, report."""
+        """One run of the firmware: receive, judge, report."""
         self._now = now
         for message in waiting(self.bus, MOST):
             self._hear(message)
@@ -83,11 +83,11 @@ class MakersDrive(ABC):
 
     @abstractmethod
     def _hear(self, message: can.Message) -> None:
-        """A frame of the wire."""
+        """Process a received frame."""
 
     @abstractmethod
     def _run(self) -> None:
-        """Judge, go on, report."""
+        """Judge, step the state, report."""
 
     @abstractmethod
     def output(self, dt: float, sensed: float) -> float:
@@ -98,7 +98,7 @@ class MakersDrive(ABC):
             self.state, self._since = state, self._now
 
     def send(self, message: can.Message) -> None:
-        """Send a frame, and count one that the bus does not take."""
+        """Send a frame; one that the bus does not take is counted."""
         try:
             self.bus.send(message, 0)
         except (can.CanError, OSError):

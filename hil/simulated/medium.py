@@ -14,24 +14,21 @@ import can
 from hil.bus.load import fd_frame_bits, frame_bits
 from hil.bus.wrapping import OwnBus
 
-PASSIVE, BUS_OFF = 128, 256  # errors from which a node is passive, or off, ISO 11898-1
-ERROR_BITS = 23  # longest error frame, ISO 11898-1
-SUSPENDED_BITS = 8  # for which a passive sender waits, ISO 11898-1
-RECOVERY_BITS = 128 * 11  # after bus-off, ISO 11898-1
-SPACE_BITS = 3  # between two frames, ISO 11898-1
-QUEUE = 64
-"""Error counts at which a node becomes passive and leaves the bus; bits of an error signalling (two flags of 6,
-delimiter 8, space 3), of a passive node's pause, of the idle bus that ends a bus-off; the space between frames; frames
-that wait in one node.
-"""
+# by ISO 11898-1
+PASSIVE, BUS_OFF = 128, 256  # error counts at which a node becomes error passive, and bus-off
+ERROR_BITS = 23  # of error signalling: two flags of 6, delimiter 8, space 3
+SUSPENDED_BITS = 8  # pause of an error-passive sender
+RECOVERY_BITS = 128 * 11  # of the idle bus that ends a bus-off
+SPACE_BITS = 3  # between two frames
+QUEUE = 64  # frames that wait in one node
 
 Disturb = Callable[[float, str, can.Message], bool]
-"""`(start in s, sender, message) -> True` where a bit error hits the frame on the wire."""
+"""`(start in s, sender, message) -> True` if a bit error hits the frame on the wire."""
 
 
 @dataclass(slots=True)
 class Counters:
-    """A node's error counters and what went through it; `longest_s`: from being queued to the frame's end."""
+    """A node's error counters and its frames; `longest_s` is the longest time from queueing to the frame's end."""
 
     transmit: int = 0
     receive: int = 0
@@ -50,10 +47,11 @@ class _Waiting(NamedTuple):
 
 
 class Medium:
-    """The wire. `advance` moves the time; frames sent before take part in it from then on, by arbitration, with their
-    own length and stuff bits, error signalling, retransmission and counters, passive nodes' pause, bus-off without
-    automatic return, collisions of one identifier, and senders without anybody to acknowledge. Not modelled:
-    propagation, sampling, overload and remote frames, different views of one error. `shown` is called with every frame.
+    """The wire; `advance` moves the time, and `shown` is called with every frame.
+
+    Modelled: arbitration, lengths with stuff bits, error signalling, retransmission, error counters, the pause of
+    passive nodes, bus-off without automatic return, collisions of one identifier, missing acknowledgement. Not
+    modelled: propagation, sampling, overload and remote frames, different views of one error.
     """
 
     def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None, data_bit_rate: int = 0) -> None:
@@ -79,7 +77,7 @@ class Medium:
         return self.busy_bits / max(self._now, self._free, 1)
 
     def advance(self, until_s: float) -> None:
-        """Let the bus run until `until_s`; frames that end by then are in the inboxes. Time never goes back."""
+        """Run the bus until `until_s`; frames that end by then are in the inboxes. Time never decreases."""
         end = max(round(until_s * self.bit_rate), self._now)
         while self._land(end):
             start, ready = self._contenders(end)
@@ -93,7 +91,7 @@ class Medium:
         heapq.heappush(port.waiting, _Waiting(_rank(message), self._number, self._now, message))
 
     def leave(self, port: SimulatedBus) -> None:
-        """Take a node off the bus, as its error counters would: its queue is forgotten, its frame breaks off."""
+        """Set a node bus-off, as its error counters would: its queue is lost, its frame breaks off."""
         port.counters.transmit = BUS_OFF
         port.waiting.clear()
         if self._flying is not None and self._flying[1] is port:
@@ -105,7 +103,7 @@ class Medium:
                     other.counters.receive = min(other.counters.receive + 1, PASSIVE)
 
     def recover(self, port: SimulatedBus) -> None:
-        """Let a node that is off return after 128 times 11 bits."""
+        """Let a node return from bus-off after 128 times 11 bits."""
         port.offline_until = self._now + RECOVERY_BITS
         port.counters.transmit = port.counters.receive = 0
 
@@ -113,7 +111,7 @@ class Medium:
         return port.counters.transmit < BUS_OFF and self._now >= port.offline_until
 
     def _land(self, end: int) -> bool:
-        """Deliver the frame that is on the wire if it ends by `end`; whether the wire is free to go on."""
+        """Deliver the frame on the wire if it ends by `end`; whether the wire is free."""
         if self._flying is None:
             return True
         last, sender, waiting = self._flying
@@ -136,11 +134,11 @@ class Medium:
         return True
 
     def _contenders(self, end: int) -> tuple[int, list[SimulatedBus]]:
-        """The first bit before `end` at which a frame can begin, and the nodes that want to begin one there."""
+        """The first bit before `end` at which a frame can begin, and the nodes that are ready to send there."""
         start, ready = end, list[SimulatedBus]()
         for port in self.ports:
             if port.waiting:
-                at = max(self._free, port.waiting[0].queued, port.silent_until)
+                at = max(self._free, port.waiting[0].queued, port.suspended_until, port.offline_until)
                 if at < start:
                     start, ready = at, [port]
                 elif at == start < end:
@@ -148,7 +146,7 @@ class Medium:
         return start, ready
 
     def _transmit(self, start: int, ready: list[SimulatedBus]) -> None:
-        """Arbitration at `start` between the nodes that are `ready`, and what becomes of the winner."""
+        """Arbitration at `start` between the nodes that are `ready`, and transmission by the winner."""
         self._now = max(self._now, start)
         winner = min(ready, key=_first) if len(ready) > 1 else ready[0]
         waiting = _first(winner)
@@ -170,7 +168,7 @@ class Medium:
                 winner.suspended_until = self._free + SUSPENDED_BITS
 
     def _fail(self, start: int, senders: list[SimulatedBus], waiting: _Waiting, acknowledged: bool = True) -> None:
-        """An error frame: counters move, the frame stays in the queue unless its sender has left the bus."""
+        """An error frame: counters change; the frame stays in the queue unless its sender goes bus-off."""
         self._occupy(start, self._bits(waiting.message) // 2 + ERROR_BITS)
         for port in self.ports:
             if port in senders:
@@ -196,7 +194,7 @@ class Medium:
 
 
 def _rank(message: can.Message) -> int:
-    """What arbitration goes by, the least first: the 11 leading bits, then 11-bit frames before 29-bit ones."""
+    """The rank in arbitration, the least first: the 11 leading bits, then 11-bit frames before 29-bit ones."""
     return message.arbitration_id << 1 | 1 if message.is_extended_id else message.arbitration_id << 19
 
 
@@ -228,11 +226,6 @@ class SimulatedBus(OwnBus):
             raise can.CanOperationError(f"node {self.name} has {QUEUE} frames waiting")
         self.medium.queue(self, msg)
 
-    @property
-    def silent_until(self) -> int:
-        """The bit from which on it may begin a frame."""
-        return max(self.suspended_until, self.offline_until)
-
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The oldest frame that has come in, or None at once."""
         while self.inbox:
@@ -257,11 +250,11 @@ class SimulatedBus(OwnBus):
         raise NotImplementedError("the state of a simulated node is what its error counters say")
 
     def recover(self) -> None:
-        """Ask to return to the bus; nothing else brings a node back."""
+        """Return to the bus; nothing else ends a bus-off."""
         self.medium.recover(self)
 
     def __del__(self) -> None:
-        """Nothing to release, so nothing to warn of."""
+        """Nothing to release."""
 
     def shutdown(self) -> None:
         super().shutdown()

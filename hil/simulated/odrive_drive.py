@@ -1,4 +1,4 @@
-"""A carriage as an ODrive, simulated after the maker's description of CANSimple in firmware 0.6."""
+"""A simulated ODrive as the carriage, after the maker's description of CANSimple in firmware 0.6."""
 
 import math
 import struct
@@ -6,15 +6,16 @@ from typing import Final
 
 import can
 
-from hil.drives.odrive import protocol as wire
-from hil.drives.odrive.protocol import CLOSED_LOOP, IDLE, INITIALIZING, UNDEFINED, Command, OdriveTable
-from hil.nodes.frame_map import BOOT, ENABLED, FAULT, NO_FAULT, STANDBY, plain
+from hil.bus.wrapping import plain
+from hil.drives import odrive_protocol as wire
+from hil.drives.odrive_protocol import CLOSED_LOOP, IDLE, INITIALIZING, UNDEFINED, Command, OdriveTable
+from hil.nodes.frame_map import BOOT, ENABLED, FAULT, NO_FAULT, STANDBY
 from hil.simulated.makers_drive import MakersDrive
 
-ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418  # endpoint ids of this simulated firmware where the table states none
-FIRMWARE: Final = (0, 6, 11)  # that the simulated drive has
+ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418  # endpoint ids of the simulated firmware, unless the table states others
+FIRMWARE: Final = (0, 6, 11)  # of the simulated drive
 BOOT_S: Final = 0.05  # of the simulated drive
-HEARTBEAT_EVERY, ESTIMATES_EVERY = 10, 2  # in runs of the firmware of 1 ms
+HEARTBEAT_EVERY, ESTIMATES_EVERY = 10, 2  # in runs of the firmware, 1 ms each
 MISSING_ESTIMATE, INVERTER_OVER_TEMP, WATCHDOG, ESTOP = 0x8, 0x4000, 0x1000000, 0x2000000  # bits of ODrive.Error
 _TAKEN: Final = {
     one.number: one
@@ -27,16 +28,15 @@ _TAKEN: Final = {
         wire.SET_ABSOLUTE_POSITION,
     )
 }
-"""Frames with signals that it takes."""
+"""Frames with signals that it receives."""
 POS_GAIN: Final = 20.0  # axis0.controller.config.pos_gain as shipped, in 1/s
 
 
 class OdriveDrive(MakersDrive):
-    """It has no SYNC: a position acts at once, its reports leave in its own cycle. Its speed is `pos_gain` times what
-    is left to the position, plus Vel_FF; the last command drives it on until the watchdog ends it, which may be off
-    (`watchdog_on`). An error disarms: the carriage coasts. An error whose cause is gone vanishes, an e-stop stays; the
-    reason of the disarming stays until Clear_Errors or the next arming. What it may do wrong: not be `calibrated`, or
-    be `deaf_to` commands.
+    """It has no SYNC: a position acts at once, and its reports are sent in its own cycle. Its speed is `pos_gain` times
+    the position error, plus Vel_FF; the last command acts until the watchdog expires, which may be off (`watchdog_on`).
+    An error disarms, and the carriage coasts. An error vanishes with its cause, except an e-stop; the reason of
+    disarming stays until Clear_Errors or the next arming. Possible defects: not `calibrated`, `deaf_to` commands.
     """
 
     LED = CLOSED_LOOP
@@ -46,7 +46,6 @@ class OdriveDrive(MakersDrive):
     deaf_to = frozenset[int]()
 
     def boot(self, now: float) -> None:
-        """What it has saved stays."""
         super().boot(now)
         self.power.braking_m_s2 = self.table.coast_m_s2
         self.watchdog_s = self.table.watchdog_s if math.isnan(self.watchdog_s) else self.watchdog_s
@@ -61,7 +60,6 @@ class OdriveDrive(MakersDrive):
         return ENABLED if self.led else idle, wire.code_of(errors) if errors else NO_FAULT
 
     def listen(self, now: float, slots: int) -> None:
-        """One run of the firmware, which takes a while to boot."""
         self._now = now
         if self.state == UNDEFINED and now - self._began >= BOOT_S:
             self._become(IDLE)
@@ -89,7 +87,7 @@ class OdriveDrive(MakersDrive):
         return self.power.step(dt, float(self.led), sensed)
 
     def _judge(self) -> None:
-        """What is wrong at this moment; it disarms an armed axis."""
+        """Set the present errors; they disarm an armed axis."""
         wrong = (INITIALIZING if self.state == UNDEFINED else 0) | (ESTOP if self._stopped else 0)
         wrong |= (MISSING_ESTIMATE if self.broken else 0) | (INVERTER_OVER_TEMP if self.too_hot else 0)
         if self.led and self.watchdog_on and self._now - self.fed_at > self.watchdog_s:
@@ -100,7 +98,7 @@ class OdriveDrive(MakersDrive):
             self._become(IDLE)
 
     def _take(self, command: int, data: bytes) -> None:
-        """A frame for this node; one that is shorter than its signals is refused."""
+        """Process a frame for this node; a short one is refused."""
         frame = _TAKEN.get(command)
         values = () if frame is None else frame.read(data)
         if values is None:
@@ -122,7 +120,7 @@ class OdriveDrive(MakersDrive):
             self.disarmed_by, self._stopped = 0, False
 
     def _set(self, frame: Command, *values: float) -> None:
-        """Axis state, modes, setpoint, limits and zero; an endpoint is told."""
+        """Set axis state, modes, setpoint, limits or zero; or send an endpoint's value."""
         scale = self.table.turns_per_m
         if frame is wire.RX_SDO:
             self._read(int(values[0]), int(values[1]))
@@ -140,7 +138,7 @@ class OdriveDrive(MakersDrive):
                 self._target_m, self._ahead_m_s = self.zero_m + values[0] / scale, values[1] / wire.VEL_FF_SCALE / scale
 
     def _request(self, wanted: int) -> None:
-        """Set_Axis_State: what cannot be is told as a result."""
+        """Set_Axis_State; a refusal is shown by the result."""
         self.fed_at = self._now
         if wanted == IDLE:
             self._become(IDLE)
@@ -150,7 +148,7 @@ class OdriveDrive(MakersDrive):
             self._begin(wanted)
 
     def _begin(self, wanted: int) -> None:
-        """A state in which the motor has a current."""
+        """Begin a state in which the motor has a current."""
         self.result = wire.DISARMED if self.errors else wire.SUCCESS
         if wanted == CLOSED_LOOP and not self.calibrated:
             self.result = wire.NOT_CALIBRATED
@@ -163,7 +161,7 @@ class OdriveDrive(MakersDrive):
 
     def _read(self, opcode: int, endpoint: int) -> None:
         """RxSdo: only reading is simulated."""
-        held: dict[str, float] = {
+        settings: dict[str, float] = {
             "axis0.controller.config.control_mode": self.modes[0],
             "axis0.controller.config.input_mode": self.modes[1],
             "axis0.controller.config.vel_limit": self.vel_limit,
@@ -174,7 +172,7 @@ class OdriveDrive(MakersDrive):
         known = {
             self.table.enable_watchdog_endpoint or ENABLE_WATCHDOG: ("<?", self.watchdog_on),
             self.table.watchdog_timeout_endpoint or WATCHDOG_TIMEOUT: ("<f", self.watchdog_s),
-            **{number: (wire.READ_BACK[path][0], held[path]) for path, number in self.table.endpoints},
+            **{number: (wire.READ_BACK[path][0], settings[path]) for path, number in self.table.endpoints},
         }
         if opcode == 0 and endpoint in known:
             self._say(wire.TX_SDO, 0, endpoint, 0, more=struct.pack(*known[endpoint]))

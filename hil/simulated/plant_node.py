@@ -1,4 +1,4 @@
-"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, the force sensor."""
+"""The plant as nodes on the bus: the true capsule behind its drive, the localiser, the force sensor."""
 
 import math
 import secrets
@@ -14,13 +14,13 @@ from hil.bus.protection import FrameTransmitter
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames, heartbeat
 from hil.simulated.drive_node import DriveNode
-from hil.simulated.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
-from hil.simulated.faults.table import DRIVE, Fault
+from hil.simulated.faults import DRIVE, Fault
+from hil.simulated.lies import Lie, LyingDrive, LyingLocaliser, zero_of
 from hil.simulated.makers_drive import MakersDrive
 from hil.simulated.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from plant import layout as at
-from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
-from plant.sensing.instruments import Reading
+from plant.drives import Carriage, TrueCoil, TrueVibro
+from plant.sensing import Reading
 from plant.session import Session
 
 SLOT_S: Final = 1e-3  # the drives' firmware runs this often
@@ -29,7 +29,7 @@ _FORCE_STD_N: Final = 1e-3  # noise of the simulated force cell
 
 
 def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:
-    """Wiring and power stage of the session's drive. Raises ValueError for one that no frame describes."""
+    """Frame map and power stage of the session's drive. Raises ValueError for a drive without frames."""
     drive = session.plant.rig.drive
     if isinstance(drive, Carriage):
         return CARRIAGE_MAP, CarriagePower(limits.carriage_speed_m_s, limits.travel_m, output=session.command)
@@ -37,13 +37,11 @@ def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:
         return COIL_MAP, CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
     if isinstance(drive, TrueVibro) and drive.coil is None:
         return INNER_MASS_MAP, InnerMassPower()
-    raise ValueError(
-        "rig.kind on the bus must be magnetic, coil or vibro driven by a level; got a vibro drive with a coil"
-    )
+    raise ValueError("rig.kind on the bus must be magnetic, coil or vibro with a level; got a vibro drive with a coil")
 
 
 def simulated_drive(bus: can.BusABC, table: ActuatorTable, power: Power, limits: Limits, tick_s: float) -> MakersDrive:
-    """The double of the drive that `table` names. Raises ValueError for one that is no carriage."""
+    """The simulated drive that `table` names. Raises ValueError for a rig without a carriage."""
     if not isinstance(power, CarriagePower):
         raise ValueError("rig.kind must be magnetic with a drive of another maker, whose carriage it is")
     module = import_module(f"hil.simulated.{table.where}_drive")
@@ -52,10 +50,10 @@ def simulated_drive(bus: can.BusABC, table: ActuatorTable, power: Power, limits:
 
 
 class PlantNode:
-    """`tick(now)` once a slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on.
+    """`tick(now)` runs once per slot of `SLOT_S`: the drive listens and acts, the sensors send, the plant steps.
 
-    The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
-    where none comes for one and a half cycles the localiser says so (Valid 0).
+    The coil's current loop runs twice per slot. A reading is sent in the first slot after it is available, with its
+    age; without a reading for one and a half cycles the localiser sends Valid 0.
     """
 
     def __init__(
@@ -70,25 +68,25 @@ class PlantNode:
         drive: MakersDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
-        """`drive`: a maker's; `draw`: of challenges. Raises ValueError for a rig that is not on the bus."""
+        """`drive`: one of another maker; `draw`: of challenges. Raises ValueError for a rig that is not on the bus."""
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
-        wiring, power = power_of(session, limits)
+        frame_map, power = power_of(session, limits)
         self.session = session
         self._localisers: dict[int, LyingLocaliser] = {}
-        self._told: list[tuple[float, float]] = []
+        self._reported: list[tuple[float, float]] = []
         self._lie: LyingDrive | None = None
         self._now = 0.0
-        own = (drive_bus, wiring, power, limits, tick_s, draw)
-        self.drive: DriveNode | MakersDrive = drive or DriveNode(*own)
-        self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
+        ours = (drive_bus, frame_map, power, limits, tick_s, draw)
+        self.drive: DriveNode | MakersDrive = drive or DriveNode(*ours)
+        self._parts = _COIL_PARTS if frame_map is COIL_MAP else 1
         self._localiser = _Localiser(sensor_bus)
         self._force = None if force_seed is None else _ForceSensor(sensor_bus, force_seed)
         self._readings: list[Reading] = []
 
     def tick(self, now: float) -> None:
-        """Go on from `now` by a slot."""
+        """Advance from `now` by a slot."""
         self._now = now
         if isinstance(self.drive.power, CoilPower):
             self.drive.power.output = self._sensed()
@@ -105,12 +103,12 @@ class PlantNode:
             self._readings += [r for r in found if r.channel == "position_m"]
 
     @property
-    def told(self) -> list[tuple[float, float]]:
-        """Time in s and value of every reading that a localiser with a fault has told."""
-        return [*self._told, *(one for localiser in self._localisers.values() for one in localiser.told)]
+    def reported(self) -> list[tuple[float, float]]:
+        """Time in s and value of every reading that a faulty localiser has sent."""
+        return [*self._reported, *(one for localiser in self._localisers.values() for one in localiser.reported)]
 
     def spoil(self, fault: Fault, seed: int = 0) -> None:
-        """From now on a sensor is broken, or localiser, report or drive lies, as `fault` says."""
+        """Begin `fault`: a broken sensor, or a localiser, report or drive that lies."""
         plant, seen = self.session.plant, self.session.instruments.localisation
         if fault.kind == "restless":
             self.drive.power.stray = fault.amount
@@ -120,10 +118,10 @@ class PlantNode:
             shown = Lie(fault, about=zero_of(plant.rig.drive))
             self.drive.misread = lambda value: shown(self._now, value)
         else:
-            self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._place)
+            self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._position)
 
     def mend(self, fault: Fault) -> None:
-        """From now on it is sound again."""
+        """End `fault`."""
         if fault.kind == "restless":
             self.drive.power.stray = 0.0
         elif fault.target == DRIVE and self._lie is not None:
@@ -131,10 +129,10 @@ class PlantNode:
         elif fault.target == "feedback":
             self.drive.misread = None
         elif id(fault) in self._localisers:
-            self._told += self._localisers.pop(id(fault)).told
+            self._reported += self._localisers.pop(id(fault)).reported
 
-    def _place(self) -> float:
-        """Where the carriage or the inner mass truly is, in m."""
+    def _position(self) -> float:
+        """The true position of the carriage or the inner mass in m."""
         return float(self.session.newest[at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X])
 
     def _seen(self, now: float) -> list[Reading]:
@@ -144,7 +142,7 @@ class PlantNode:
         return readings
 
     def _sensed(self) -> float:
-        """What the drive's own sensor shows its power stage."""
+        """The measurement of the drive's own sensor for its power stage."""
         if isinstance(self.drive.power, CoilPower):
             return float(self.session.plant.state[at.S_CURRENT]) if self._lie is None else self._lie.current_A
         if isinstance(self.drive.power, InnerMassPower):
@@ -153,37 +151,37 @@ class PlantNode:
 
 
 class _Sensor:
-    """A sensor on the bus: what it measures, and its heartbeat."""
+    """A sensor on the bus: its measurements and its heartbeat."""
 
     def __init__(self, bus: can.BusABC, name: str, beat: str) -> None:
-        self._mouth = FrameTransmitter(bus, (name, beat))
+        self._transmitter = FrameTransmitter(bus, (name, beat))
         self._name, self._beat, self._cycle_s = name, beat, frames()[name].cycle_s
         self._said_at, self._beat_at = 0.0, -math.inf
 
     def say(self, now: float, good: bool, **values: float) -> None:
-        """What it measures, 0 and not valid where that is not `good`."""
+        """Send its measurement; one that is not `good` is sent as 0 with Valid 0."""
         self._said_at = now
-        told = {name: value if good else 0.0 for name, value in values.items()}
-        self._mouth.say(self._name, told | {"Valid": float(good)})
+        signals = {name: value if good else 0.0 for name, value in values.items()}
+        self._transmitter.say(self._name, signals | {"Valid": float(good)})
 
     def beat(self, now: float) -> None:
-        """The heartbeat, where it is due."""
+        """Send the heartbeat if it is due."""
         if now - self._beat_at >= 0.02 - 0.5 * SLOT_S:
             self._beat_at = now
-            self._mouth.say(self._beat, heartbeat(2, now))
+            self._transmitter.say(self._beat, heartbeat(2, now))
 
 
 class _Localiser(_Sensor):
-    """Tells where the capsule is, each reading once; says so where there is none."""
+    """Sends the capsule's position, each reading once, or Valid 0 without a reading."""
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus, "CapsuleLocalisation", "LocaliserHeartbeat")
 
     def speak(self, now: float, readings: list[Reading]) -> None:
-        told = [(reading.value, now - reading.stamp_s) for reading in readings]
-        if not told and now - self._said_at >= 1.5 * self._cycle_s:
-            told = [(math.nan, 0.0)]
-        for value, age in told:
+        due = [(reading.value, now - reading.stamp_s) for reading in readings]
+        if not due and now - self._said_at >= 1.5 * self._cycle_s:
+            due = [(math.nan, 0.0)]
+        for value, age in due:
             good = abs(value) <= 1.1 and 0 <= age <= 0.4
             self.say(now, good, Position_m=value, Quality=1.0, Age_s=age)
         self.beat(now)

@@ -1,4 +1,4 @@
-"""The power stage of each kind of drive: how it follows its setpoint and how it gets to its safe state."""
+"""The power stage of each kind of drive: how it follows its setpoint and reaches its safe state."""
 
 import math
 from abc import ABC, abstractmethod
@@ -9,9 +9,8 @@ from hil.nodes.frame_map import QUICK_STOP_M_S2
 
 @dataclass(kw_only=True)
 class Power(ABC):
-    """Turns a setpoint into what the plant gets. `output` is what the drive measures of itself, in the command's
-    unit. `stray` is what a broken one does by itself while it is not enabled, though it takes itself to rest: a
-    carriage's speed, a coil's current, a level.
+    """Turns a setpoint into the plant's command. `output` is the drive's own measurement in the command's unit. `stray`
+    is the unwanted motion of a broken drive that is disabled: a carriage's speed, a coil's current, a level.
     """
 
     output: float = 0.0
@@ -20,11 +19,11 @@ class Power(ABC):
 
     @abstractmethod
     def aim(self, setpoint: float, over_s: float) -> None:
-        """Take over a new setpoint, to be reached `over_s` from now."""
+        """Set a new setpoint, to be reached in `over_s`."""
 
     @abstractmethod
     def step(self, dt: float, share: float, sensed: float) -> float:
-        """The plant's command for the next `dt` s by `share` of the limits, 0: to the safe state."""
+        """The plant's command for the next `dt` s within a `share` of the limits; 0: towards the safe state."""
 
     @property
     @abstractmethod
@@ -34,9 +33,9 @@ class Power(ABC):
 
 @dataclass
 class CarriagePower(Power):
-    """A linear axis: in a straight line to each setpoint within speed and travel. Safe state: at rest where it is,
-    reached by braking at `braking_m_s2`; it is not drawn back, for the magnet's pull on a resting capsule is bounded
-    and a carriage that moves by itself is not.
+    """A linear axis, which goes straight to each setpoint within speed and travel. Safe state: at rest, reached by
+    braking at `braking_m_s2`. It is not withdrawn: the magnet's pull on a resting capsule is bounded, the effect of a
+    carriage that moves by itself is not.
     """
 
     speed_m_s: float
@@ -72,9 +71,9 @@ class CarriagePower(Power):
 
 @dataclass
 class CoilPower(Power):
-    """A current source: `U = R (i* + s) + K (i* - i)` within the supply, K bringing a coil of the rated R and L to i*
-    in one step and s summing what the steps missed. Safe state: no current, driven to zero and then short-circuited; a
-    coil without current leaves the capsule to the wall's friction, which holds it.
+    """A current source: `U = R (i* + s) + K (i* - i)` within the supply, where K brings a coil of the rated R and L to
+    i* in one step and s is the sum of the remaining errors. Safe state: current driven to zero, then short-circuited;
+    the capsule is then kept in place by the wall's friction.
     """
 
     current_A: float
@@ -95,7 +94,7 @@ class CoilPower(Power):
 
     @property
     def setpoint(self) -> float:
-        """The current in A that is wanted at this moment, on the way from the last setpoint to the newest."""
+        """The present setpoint in A, between the last and the newest one."""
         done = 1 - self._left_s / self._over_s if self._over_s > 0 else 1.0
         return self._begin + done * (self._target - self._begin)
 

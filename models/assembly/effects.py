@@ -1,4 +1,4 @@
-"""The chosen effects of an assembled model, asked together: each one's parameters and states under its own names."""
+"""The chosen effects of an assembled model together, each with its own parameters and states."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Active:
-    """The chosen effects with the model's parameters `p` and their hidden states `z`, asked together."""
+    """The chosen effects with the model's parameters `p` and their hidden states `z`."""
 
     effects: tuple[type[Effect], ...]
     p: Theta
@@ -24,43 +24,41 @@ class Active:
 
     @classmethod
     def of(cls, effects: Iterable[type[Effect]], p: Mapping[Name, Any], states: Mapping[Name, Any]) -> Active:
-        """The `effects` with theirs among the `states` of a model."""
+        """The `effects` with their own of the `states` of a model."""
         chosen = tuple(effects)
         return cls(chosen, Theta.of(p), Theta(effects=Theta.of(states).only([e.id for e in chosen]).effects))
 
     def _each(self) -> Iterator[tuple[Effect, dict[str, Any], dict[str, Any]]]:
-        """Every effect with its own parameters and states, and those of the one that it refines."""
+        """Each effect with its parameters and states, and those of the effect that it refines."""
         for e in self.effects:
             yield e(), _own(e, self.p), _own(e, self.z)
 
     def product(self, hook: str, s: Signals) -> Any:
-        """Product of the factors that the effects give under `hook`."""
         return reduce(mul, (getattr(e, hook)(s, p, z) for e, p, z in self._each()), 1.0)
 
     def total(self, hook: str, s: Signals) -> Any:
-        """Sum of what the effects add under `hook`."""
         return sum((getattr(e, hook)(s, p, z) for e, p, z in self._each()), 0.0)
 
     def command(self, s: Signals) -> Any:
-        """The command after one effect after the other."""
+        """The command through all effects, one after the other."""
         for e, p, z in self._each():
             s = replace(s, command=e.command(s, p, z))
         return s.command
 
     def measured(self, s: Signals, y: Any) -> Any:
-        """What the sensor shows of `y`, one effect after the other."""
+        """The reading of `y` through all effects, one after the other."""
         for e, p, z in self._each():
             y = e.measured(s, p, z, y)
         return y
 
     def recovery(self, s: Signals, speed: Any, onset: Any) -> Any:
-        """Speed at which a slipping wall draws back, one effect after the other."""
+        """Speed at which a slipping wall draws back, through all effects, one after the other."""
         for e, p, z in self._each():
             speed = e.recovery(s, p, z, speed, onset)
         return speed
 
     def levels(self, s: Signals) -> Shares:
-        """The factors on F_e and on the two parts of the slip limit, the weight's and what the wall presses."""
+        """Factors on F_e and on the two parts of the slip limit, by the weight and by the wall's pressure."""
         level = self.product("level", s)
         factors = (level, level, level)
         for e, p, _ in self._each():
@@ -72,7 +70,7 @@ class Active:
         return next((link for e, p, _ in self._each() if (link := e.link(p)) is not None), None)
 
     def advance(self, s: Signals, h: Any) -> Active:
-        """The effects, hidden states a step `h` later, each under the command that the one before lets through."""
+        """The effects with hidden states a step `h` later, each under the command that the one before passes on."""
         after = self.z
         for e, p, _ in self._each():
             z = _own(type(e), after)
@@ -85,17 +83,14 @@ class Active:
 
     def suspension(self, stretch: Any, rate: Any) -> Any:
         """Force in N beside the inner mass's spring."""
-        return sum((e.suspension(stretch, rate, p) for e, p in self._of_inner_mass()), 0.0)
+        return sum((e.suspension(stretch, rate, p) for e, p, _ in self._each() if isinstance(e, InnerMassEffect)), 0.0)
 
     def reach(self, stretch: Any) -> Any:
         """Factor on the force of the inner mass's coil."""
-        return reduce(mul, (e.reach(stretch, p) for e, p in self._of_inner_mass()), 1.0)
-
-    def _of_inner_mass(self) -> Iterator[tuple[InnerMassEffect, dict[str, Any]]]:
-        return ((e, p) for e, p, _ in self._each() if isinstance(e, InnerMassEffect))
+        return reduce(mul, (e.reach(stretch, p) for e, p, _ in self._each() if isinstance(e, InnerMassEffect)), 1.0)
 
     def follow(self, s: Signals, y: Any, h: Any) -> Theta:
-        """The hidden states after the sensor saw `y` for a step `h`, each behind what the one before makes of it."""
+        """The hidden states after the sensor measured `y` for a step `h`, through one effect after the other."""
         after = self.z
         for e, p, _ in self._each():
             after = after.with_(e.id, e.follow(s, p, _own(type(e), after), y, h))

@@ -20,12 +20,11 @@ BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "
 
 @dataclass(frozen=True)
 class Assembly:
-    """A model ready to run: `step(state, c0, c1, t, h, parameters) -> (state, output)` with named states and
-    parameters.
+    """A model ready to run, SI: `step(state, c0, c1, t, h, parameters) -> (state, output)` with named states and
+    parameters, the commands `c0`, `c1` at the step's ends and the output at its end.
 
     `correct(state, error, gain)` shifts the hidden wall (and the capsule) towards a measurement: a fixed-gain observer
-    that keeps slip events in step with measured ones. `c0`, `c1` are the command at the step's
-    ends; the output belongs to the step's end. All entries SI.
+    that keeps slip events in step with measured ones.
     """
 
     effects: tuple[type[Effect], ...]
@@ -45,19 +44,19 @@ class Assembly:
 
 
 def followed_by(effects: Sequence[type[Effect]], state: Name) -> str:
-    """What a `state` of a model with `effects` is at after a long rest: "command", "position", or "" for 0."""
-    return (
-        "" if isinstance(state, str) else next((e.follows.get(state[1], "") for e in effects if e.id == state[0]), "")
-    )
+    """Where a `state` of a model with `effects` is after a long rest: "command", "position", or "" for 0."""
+    if isinstance(state, str):
+        return ""
+    return next((e.follows.get(state[1], "") for e in effects if e.id == state[0]), "")
 
 
 def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
-    """The effects' parameters, each with the effect that it belongs to."""
+    """The effects' parameters, each with its effect."""
     return tuple(replace(p, effect=e.id) for e in effects for p in e.parameters())
 
 
 def model_states(base: Sequence[str], drive: Drive, effects: Sequence[type[Effect]]) -> tuple[Name, ...]:
-    """What the states of a model are found by: the `base`, the drive's, the effects'."""
+    """Names of the states of a model: the `base`, the drive's, the effects'."""
     own = ((drive.name, drive.states), *((e.id, e.states) for e in effects))
     return (*base, *((owner, name) for owner, states in own for name in states))
 

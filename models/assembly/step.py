@@ -14,19 +14,17 @@ from models.surfaces.gut import Drag, drag_rate, settle, step_drag
 from models.surfaces.surface import Surface
 
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
-_REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which creeps as it likes
+_REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which may creep
 _STEFFENSEN = 3  # iterations for the stretch of a stiffened wall
 _STRAIGHT = 1e-13  # m or m/s, below it a sequence has settled
-_MOST_TURN = (
-    0.5  # where friction falls so steeply with speed that a step's speed runs away, it is followed half of the way
-)
+_MOST_TURN = 0.5  # share of friction's slope that is followed where a step's speed would run away
 _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the drag
 
 
 @dataclass(frozen=True)
 class Grip:
-    """What the surface does to the body at this moment: Coulomb part `friction` in N at the effects' `level`, slip
-    limit `onset` in N, draw-back speed `recovery` in m/s: the first two alone where no wall is dragged.
+    """What the surface does to the body: Coulomb part `friction` in N at the effects' `level`; of a dragged wall also
+    the slip limit `onset` in N and the draw-back speed `recovery` in m/s.
     """
 
     friction: Any
@@ -45,11 +43,6 @@ class Stepper:
     link: Link | None = None
     smoothing: float = 0.0
 
-    @property
-    def mass_kg(self) -> float:
-        """Mass of the body."""
-        return self.surface.body_kg
-
     def tension(self, u: Any) -> Any:
         """The wall's quasi-static tension in N, 0 where there is no wall."""
         if self.smoothing == 0 or not self.surface.dragged:
@@ -65,7 +58,7 @@ class Stepper:
         return self.surface.mucus(size) * w / size
 
     def grip(self, s: Signals) -> Grip:
-        """Friction and slip limit at `s`, with what effects make of them."""
+        """Friction and slip limit at `s`, with effects."""
         levels = self.active.levels(s)
         pressing = self.drive.pressing(s.x, s.command, self.active.p.base) + self.active.total("normal_load", s)
         friction, onset = self.surface.hold(np.abs(s.v), self.active.p.base, self.drive.carried_kg, levels, pressing)
@@ -76,7 +69,7 @@ class Stepper:
         return Grip(friction, levels[0], onset, recovery)
 
     def slipping_drag(self, onset: Any, s: Signals) -> Any:
-        """`u_c` in m with `T(u_c)`, as stiff as effects make it there, equal to `onset` in N; Steffensen's steps."""
+        """`u_c` in m with `T(u_c)`, times the effects' stiffening there, equal to `onset` in N; Steffensen's steps."""
         wall = self.surface
         u = wall.drag_at(onset)
         if not any(effect.answers("stiffening") for effect in self.active.effects):
@@ -90,17 +83,15 @@ class Stepper:
         return u
 
     def stiffening(self, s: Signals, u: Any) -> Any:
-        """Factor that effects put on the tension of a wall dragged by `u` in m."""
+        """Factor of the effects on the tension of a wall dragged by `u` in m."""
         return self.active.product("stiffening", replace(s, drag=u))
 
-    def held(self, s: Signals, drag: Drag, tension: Any) -> tuple[Any, Any]:
-        """Tension with what effects add, and mucus drag, both in N against the body's motion."""
+    def wall_forces(self, s: Signals, drag: Drag, tension: Any) -> tuple[Any, Any]:
+        """Tension with the effects' forces, and mucus drag, both in N against the body's motion."""
         if not self.surface.dragged:
             return 0.0, 0.0
-        extra = self.active.total("wall_force", s)
-        return tension * self.stiffening(s, drag.u) + extra, self.mucus(
-            np.where(drag.slip == 0, 0.0, s.v - s.drag_rate)
-        )
+        extra, film_speed = self.active.total("wall_force", s), np.where(drag.slip == 0, 0.0, s.v - s.drag_rate)
+        return tension * self.stiffening(s, drag.u) + extra, self.mucus(film_speed)
 
     def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
         """The wall a step later."""
@@ -109,7 +100,7 @@ class Stepper:
         return step_drag(drag, v, h, grip.onset, lambda u: self.tension(u) * self.stiffening(s, u), grip.recovery)
 
     def push(self, now: dict[Name, Any], s: Signals, middle: Any, h: Any) -> Push:
-        """What the drive does to a free body; `middle` is the command at mid-step."""
+        """The drive's push on a free body; `middle` is the command at mid-step."""
         if self.drive.imposed:
             return Push(0.0)
         own = {name: now[self.drive.name, name] for name in self.drive.states}
@@ -135,12 +126,13 @@ class Stepper:
         middle = command - 0.5 * h * rate
         push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), middle, h)
         rest = _REST_IMPOSED if imposed else _REST
-        s = replace(
-            s, v=v_now, command=middle, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), self._faced(now, push))
-        )
+        facing = now["direction"]  # of a resting body's friction: the last motion's in a wall, else the push's
+        if not self.surface.dragged:
+            facing = np.where(push.force == 0, facing, np.sign(push.force))
+        s = replace(s, v=v_now, command=middle, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), facing))
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
-        T, F_v = self.held(s, drag, T_quiet)
+        T, F_v = self.wall_forces(s, drag, T_quiet)
         outside = self.active.total("force", s)
         if imposed:
             x_next, v_next, own = command, v_now, dict[Name, Any]()
@@ -153,7 +145,7 @@ class Stepper:
         s = replace(s, t=t + h, drag_rate=drag_rate(dragged, v_next, grip.recovery))
         output = x_next
         if imposed:
-            T, F_v = self.held(replace(s, v=v_next), dragged, self.tension(dragged.u))
+            T, F_v = self.wall_forces(replace(s, v=v_next), dragged, self.tension(dragged.u))
             output = grip.friction * s.direction + F_v + T - outside
         elif self.link is not None:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
@@ -161,17 +153,11 @@ class Stepper:
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
 
-    def _faced(self, now: dict[Name, Any], push: Push) -> Any:
-        """Direction that a resting body's friction faces: in a wall the last motion's, else the drive's push."""
-        if not self.surface.dragged:
-            return np.where(push.force == 0, now["direction"], np.sign(push.force))
-        return now["direction"]
-
     def _slowed(
         self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
-        """`_speed` under the `grip`; where its level goes by the speed, under the level that belongs to the step's own
-        mean speed, by a secant: friction's slope over the speed times h/m is no small number.
+        """`_speed` under the `grip`; where its level depends on the speed, under the level at the step's own mean
+        speed, by a secant: the slope of friction over speed times h/m is not small.
         """
 
         def at(friction: Any) -> tuple[Any, Any]:
@@ -191,16 +177,16 @@ class Stepper:
         self, now: dict[Name, Any], push: Push, others: Any, friction: Any, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
         """Speed of a free body at the step's end and its mean over the step, friction solved within the step."""
-        m = self.mass_kg + push.inertia
+        m = self.surface.body_kg + push.inertia
         v = now["v"]
         free, stop = v + h / m * (push.force + others), friction * h / m
         if self.link is not None:  # solved implicitly about the stretch that the speed before would give
             command, rate = pulled
             stretch = command - now["x"] - h * v
             stiffness, damping = self.link.stiffness(stretch), self.link.damping
-            held = m + h * h * stiffness + h * damping
-            free = (m * free + h * (self.link.force(stretch) + h * stiffness * v + damping * rate)) / held
-            stop = stop * m / held
+            mass = m + h * h * stiffness + h * damping
+            free = (m * free + h * (self.link.force(stretch) + h * stiffness * v + damping * rate)) / mass
+            stop = stop * m / mass
         if self.drive.turning and self.smoothing == 0:
             return turned(v, free, stop)
         v_next = settle(free, stop, self.smoothing)
@@ -208,11 +194,11 @@ class Stepper:
 
 
 def turned(v: Any, free: Any, stop: Any) -> tuple[Any, Any]:
-    """Speed after a step and mean speed over it, in m/s, under constant forces and set-valued friction, with the stop
-    inside it.
+    """Speed after a step and mean speed over it, in m/s, under constant forces and set-valued friction, with a stop
+    inside the step.
 
-    `v` before the step, `free` after it without friction, `stop` = F h/m. A body that would come to rest does so after
-    the share `|v|/(stop - (free - v) sgn(v))` of the step and spends the rest of it at rest or sliding the other way.
+    `v` before the step, `free` after it without friction, `stop` = F h/m. A body that comes to rest does so after the
+    share `|v|/(stop - (free - v) sgn(v))` of the step; then it rests or slides in the other direction.
     """
     along = np.sign(v) * (free - v)
     brake = stop - along

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from models.checks.estimators import Array
 from models.checks.finding import Findings
@@ -132,7 +132,9 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
     constant = min((left(lag, 0.0), float(lag)) for lag in fine)
     ends = np.linspace(-SET.lag_most_drifted_s, SET.lag_most_drifted_s, 41)
     _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
-    found = minimize(lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120})
+    found = scipy.optimize.minimize(
+        lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120}
+    )
     middle, drifted = (float(value) for value in found.x)
     gain = 1 - float(found.fun) / max(constant[0], 1e-300)
     most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)

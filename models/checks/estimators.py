@@ -1,9 +1,8 @@
 """Estimates of a column that several checks use: noise, grid, running mean, runs of rows."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
-from scipy.special import gammaincinv
 
 from models.checks.settings import SET
 
@@ -34,11 +33,11 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
     window = min(SET.spectrum_window, len(x) // 8)
     if window < 16:
         return white_noise(x), True
-    _, power = welch(x, nperseg=window, detrend="linear")
+    _, power = scipy.signal.welch(x, nperseg=window, detrend="linear")
     quietest, quiet = np.quantile(power[2:-1], [SET.spectrum_quietest, SET.spectrum_quiet])
     degrees = _OVERLAPPED * 2 * (2 * len(x) / window - 1)
     # of white noise's mean, its quietest tenth by chi square
-    chance = 2 * gammaincinv(degrees / 2, SET.spectrum_quietest) / degrees
+    chance = 2 * scipy.special.gammaincinv(degrees / 2, SET.spectrum_quietest) / degrees
     return float(np.sqrt(0.5 * quietest / chance)), bool(quiet < SET.spectrum_flat * quietest)
 
 

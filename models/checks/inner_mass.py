@@ -5,8 +5,7 @@ reduces the swings of the body but keeps their shape.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
+import scipy
 
 from models.checks.clocks import drift_line
 from models.checks.estimators import Array
@@ -76,7 +75,9 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
     most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
     grid = np.arange(-most, most + SET.swing_step_s / 2, SET.swing_step_s)
     near = float(grid[np.argmin([apart(float(drifted)) for drifted in grid])])
-    found = minimize_scalar(apart, bounds=(near - SET.swing_step_s, near + SET.swing_step_s), method="bounded")
+    found = scipy.optimize.minimize_scalar(
+        apart, bounds=(near - SET.swing_step_s, near + SET.swing_step_s), method="bounded"
+    )
     follows = 1 - float(found.fun)
     clear = follows >= SET.swing_follows and follows > best + SET.ahead and abs(found.x) > SET.swing_drifted_s
     return float(found.x) / length if clear else 0.0
@@ -98,8 +99,10 @@ def _swings(view: View) -> tuple[Array, Array] | None:
     grid = np.arange(view.t[0], view.t[-1], step)
     driven, y = (np.interp(grid, view.t, values) for values in (force, view.y))
     x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
-    band = butter(2, (SET.band_hz[0], min(SET.band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
-    a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
+    band = scipy.signal.butter(
+        2, (SET.band_hz[0], min(SET.band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos"
+    )
+    a, b = scipy.signal.sosfiltfilt(band, x), scipy.signal.sosfiltfilt(band, y)
     return (a, b) if np.ptp(a) and np.ptp(b) else None
 
 
@@ -126,13 +129,13 @@ def _in_the_air(view: View, force: Array, t: Array) -> Array:
     m, k = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
     c = max(drive.spring_damping_N_s_per_m, SET.swing_damped * 2 * float(np.sqrt(k * m)))
     a = float(drive.reaction_on_body)
-    system = StateSpace(
+    system = scipy.signal.StateSpace(
         [[0, 1, 0, 0], [-k / m - k / body, -c / m - c / body, 0, 0], [k / body, c / body, 0, 0], [0, 0, 1, 0]],
         [[0], [1 / m + a / body], [-a / body], [0]],
         [[0, 0, 0, 1]],
         [[0]],
     )
-    _, position, _ = lsim(system, force, t)
+    _, position, _ = scipy.signal.lsim(system, force, t)
     return np.asarray(position)
 
 
@@ -143,7 +146,7 @@ def _answer(x: Array, y: Array, dt: float) -> Answer:
     sums, squares = (np.cumsum(np.concatenate([[0.0], one])) for one in (y, y**2))
     mean, power = ((one[among:] - one[:-among]) / among for one in (sums, squares))
     deviation = np.sqrt(np.maximum(power - mean**2, 1e-300))
-    rows = correlate(y, inner, "valid", "fft") / (deviation * max(float(np.std(inner)), 1e-300) * among)
+    rows = scipy.signal.correlate(y, inner, "valid", "fft") / (deviation * max(float(np.std(inner)), 1e-300) * among)
     lags, (low, high) = dt * np.arange(-most, most + 1, dtype=np.float64), SET.swing_beside_s
     beside = rows[(lags >= min(low, -1.01 * dt)) & (lags <= high)]
     near, best = float(beside[np.argmax(np.abs(beside))]), int(np.argmax(rows))

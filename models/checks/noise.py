@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
+import scipy
 from annotated_types import Ge
-from scipy.signal import periodogram
 
 from models.checks.estimators import Array, estimated_noise, grid_step
 from models.checks.finding import Findings
@@ -147,7 +147,7 @@ def _throughout(view: View) -> list[tuple[float, float]]:
     if n < 128 or view.kind.vibrates:
         return []
     pieces = np.diff(view.y[: n * SET.tone_parts].reshape(SET.tone_parts, n), axis=1)
-    frequency, power = periodogram(pieces, 1 / view.dt, window="hann", axis=1)
+    frequency, power = scipy.signal.periodogram(pieces, 1 / view.dt, window="hann", axis=1)
     width, step = max(5, n // 40), frequency[1] - frequency[0]
     level = np.array([np.median(power[:, max(0, k - width) : k + width + 1], axis=1) for k in range(power.shape[1])]).T
     ratio = np.min(power / np.maximum(level, 1e-300), axis=0)

@@ -177,8 +177,8 @@ class View:
         beside: str = "",
         **values: Any,
     ) -> RecordFinding:
-        """A finding about a `column` of this record (default: the measured one) in these `rows`, `beside` another one.
-        texts are the table `case` of `sentences.toml`, filled with `values`; its id is the first name of `case`.
+        """A finding about a `column` of this record (default: the measured one) in these `rows`, `beside` another.
+        Its texts are the table `case` of `sentences.toml`, filled with `values`; its id is the first name of `case`.
         """
         names = {"column": column or self.measured, "measured": self.measured, "driven": self.driven}
         texts = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
@@ -197,11 +197,11 @@ class View:
         return f"[columns] {target} = {inline_table(self.rig.columns.entry(target).table() | changed)}"
 
     def unit_line(self, target: str) -> str:
-        """The line of `[columns]` that is to state the unit of what `target` is read from."""
+        """The line of `[columns]` that is to state the unit of the column that `target` is read from."""
         return self.columns_line(target, unit="...")
 
     def turned_line(self, target: str) -> str:
-        """The line of `[columns]` that turns the sign of `target` round."""
+        """The line of `[columns]` that changes the sign of `target`."""
         return self.columns_line(target, sign=-self.rig.columns.entry(target).sign)
 
     def at(self, rows: Rows, most: int = 3) -> str:

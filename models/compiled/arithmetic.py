@@ -1,11 +1,9 @@
-"""Machine arithmetic written out: what an operation of CasADi's becomes in compiled code, its elementary functions
-included.
+"""CasADi's operations in machine arithmetic, with elementary functions.
 
 Exponential, logarithm, power, sine and cosine after fdlibm (Sun Microsystems 1993): argument reduction, then a
 polynomial; within 2 units in the last place over the ranges stated, hyperbolic functions made of them within 4. A call
-into the C library would keep a loop over parameter sets from being vectorised, which costs a factor of four. A product
-and a sum may become one operation with one rounding, where the processor has it; a division by a constant, or by what
-stays the same throughout a loop, may become a product with its reciprocal, for divisions are the slowest of all.
+into the C library would keep a loop over parameter sets from being vectorised, which costs a factor of four. The
+compiler may contract a product and a sum to one operation with one rounding, and multiply by a reciprocal.
 """
 
 from __future__ import annotations
@@ -56,53 +54,37 @@ _LONGEST_PRODUCT = 16  # largest power that is written as a product
 _INT, _REAL = ir.IntType(64), ir.DoubleType()
 
 
+def _raw(x: Number | float) -> Any:
+    return x.value if isinstance(x, Number) else ir.Constant(_REAL, x)
+
+
+def _written(instruction: str, swapped: bool = False) -> Callable[[Number, Number | float], Number]:
+    def operator(one: Number, other: Number | float) -> Number:
+        first, second = (_raw(other), one.value) if swapped else (one.value, _raw(other))
+        return Number(one.builder, getattr(one.builder, instruction)(first, second, flags=("contract", "arcp")))
+
+    return operator
+
+
 class Number:
     """A double in the code being written: Python's operators write machine operations."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self.builder, self.value = builder, value
 
-    def _raw(self, x: Number | float) -> Any:
-        return x.value if isinstance(x, Number) else ir.Constant(_REAL, x)
-
-    def _two(self, write: str, a: Number | float, b: Number | float) -> Number:
-        return Number(
-            self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b), flags=("contract", "arcp"))
-        )
-
-    def __add__(self, other: Number | float) -> Number:
-        return self._two("fadd", self, other)
-
-    def __sub__(self, other: Number | float) -> Number:
-        return self._two("fsub", self, other)
-
-    def __mul__(self, other: Number | float) -> Number:
-        return self._two("fmul", self, other)
-
-    def __truediv__(self, other: Number | float) -> Number:
-        return self._two("fdiv", self, other)
-
-    def __rsub__(self, other: float) -> Number:
-        return self._two("fsub", other, self)
-
-    def __rtruediv__(self, other: float) -> Number:
-        return self._two("fdiv", other, self)
+    __add__ = __radd__ = _written("fadd")
+    __mul__ = __rmul__ = _written("fmul")
+    __sub__, __rsub__ = _written("fsub"), _written("fsub", swapped=True)
+    __truediv__, __rtruediv__ = _written("fdiv"), _written("fdiv", swapped=True)
 
     def __neg__(self) -> Number:
         return Number(self.builder, self.builder.fneg(self.value))
 
-    __radd__, __rmul__ = __add__, __mul__
-
-    def holds(self, relation: str, other: Number | float) -> Any:
-        """Whether this number stands in `relation` to `other`, one bit; nothing but `!=` holds for NaN."""
-        write = self.builder.fcmp_unordered if relation == "!=" else self.builder.fcmp_ordered
-        return write(relation, self.value, self._raw(other))
-
     def when(self, relation: str, other: Number | float, then: Number | float, otherwise: Number | float) -> Number:
-        """`then` where this number stands in `relation` to `other`, else `otherwise`."""
-        return Number(
-            self.builder, self.builder.select(self.holds(relation, other), self._raw(then), self._raw(otherwise))
-        )
+        """`then` where this number stands in `relation` to `other`, else `otherwise`; only `!=` is true of NaN."""
+        compare = self.builder.fcmp_unordered if relation == "!=" else self.builder.fcmp_ordered
+        holds = compare(relation, self.value, _raw(other))
+        return Number(self.builder, self.builder.select(holds, _raw(then), _raw(otherwise)))
 
     @property
     def bits(self) -> Any:
@@ -158,24 +140,11 @@ def _cosh(x: Number) -> Number:
     return 0.5 * (e + 1.0 / e)
 
 
-def _tanh(x: Number) -> Number:
-    """tanh x."""
-    return _sinh(x) / _cosh(x)
-
-
-def _expm1(x: Number) -> Number:
-    """e^x - 1; above 709 as at 709."""
-    half = 0.5 * x
-    return 2.0 * _sinh(half) * _exp(half)
-
-
 def _log(x: Number) -> Number:
     """ln x of a normal number; -inf at 0, NaN below it."""
     b = x.builder
-    from_root = b.sub(
-        x.bits, ir.Constant(_INT, 0x3FE6A09E667F3BCD)
-    )  # so that the fraction lies between sqrt(1/2) and sqrt(2)
-    shift = b.ashr(from_root, ir.Constant(_INT, 52))
+    # the fraction lies between sqrt(1/2) and sqrt(2)
+    shift = b.ashr(b.sub(x.bits, ir.Constant(_INT, 0x3FE6A09E667F3BCD)), ir.Constant(_INT, 52))
     f = x.made_of(b.sub(x.bits, b.shl(shift, ir.Constant(_INT, 52)))) - 1.0
     k = x.made_of(b.add(shift, ir.Constant(_INT, 0x4338000000000000))) - _ROUND
     s = f / (2.0 + f)
@@ -257,10 +226,10 @@ OPERATIONS: dict[str, Callable[..., Number]] = {
     "sign": lambda x: x.when(">", 0.0, 1.0, x.when("<", 0.0, -1.0, 0.0)),
     "not": lambda x: x.when("==", 0.0, 1.0, 0.0),
     "exp": _exp,
-    "expm1": _expm1,
+    "expm1": lambda x: 2.0 * _sinh(0.5 * x) * _exp(0.5 * x),
     "sinh": _sinh,
     "cosh": _cosh,
-    "tanh": _tanh,
+    "tanh": lambda x: _sinh(x) / _cosh(x),
     "log": _log,
     "log1p": _log1p,
     "sin": lambda x: _turned(x, 0),

@@ -70,55 +70,35 @@ def _run(
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled loop over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs
-    `LANES` parameter sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and
-    `outputs` (samples, LANES); `one` runs a single one, with the same numbers, on plain vectors.
+    """`step(state, c0, c1, t, h, parameters) -> (state, output)` and `correct(state, error, gain)` as a compiled loop
+    over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs `LANES` parameter
+    sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs` (samples,
+    LANES); `one` runs a single set, with the same numbers, on plain vectors.
+
+    The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
+    overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen. `correct` then
+    moves the state by `gain` times the prediction's error less its slow part (a mean over about `slow_s`): an observer
+    that keeps slip events in step without hiding slow errors of the model. It runs free where `measured` is NaN, and
+    throughout at a gain of 0. Compiled when first run and kept on disk. Running raises ValueError for operations that
+    are not scalar.
     """
 
     step: ca.Function
     correct: ca.Function
-    slow_s: float
+    slow_s: float = SLOW_S
 
     @cached_property
     def many(self) -> Loop:
-        """The loop of `LANES` parameter sets, compiled when first asked for."""
         return self._compiled(LANES)
 
-    def one(
-        self,
-        state: Array,
-        commands: Array,
-        measured: Array,
-        gain: float,
-        parameters: Array,
-        substeps: int,
-        dt: float,
-        output: Array,
-    ) -> None:
-        """One parameter set; see `lower`."""
-        self._single(
+    @cached_property
+    def one(self) -> Loop:
+        run = self._compiled(1)
+        return lambda state, commands, measured, gain, parameters, substeps, dt, output: run(
             state[:, None], commands, measured[:, None], gain, parameters[:, None], substeps, dt, output[:, None]
         )
-
-    @cached_property
-    def _single(self) -> Loop:
-        return self._compiled(1)
 
     def _compiled(self, lanes: int) -> Loop:
         n, m = self.step.numel_in(0), self.step.numel_in(5)
         codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + 1}, (0,)))
         return partial(_run, addresses(codes, lanes), self.slow_s)
-
-
-def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Kernel:
-    """Compile `step(state, c0, c1, t, h, parameters) -> (state, output)` into a loop over samples, with `correct(state,
-    error, gain)`.
-
-    The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
-    overwrites `state` with the last one and fills `output`, one value a sample, predicted before the sample is seen.
-    `correct` then moves the state by `gain` times the prediction's error less its slow part (a mean over about
-    `slow_s`): an observer that keeps slip events in step and leaves alone what a model lacks slowly, and that runs free
-    where `measured` is NaN; a gain of 0 runs free throughout and never looks at `measured`. Compiled when first run
-    and kept on disk. Running raises ValueError for operations that are not scalar.
-    """
-    return Kernel(step, correct, slow_s)

@@ -1,4 +1,4 @@
-"""CasADi functions as machine code that works in one array, kept on disk."""
+"""CasADi functions as machine code on one array, kept on disk."""
 
 import hashlib
 import marshal
@@ -32,8 +32,8 @@ _LOADED: dict[str, Any] = {}
 
 @dataclass(frozen=True)
 class Code:
-    """A function of scalar operations and where its numbers stand: argument `k` begins at entry `inputs[k]` of `work`,
-    output `k` at `outputs[k]`; arguments that `inputs` does not name are scalars, in their order in `shared`.
+    """A function of scalar operations: argument `k` begins at entry `inputs[k]` of `work`, output `k` at `outputs[k]`;
+    other arguments are scalars, in their order in `shared`.
     """
 
     function: ca.Function
@@ -43,10 +43,8 @@ class Code:
 
 def _call(typing: Any, address: Any, work: Any, shared: Any) -> Any:
     def write(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = [
-            context.make_array(kind)(context, builder, value).data
-            for kind, value in zip(signature.args[1:], args[1:], strict=True)
-        ]
+        arrays = zip(signature.args[1:], args[1:], strict=True)
+        data = [context.make_array(kind)(context, builder, value).data for kind, value in arrays]
         builder.call(builder.inttoptr(args[0], _KIND.as_pointer()), data)
         return context.get_dummy_value()
 
@@ -58,9 +56,8 @@ call: Any = intrinsic(_call)
 
 
 def addresses(codes: Sequence[Code], lanes: int = 1) -> tuple[int, ...]:
-    """Where the machine code of each of `codes` begins: `(work, shared)`, for `lanes` sets of numbers side by side, of
-    which entry `k` of set `lane` is `work[k lanes + lane]`. Compiled once and kept on disk; ValueError for operations
-    that are not scalar.
+    """Addresses of the machine code `(work, shared)` of `codes`, for `lanes` sets of numbers side by side: entry `k` of
+    set `lane` is `work[k lanes + lane]`. Compiled once, kept on disk; ValueError for operations that are not scalar.
     """
     codegen = cpu_target.target_context.codegen()
     text = repr([(c.function.serialize(), dict(c.inputs), list(c.outputs)) for c in codes])
@@ -93,7 +90,7 @@ def _library(codegen: Any, name: str, codes: Sequence[Code], lanes: int) -> Any:
 
 
 def _write(function: Any, code: Code, lanes: int) -> None:
-    """Loop over the lanes: what is read of `work` is read when first used, results are written at the end."""
+    """Loop over the lanes; entries of `work` are read when first used, results written at the end."""
     set.add(function.attributes, _WIDE)  # llvmlite's own `add` knows no attribute with a value
     work, shared = function.args
     for argument in function.args:
@@ -102,41 +99,39 @@ def _write(function: Any, code: Code, lanes: int) -> None:
     scalars = [k for k in range(code.function.n_in()) if k not in code.inputs]
     with cgutils.for_range(builder, ir.Constant(_INT, lanes)) as loop:
 
-        def place(entry: int) -> Any:
+        def entry_of(entry: int) -> Any:
             return builder.gep(work, [builder.add(loop.index, ir.Constant(_INT, entry * lanes))], inbounds=True)
 
         def given(argument: int, entry: int) -> Number:
             if argument in code.inputs:
-                at = place(code.inputs[argument] + entry)
+                at = entry_of(code.inputs[argument] + entry)
             else:
                 at = builder.gep(shared, [ir.Constant(_INT, scalars.index(argument))], inbounds=True)
             return Number(builder, builder.load(at))
 
         for entry, value in _results(code.function, given, lambda x: Number(builder, ir.Constant(_REAL, x))):
-            builder.store(value.value, place(code.outputs[entry[0]] + entry[1]))
+            builder.store(value.value, entry_of(code.outputs[entry[0]] + entry[1]))
     builder.ret_void()
 
 
 def _results(function: ca.Function, given: Any, constant: Any) -> list[tuple[tuple[int, int], Number]]:
-    """The function's operations written out; what each output entry (argument, entry) is in the end."""
+    """The function's operations written out, and the value of each output entry (argument, entry)."""
     ends = {(k, i): constant(0.0) for k in range(function.n_out()) for i in range(function.numel_out(k))}
-    held: dict[int, Number] = {}
+    values: dict[int, Number] = {}
     read: dict[tuple[int, int], Number] = {}
     for k in range(function.n_instructions()):
         op, ins, outs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_OUTPUT:
-            ends[(outs[0], outs[1])] = held[ins[0]]
+            ends[(outs[0], outs[1])] = values[ins[0]]
         elif op == ca.OP_CONST:
-            held[outs[0]] = constant(float(function.instruction_constant(k)))
+            values[outs[0]] = constant(float(function.instruction_constant(k)))
         elif op == ca.OP_INPUT:
             entry = (ins[0], ins[1])
             if entry not in read:
                 read[entry] = given(*entry)
-            held[outs[0]] = read[entry]
+            values[outs[0]] = read[entry]
         elif _NAMES.get(op) in OPERATIONS:
-            held[outs[0]] = OPERATIONS[_NAMES[op]](*(held[i] for i in ins))
+            values[outs[0]] = OPERATIONS[_NAMES[op]](*(values[i] for i in ins))
         else:
-            raise ValueError(
-                f"the step function must use scalar operations that compile; got CasADi operation number {op}"
-            )
+            raise ValueError(f"step must use scalar operations that compile; got CasADi operation number {op}")
     return list(ends.items())

@@ -16,8 +16,7 @@ from typing import Any, BinaryIO, Final
 from uuid import uuid4
 
 LARGEST_TEXT: Final = 1 << 20  # bytes of a file that a person writes
-LARGEST_DATA: Final = 1 << 31
-"""Most bytes of a file of settings, and of a file of samples."""
+LARGEST_DATA: Final = 1 << 31  # bytes of a file of samples
 WINDOWS: Final = "cp1252"
 _MARKS: Final = (
     (b"\xff\xfe\x00\x00", "UTF-32"),
@@ -28,14 +27,14 @@ _MARKS: Final = (
 
 
 def opened(path: Path, what: str, largest: int = LARGEST_DATA) -> BinaryIO:
-    """The file `path` for reading bytes. `what` says in the ValueError of one sentence which kind of file it should
-    have been: a regular one of at most `largest` bytes. A pipe or a device is told, never waited for.
+    """The file `path` for reading bytes. Raises ValueError, which names the kind of file by `what`, unless it is a
+    regular one of at most `largest` bytes; a pipe or a device is refused without waiting for it.
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:  # a name with a zero byte is a plain ValueError
-        told = getattr(error, "strerror", None) or error
-        raise ValueError(f"{path}: {what} must be a file that can be read; got: {told}") from None
+        got = getattr(error, "strerror", None) or error
+        raise ValueError(f"{path}: {what} must be a file that can be read; got: {got}") from None
     found = os.fstat(handle)
     if stat.S_ISREG(found.st_mode) and found.st_size <= largest:
         return os.fdopen(handle, "rb")
@@ -53,14 +52,13 @@ def check_source(path: Path, what: str, largest: int = LARGEST_DATA) -> int:
 
 
 def read_bytes(path: Path, what: str, largest: int = LARGEST_TEXT) -> bytes:
-    """The content of a file, of which no more than `largest` bytes are read. Errors as `opened`."""
+    """The content of a file of at most `largest` bytes. Errors as `opened`."""
     with opened(path, what, largest) as file:
         try:
             data = file.read(largest + 1)
         except OSError as error:
-            raise ValueError(
-                f"{path}: {what} must be a file that can be read; got: {error.strerror or error}"
-            ) from None
+            got = error.strerror or error
+            raise ValueError(f"{path}: {what} must be a file that can be read; got: {got}") from None
     if len(data) > largest:
         raise ValueError(f"{path}: {what} must be smaller than {largest} bytes; got {len(data)} or more")
     return data
@@ -69,9 +67,9 @@ def read_bytes(path: Path, what: str, largest: int = LARGEST_TEXT) -> bytes:
 def read_text(path: Path, what: str, largest: int = LARGEST_TEXT) -> str:
     """The content of a file of UTF-8 text, with or without a byte-order mark. Errors as `opened`."""
     data = read_bytes(path, what, largest)
-    told = encoding_of(data)
-    if told in dict(_MARKS).values():
-        raise ValueError(f"{path}: {what} must be UTF-8 text; got {told}: save it as UTF-8")
+    encoding = encoding_of(data)
+    if encoding in dict(_MARKS).values():
+        raise ValueError(f"{path}: {what} must be UTF-8 text; got {encoding}: save it as UTF-8")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -79,11 +77,10 @@ def read_text(path: Path, what: str, largest: int = LARGEST_TEXT) -> str:
 
 
 def encoding_of(start: bytes) -> str:
-    """The codec of a text whose first bytes are `start`: as its byte-order mark says, else UTF-8 where they are that,
-    else Windows-1252, as a spreadsheet writes. The last character of `start` may be cut.
+    """The codec of a text whose first bytes are `start`, of which the last character may be cut: by its byte-order
+    mark, else UTF-8 where that fits, else Windows-1252, as a spreadsheet writes.
     """
-    marked = next((name for mark, name in _MARKS if start.startswith(mark)), None)
-    if marked:
+    if marked := next((name for mark, name in _MARKS if start.startswith(mark)), None):
         return marked
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)
@@ -93,7 +90,7 @@ def encoding_of(start: bytes) -> str:
 
 
 def read_json(path: Path, what: str, largest: int = LARGEST_TEXT) -> dict[str, Any]:
-    """The JSON object of a file. Raises ValueError of one sentence for anything else. Errors as `opened`."""
+    """The JSON object of a file. Raises ValueError for anything else. Errors as `opened`."""
     text = read_text(path, what, largest)
     try:
         found = json.loads(text)
@@ -106,7 +103,7 @@ def read_json(path: Path, what: str, largest: int = LARGEST_TEXT) -> dict[str, A
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """What is written to `path` in here: an OSError names it, which one of a write to an open file does not."""
+    """Within it, an OSError names `path`, as one of a write to an open file would not."""
     try:
         yield
     except OSError as error:
@@ -114,8 +111,8 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def draft(path: Path, data: bytes) -> Path:
-    """A file beside `path` with `data`, to be moved to `path`; who may read it is as the user's umask has it. Raises
-    OSError, and leaves nothing then.
+    """A file beside `path` with `data`, readable by the user's umask, to be moved to `path`. Leaves nothing where it
+    raises OSError.
     """
     made = path.with_name(f".{path.name}.{uuid4().hex[:12]}")
     with writing(path):
@@ -130,8 +127,8 @@ def draft(path: Path, data: bytes) -> Path:
 
 
 def cache_folder() -> Path:
-    """`CAPSULE_CACHE`, else the user's cache folder. Where that is not the user's alone or cannot be written
-    to, one of this process that goes with it; said once on standard error.
+    """Where compiled code is kept: `CAPSULE_CACHE`, else the user's cache folder. Where that is not the user's alone or
+    not writable, a folder of this process, which is announced once on standard error.
     """
     return _folder(
         os.environ.get("CAPSULE_CACHE")
@@ -155,9 +152,7 @@ def _folder(root: str) -> Path:
 
 
 def private_folder(path: Path) -> Path:
-    """Make the folder `path` for its owner alone. Raises OSError where it is another's, a link, or writable by others:
-    what lies in it may then not be ours.
-    """
+    """Make the folder `path` for its owner alone. Raises OSError where others could have put something into it."""
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = path.lstat()
     if not stat.S_ISDIR(found.st_mode):

@@ -15,17 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.access import WINDOWS, encoding_of, opened
-from models.files.csv_text import (
-    LONGEST_TOP,
-    SPACES,
-    EmptyError,
-    clock_s,
-    find_header,
-    over_midnight,
-    split,
-    to_number,
-    unguarded,
-)
+from models.files.csv_text import LONGEST_TOP, SPACES, clock_s, find_header, over_midnight, split, to_number, unguarded
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22  # read at once
@@ -34,8 +24,7 @@ LONGEST_LINE = 1 << 20  # characters
 MOST_COLUMNS = 256  # of a table of measurements
 MOST_CHARACTERS = 1 << 30  # of a file: 1 GB
 MOST_BLANK = 1_000_000  # lines without a value
-_START = 1 << 16
-"""Bytes by which the encoding is told."""
+_START = 1 << 16  # bytes from which the encoding is recognised
 
 
 @dataclass(frozen=True)
@@ -63,20 +52,20 @@ def read_table(
     once: Collection[str] = (),
     gaps: Collection[str] = (),
 ) -> CsvTable:
-    """The table of a file; `check` gets the header and the units that the file states by column, and returns the names
-    of the columns that must be finite. More than `most_rows` of `what` it is are refused while they are read.
+    """The table of a file that holds `what`, of at most `most_rows`.
 
-    Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted). Encodings (UTF-8, UTF-16, UTF-32
-    and Windows-1252) and gzip are recognised, and lines about the file before the header, which is one that has one of
-    `names`, and a row of units below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of
-    other columns that are not numbers come out as NaN. Columns of one name, as loggers write them that give every
-    channel its own time, are numbered (`Time`, `Time 2`); those of `once` may stand but once. Empty cells of `gaps`
-    come out as NaN, too.
+    `check` gets the header and the units that the file states by column; it returns the columns that must be finite,
+    but for empty cells of `gaps`. Other cells that are no numbers become NaN. Separators are comma, semicolon, tab or
+    spaces (all but the comma allow a decimal comma). UTF-8, UTF-16, UTF-32, Windows-1252, gzip are recognised, as are
+    lines above the header, which has one of `names`, and a row of units below it. Columns among `clocks` may hold dates
+    and times of day (`clock_s`). Further columns of one name are numbered (`Time`, `Time 2`), but for those of `once`.
     """
-    with _refusing(path), _opened(path) as text:
+    with _opened(path) as text:
         lines = _lines(path, text)
         top = list(islice(lines, LONGEST_TOP))
         form = find_header([line for _, line in top], names)
+        if form is None:
+            raise ValueError(f"{path}: record must have a header row and samples; got an empty file")
         header = _header(path, form.line, form.separator, once)
         units = dict(zip(header, form.units, strict=False))
         needed = frozenset(_checked(header, units, check, text.encoding))
@@ -92,23 +81,9 @@ def read_table(
         return CsvTable(header, units, np.concatenate(rows.values), np.concatenate(rows.lines))
 
 
-@contextmanager
-def _refusing(path: Path) -> Iterator[None]:
-    """What goes wrong within as a ValueError of one sentence."""
-    try:
-        yield
-    except EmptyError:
-        raise ValueError(f"{path}: record must have a header row and samples; got an empty file") from None
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
-    except OSError as error:
-        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
-
-
 def _blocks(lines: Iterator[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
     """The lines in blocks of a bounded size; the last one may be empty."""
-    block: list[tuple[int, str]] = []
-    size = 0
+    block, size = list[tuple[int, str]](), 0
     for number, line in lines:
         block.append((number, line))
         size += len(line)
@@ -138,14 +113,19 @@ def _opened(path: Path) -> Iterator[io.TextIOWrapper]:
             f"{path}: record must be text (.csv, .tsv, .txt, .dat, each also .gz) or of a format that `capsule convert"
             f" --help` lists; got {path.name!r}: export it as CSV"
         )
-    with opened(path, "record") as file:
-        packed = file.read(2) == b"\x1f\x8b"
-        file.seek(0)
-        with gzip.open(file, "rb") if packed else file as plain:
-            encoding = encoding_of(plain.read(_START))
-            plain.seek(0)
-            with io.TextIOWrapper(plain, encoding=encoding, errors="replace", newline=None) as text:
-                yield text
+    try:
+        with opened(path, "record") as file:
+            packed = file.read(2) == b"\x1f\x8b"
+            file.seek(0)
+            with gzip.open(file, "rb") if packed else file as plain:
+                encoding = encoding_of(plain.read(_START))
+                plain.seek(0)
+                with io.TextIOWrapper(plain, encoding=encoding, errors="replace", newline=None) as text:
+                    yield text
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
+    except OSError as error:
+        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
@@ -153,17 +133,15 @@ def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
     blank, total = 0, 0
     for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE + 1), ""), 1):
         total, blank = total + len(line), blank + line.isspace()
+        wrong = ""
         if len(line) > LONGEST_LINE:
-            raise ValueError(
-                f"{path}, line {number}: line must be shorter than {LONGEST_LINE} characters; got a longer one: is this"
-                " a CSV file?"
-            )
-        if total > MOST_CHARACTERS:
-            raise ValueError(
-                f"{path}, line {number}: text must be at most {MOST_CHARACTERS} characters, unpacked; got more"
-            )
-        if blank > MOST_BLANK:
-            raise ValueError(f"{path}, line {number}: record must have at most {MOST_BLANK} empty lines; got more")
+            wrong = f"line must be shorter than {LONGEST_LINE} characters; got a longer one: is this a CSV file?"
+        elif total > MOST_CHARACTERS:
+            wrong = f"text must be at most {MOST_CHARACTERS} characters, unpacked; got more"
+        elif blank > MOST_BLANK:
+            wrong = f"record must have at most {MOST_BLANK} empty lines; got more"
+        if wrong:
+            raise ValueError(f"{path}, line {number}: {wrong}")
         if not line.isspace():
             yield number, line.rstrip("\n")
 
@@ -182,11 +160,10 @@ def _header(path: Path, line: str, separator: str, once: Collection[str]) -> lis
 
 
 def _numbered(header: Sequence[str]) -> list[str]:
-    """The names, with a number behind each that stood before."""
+    """The names, with a number after each repeated one."""
     given: list[str] = []
     for name in header:
-        number = 2
-        own = name
+        own, number = name, 2
         while own and (own in given or (own != name and own in header)):
             own, number = f"{name} {number}", number + 1
         given.append(own)
@@ -202,7 +179,7 @@ def _split(where: str, line: str, separator: str) -> list[str]:
 
 @dataclass
 class _Rows:
-    """The rows of numbers so far: read fast where every cell is a number, else cell by cell."""
+    """The rows so far: a block is read by NumPy where every cell is a number, else cell by cell."""
 
     where: str
     header: list[str]
@@ -216,32 +193,27 @@ class _Rows:
     last_stamp: float = math.nan
 
     def take(self, block: list[tuple[int, str]]) -> None:
-        """Add a block of numbered lines."""
         if self.separator != ",":
             block = [(number, line.replace(",", ".")) for number, line in block]
         separator, shape = None if self.separator == SPACES else self.separator, (len(block), len(self.header))
         values = np.zeros(shape)
         try:
-            text = [line for _, line in block]
-            if text:
+            if block:
+                text = [line for _, line in block]
                 values = np.loadtxt(text, delimiter=separator, comments=None, ndmin=2, quotechar='"')
         except ValueError:
             values = self._by_cell(block)
         if values.shape != shape:
             self._by_cell(block)
-            raise ValueError(
-                f"{self.where}, lines {block[0][0]} to {block[-1][0]}: rows must be plain numbers; got an unbalanced"
-                " quote"
-            )
+            lines = f"lines {block[0][0]} to {block[-1][0]}"
+            raise ValueError(f"{self.where}, {lines}: rows must be plain numbers; got an unbalanced quote")
         self._refuse_not_finite(values, block)
         self.values.append(values)
         self.lines.append(np.array([number for number, _ in block], dtype=np.int64))
         self.count += len(block)
 
     def _by_cell(self, block: list[tuple[int, str]]) -> NDArray[np.float64]:
-        """The numbers of a block, NaN where a cell is none, stamps in s. Raises ValueError for a row of another length
-        than the header's.
-        """
+        """The numbers of a block, NaN where a cell is none, stamps in s."""
         rows = [self._cells(number, line) for number, line in block]
         values = np.array([[to_number(cell) for cell in row] for row in rows])
         for column, name in enumerate(self.header):
@@ -254,14 +226,11 @@ class _Rows:
     def _cells(self, number: int, line: str) -> list[str]:
         cells = _split(f"{self.where}, line {number}", line, self.separator)
         if len(cells) != len(self.header):
-            raise ValueError(
-                f"{self.where}, line {number}: row must have {len(self.header)} values as the header has; got"
-                f" {len(cells)}"
-            )
+            rule = f"row must have {len(self.header)} values as the header has"
+            raise ValueError(f"{self.where}, line {number}: {rule}; got {len(cells)}")
         return cells
 
     def _refuse_not_finite(self, values: NDArray[np.float64], block: list[tuple[int, str]]) -> None:
-        """Raise at the first cell that must be a number and is none."""
         needed = [column for column, name in enumerate(self.header) if name in self.needed]
         for row, column in np.argwhere(~np.isfinite(values[:, needed])):
             name, (number, line) = self.header[needed[column]], block[row]

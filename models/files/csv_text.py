@@ -13,19 +13,13 @@ from numpy.typing import NDArray
 
 from models.files.units import unit
 
-LONGEST_TOP: Final = 100
-"""Non-blank lines within which the header must stand."""
-SPACES: Final = " "
-"""Stands for cells with any number of spaces between them."""
+LONGEST_TOP: Final = 100  # non-blank lines within which the header must stand
+SPACES: Final = " "  # separator of cells with any number of spaces between them
 _COMMENTS: Final = ("#", "%", "//")
+# how a cell begins that a spreadsheet takes for a formula, or one that was guarded
 _FORMULA: Final = "('* *[=+\\-@\uff1d\uff0b\uff0d\uff20])"
-"""How a cell begins that a spreadsheet takes for a formula, or one that was guarded."""
 _OPEN, _GUARDED = (re.compile(f'(^|[;,\t\r\n"]){guard}{_FORMULA}') for guard in ("", "'"))
 _QUOTED: Final = re.compile('"[^"]*"')
-
-
-class EmptyError(Exception):
-    """The file has no line that could be a header."""
 
 
 @dataclass(frozen=True)
@@ -41,42 +35,31 @@ class Header:
 
 
 def guarded(name: str) -> str:
-    """A name as a cell of words that no spreadsheet takes for a formula, whatever it takes for the separator of cells:
-    with an apostrophe where one would begin.
-    """
+    """A name with an apostrophe wherever a spreadsheet, by any separator of cells, would see a formula begin."""
     return _OPEN.sub(r"\1'\2", name)
 
 
 def unguarded(cell: str) -> str:
-    """The name that `guarded` made `cell` of."""
+    """The name of which `guarded` made `cell`."""
     return _GUARDED.sub(r"\1\2", cell)
 
 
-def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
-    """The header among the first non-blank lines of a file: the one that has one of `names`, else the last line with as
-    many cells as the first row of numbers, else the first line that is no comment. Raises EmptyError where there is
-    none.
+def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header | None:
+    """The header among the first non-blank lines of a file: a line that has one of `names`, else the last one with as
+    many cells as the first row of numbers, else the first line that is no comment; None without any.
     """
-    plain = [k for k, line in enumerate(top) if not line.lstrip().startswith(_COMMENTS)]
-    if not top or not plain:
-        raise EmptyError
-    lines = [uncommented(line) for line in top]
+    lines = [re.sub(r"^(#|%|//)", "", line.lstrip()) for line in top]
+    plain = next((k for k, line in enumerate(top) if not line.lstrip().startswith(_COMMENTS)), None)
+    if plain is None:
+        return None
     named = next((k for k in range(len(lines)) if _has(lines, k, names)), None)
-    at = _above_numbers(lines) if named is None else named
-    at = plain[0] if at is None else at
+    at = _above_numbers(lines, plain) if named is None else named
     separator = separator_of(lines[at])
     units = _units(lines[at + 1], separator, len(cells(lines[at], separator))) if at + 1 < len(lines) else ()
     return Header(lines[at], separator, at + 1 + bool(units), units)
 
 
-def uncommented(line: str) -> str:
-    """A line without the mark of a comment."""
-    mark = next((mark for mark in _COMMENTS if line.lstrip().startswith(mark)), "")
-    return line.lstrip().removeprefix(mark)
-
-
 def separator_of(line: str) -> str:
-    """What separates the cells of a line."""
     line = _QUOTED.sub("x", line)
     if ";" in line:
         return ";"
@@ -101,7 +84,7 @@ def cells(line: str, separator: str) -> list[str]:
 
 
 def to_number(cell: str) -> float:
-    """A cell as a number, else NaN; Python's `1_000` is none."""
+    """A cell as a number, else NaN, as for Python's `1_000`."""
     try:
         return math.nan if "_" in cell else float(cell)
     except ValueError:
@@ -109,7 +92,7 @@ def to_number(cell: str) -> float:
 
 
 def _has(lines: Sequence[str], row: int, names: Collection[str]) -> bool:
-    """Whether a line has one of `names`; words with spaces between are a header only right above numbers."""
+    """Whether a line has one of `names`; words between spaces are a header only right above numbers."""
     separator = separator_of(lines[row])
     found = cells(lines[row], separator)
     return bool(set(found) & set(names)) and (
@@ -118,23 +101,22 @@ def _has(lines: Sequence[str], row: int, names: Collection[str]) -> bool:
 
 
 def _columns(line: str, separator: str) -> int:
-    """How many numbers a line has; 0 of one that has anything else, or only one."""
+    """Count of numbers in a line; 0 where it has anything else, or only one."""
     found = cells(line, separator)
     return len(found) if len(found) > 1 and all(_is_number(cell, separator) for cell in found) else 0
 
 
-def _above_numbers(lines: Sequence[str]) -> int | None:
-    """The last line, but for a row of units, before the first row of numbers that has as many cells."""
+def _above_numbers(lines: Sequence[str], otherwise: int) -> int:
+    """The last line, but for a row of units, with as many cells as the first row of numbers below it."""
     for row, line in enumerate(lines):
         for separator in (";", "\t", ",", SPACES):
-            columns = _columns(line, separator)
-            if columns:
-                return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, columns)), None)
-    return None
+            if columns := _columns(line, separator):
+                return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, columns)), otherwise)
+    return otherwise
 
 
 def _is_header(lines: Sequence[str], row: int, separator: str, columns: int) -> bool:
-    """Whether a line has a name for each column and is no row of units below one."""
+    """Whether a line names each column and is no row of units below one that does."""
     names = cells(lines[row], separator)
     if len(names) != columns or separator_of(lines[row]) != separator:
         return False
@@ -149,7 +131,7 @@ def _is_number(cell: str, separator: str) -> bool:
 
 
 def _units(line: str, separator: str, columns: int) -> tuple[str, ...]:
-    """The cells of a row of units, brackets left out; none of a line that is no such row."""
+    """The cells of a row of units without brackets; none where at most half of them are known units."""
     found = [cell.strip("[](){}<>").strip() for cell in cells(line, separator)]
     stated = [cell for cell in found if cell not in ("", "-")]
     if len(found) != columns or not stated or any(not math.isnan(to_number(cell)) for cell in stated):
@@ -165,9 +147,8 @@ _MINUTES = re.compile(r"(\d{1,4}):(\d{2}\.\d*)")
 def clock_s(cell: str) -> float:
     """A cell in s; NaN where it is neither a number nor a stamp.
 
-    ISO 8601 (`2026-03-01T12:30:00.125Z`, a space for the T) counts from 1970, UTC where it has no zone; a time of day
-    (`12:30:00.125`, `1:30:00 PM`, after a date in another order or without one) from midnight; `90:12.5` is minutes and
-    seconds.
+    ISO 8601 (`2026-03-01T12:30:00.125Z`, or a space for the T) counts from 1970, in UTC where it has no zone. A time of
+    day (`12:30:00.125`, `1:30:00 PM`, also after another date) counts from midnight; `90:12.5` is minutes and seconds.
     """
     text = cell.strip().strip('"').strip()
     try:
@@ -182,9 +163,7 @@ def clock_s(cell: str) -> float:
 
 
 def over_midnight(times: NDArray[np.float64], before: float) -> NDArray[np.float64]:
-    """Times of day (n,) that go on over the next midnight, after one that came `before` (NaN: none did); dated ones as
-    they are.
-    """
+    """Times of day (n,) that go on past midnight, after the one `before` (NaN: none); dated ones unchanged."""
     if (times >= DAY_S).any():
         return times
     start = times[0] if math.isnan(before) else before

@@ -12,9 +12,8 @@ from models.files.access import LARGEST_TEXT, read_bytes
 
 
 def installed(group: str, what: str) -> Iterator[tuple[str, type, str]]:
-    """The classes that installed packages offer under the entry point `group`: where each stands, the class, and the
-    SHA-256 of the file that declares it. Raises ValueError of one sentence, which names the package's entry, where one
-    cannot be loaded or is no class.
+    """The classes that installed packages offer under the entry point `group`, each as its entry, the class, and the
+    SHA-256 of its file. Raises ValueError where one cannot be loaded or is no class.
     """
     for point in entry_points(group=group):
         try:
@@ -24,16 +23,14 @@ def installed(group: str, what: str) -> Iterator[tuple[str, type, str]]:
             source = Path(inspect.getfile(offered)).read_bytes()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - another's package raises whatever it likes
             got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            raise ValueError(
-                f"{group}: {what} of the installed package must be ones that load; got {point.value}: {got}"
-            ) from None
+            rule = f"{what} of the installed package must be ones that load"
+            raise ValueError(f"{group}: {rule}; got {point.value}: {got}") from None
         yield point.value, offered, hashlib.sha256(source).hexdigest()
 
 
 def classes_in(path: Path, what: str) -> tuple[list[type], str]:
-    """The classes that the Python file `path` declares itself, and the SHA-256 of the file.
-
-    Raises ValueError of one sentence, which names `what` the file should hold, where it cannot be read or run.
+    """The classes that the Python file `path` declares itself, and the SHA-256 of the file. Raises ValueError, which
+    names `what` the file should hold, where it cannot be read or run.
     """
     digest = hashlib.sha256(read_bytes(path, f"Python file with {what}", LARGEST_TEXT)).hexdigest()
     name = f"capsule_own_{digest[:16]}"

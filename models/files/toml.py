@@ -15,7 +15,7 @@ from models.parameter import nearest
 
 
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
-    """`tables` as TOML that reads back as the same; keys must be bare ones, values numbers, booleans, text or lists of
+    """`tables` as TOML that reads back as the same, with bare keys; values are numbers, booleans, text, or lists of
     these or of tables.
     """
     values = {key: value for key, value in tables.items() if not isinstance(value, Mapping)}
@@ -27,7 +27,7 @@ def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
 
 
 def inline_table(table: Mapping[str, Any]) -> str:
-    """A table on one line. Keys and values as `toml_text`."""
+    """A table on one line."""
     return "{" + ", ".join(f"{key} = {_value(value)}" for key, value in table.items()) + "}"
 
 
@@ -40,7 +40,7 @@ def _value(value: Any) -> str:
 
 
 def parse_toml(text: str, what: str) -> dict[str, Any]:
-    """The tables of a TOML text; a ValueError of one sentence, which begins with `what`, where it is none."""
+    """The tables of a TOML text. Raises ValueError, which begins with `what`, where it is none."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of more digits than Python reads is a plain ValueError
@@ -49,7 +49,7 @@ def parse_toml(text: str, what: str) -> dict[str, Any]:
 
 @contextmanager
 def in_file(path: Path) -> Iterator[None]:
-    """Within it, a ValueError begins with the file that it is about."""
+    """Within it, a ValueError begins with `path`."""
     try:
         yield
     except ValueError as error:
@@ -58,7 +58,7 @@ def in_file(path: Path) -> Iterator[None]:
 
 
 def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[str, Any], str]:
-    """The tables of a file and its text. Errors as `models.files.access.read_text`."""
+    """The tables of a file and its text. Errors as `read_text`."""
     text = read_text(path, what, largest)
     return parse_toml(text, f"{path}: {what}"), text
 
@@ -67,23 +67,23 @@ Table = Mapping[str, Any]
 V = TypeVar("V", int, float)
 LARGEST_INTEGER: Final = 1 << 63  # what TOML's integers hold
 _SMALLEST: Final = 1e-12  # least of a positive number, in SI
-# most of a number by its dimension, in SI
+# largest numbers by dimension, in SI; integers such as seeds have none
 _LARGEST: Final = {"m": 1e6, "s": 1e12, "N": 1e6, "m/s": 1e6, "N/m": 1e9, "A": 1e4, "V": 1e6}
 _LARGEST_OTHER: Final = 1e15
-"""Magnitudes of numbers in a file by what their unit measures, in SI; those of integers such as seeds have none."""
 INTEGER: Final = f"an integer within {LARGEST_INTEGER:.0e} either way"
 
 
-def check_word(word: str, where: str, choices: Collection[str]) -> str:
-    """The `word` where it is one of the choices, else a ValueError of one sentence with the nearest."""
-    if word not in choices:
-        known = list(choices)
-        raise ValueError(f"{where} must be one of {', '.join(known)}; got {word!r}; {nearest(word, known)}")
-    return word
+def check_word(word: Any, where: str, choices: Collection[str]) -> str:
+    """The `word`. Raises ValueError with the nearest of the choices where it is none of them."""
+    known = list(choices)
+    if word not in known:
+        hint = f"; {nearest(word, known)}" if isinstance(word, str) else ""
+        raise ValueError(f"{where} must be one of {', '.join(known)}; got {shown(word)}{hint}")
+    return str(word)
 
 
 def check_magnitude(value: Any, where: str) -> None:
-    """Raises ValueError for a number, or one of a list, that nothing in the unit of its key `where` can have."""
+    """Raises ValueError for a number, or one of a list, that is implausible in the unit of its key `where`."""
     for number in value if isinstance(value, tuple) else (value,):
         if not isinstance(number, float) or number == 0:
             continue
@@ -95,15 +95,13 @@ def check_magnitude(value: Any, where: str) -> None:
 
 
 def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
-    """A table `[tissue]` with the contact angle in place of `lumen_diameter_m`. Raises ValueError where both are given,
-    or where a capsule of `radius_m` does not stretch that lumen.
+    """A table `[tissue]` with the contact angle in place of `lumen_diameter_m`. Raises ValueError where both are given
+    or a capsule of `radius_m` does not stretch that lumen.
     """
     if "lumen_diameter_m" not in table:
         return table
     if "contact_angle_deg" in table:
-        raise ValueError(
-            f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both, and each follows from the other"
-        )
+        raise ValueError(f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both")
     diameter = converted(table["lumen_diameter_m"], float, f"{where}.lumen_diameter_m")
     try:
         angle = contact_angle_deg(diameter, radius_m)
@@ -113,7 +111,7 @@ def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
 
 
 def converted(value: Any, kind: type[V], where: str) -> V:
-    """`value` as a float or an int. Raises ValueError of one sentence for what is none."""
+    """`value` as a float or an int. Raises ValueError for anything else."""
     if kind is int:
         fits = isinstance(value, int) and not isinstance(value, bool) and abs(value) < LARGEST_INTEGER
     else:
@@ -124,29 +122,22 @@ def converted(value: Any, kind: type[V], where: str) -> V:
 
 
 def list_of_numbers(value: Any, where: str) -> tuple[float, ...]:
-    """A list of numbers. Raises ValueError of one sentence for what is none."""
     if not isinstance(value, list):
         raise ValueError(f"{where} must be a list of numbers; got {shown(value)}")
     return tuple(converted(item, float, where) for item in value)
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value of a file is a number that a float can hold; one of 400 digits is not."""
+    """Whether a value of a file is a number that a float can hold, unlike one of 400 digits."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def shown(value: Any, most: int = 60) -> str:
-    """A value of a file as a sentence tells it: on one line and short."""
+    """A value of a file on one short line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
 
 
 def choice(table: Table, where: str, choices: tuple[str, ...]) -> str:
-    """The key at the end of `where`, one of `choices`, else `ValueError` with the nearest."""
-    given = table.get(where.rpartition(".")[2])
-    if given not in choices:
-        raise ValueError(
-            f"{where} must be one of {', '.join(choices)}; got {shown(given)}"
-            + (f"; {nearest(given, choices)}" if isinstance(given, str) else "")
-        )
-    return str(given)
+    """The value of the key at the end of `where`. Raises ValueError unless it is one of `choices`."""
+    return check_word(table.get(where.rpartition(".")[2]), where, choices)

@@ -1,7 +1,7 @@
-"""Units as people and instruments write them, with their factors: what a column's unit is in another one.
+"""Units as people and instruments write them, and the factors between them.
 
-A table of our own: to pint `g` is a mass and an angle a plain number, and words in any case, brackets and the endings
-of our columns' names would still have to be read here.
+A table of our own: pint takes `g` for a mass and an angle for a plain number, and reads no words in any case, brackets
+or endings of column names.
 """
 
 import difflib
@@ -16,7 +16,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: what it measures, and by what a value in it is multiplied to be one in SI (turns, for angles)."""
+    """A unit: what it measures, and its factor to SI (to turns, for angles)."""
 
     dimension: str
     factor: float
@@ -53,8 +53,7 @@ _WORDS: Final = {
     "ampere": "A", "amp": "A", "volt": "V", "hertz": "Hz", "pascal": "Pa", "radian": "rad", "degree": "deg",
     "revolution": "rev", "turn": "rev", "inch": "in", "percent": "%",
 }  # fmt: skip
-_RATES: Final = {"rev/s": "Hz", "/s": "Hz"}
-"""Quotients that have a name: turns in a second, and 1/s."""
+_RATES: Final = {"rev/s": "Hz", "/s": "Hz"}  # quotients that have a name
 
 
 def _table() -> Mapping[str, Unit]:
@@ -74,12 +73,12 @@ def _table() -> Mapping[str, Unit]:
 
 
 UNITS: Final = _table()
-"""Every unit that is no quotient, by each of its spellings; `g` is gram-force."""
+"""Every unit but quotients by each of its spellings; `g` is gram-force."""
 
 
 @cache
 def unit(text: str) -> Unit | None:
-    """The unit that is written `text`, such as `mm`, `mm/s`, `mm_per_s` or `milliseconds`; None for an unknown one."""
+    """The unit that is written as `mm`, `mm/s`, `mm_per_s` or `milliseconds`, say; None for an unknown one."""
     plain = text.strip().strip("[](){}<>").strip().replace("\u00b5", "u").replace("\u03bc", "u")
     found = UNITS.get(plain) or UNITS.get(plain.lower() if len(plain) > 3 else plain)
     if found or not plain:
@@ -94,8 +93,8 @@ def unit(text: str) -> Unit | None:
 
 
 def factor(text: str, target: str) -> float | None:
-    """By what a value in the unit `text` is multiplied to be one in the unit `target` ("" for a plain number); None
-    where the first is unknown or measures something else.
+    """Factor from the unit `text` to the unit `target` ("" for a plain number); None where the first is unknown or
+    measures something else.
     """
     found, wanted = unit(text), unit(target or "1")
     if found is None or wanted is None or found.dimension != wanted.dimension:
@@ -104,14 +103,14 @@ def factor(text: str, target: str) -> float | None:
 
 
 def fitting(target: str) -> list[str]:
-    """The short spellings of units that can be told in `target`, the usual ones."""
+    """The short spellings of units that convert to `target`."""
     wanted = unit(target or "1")
     usual = [*UNITS, "mm/s", "m/s", "um/s", "cm/s", "mm/min", "deg/s", "rad/s"]
     return [text for text in usual if wanted and (found := unit(text)) and found.dimension == wanted.dimension]
 
 
 def nearest_unit(text: str, target: str) -> str:
-    """A hint for a unit that is no unit of `target`: the nearest one that is."""
+    """A hint at the unit nearest to `text` that converts to `target`."""
     known = fitting(target)
     close = difflib.get_close_matches(text, known, n=1, cutoff=0.4)
     return f"did you mean {close[0]!r}?" if close else f"such as {target or '1'!r}"
@@ -122,8 +121,8 @@ _ENDING: Final = re.compile(r"(?:\s*[/,:]\s*|\s+in\s+|[\s_.]+)")
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """A column's name without its unit, and the unit, "" where it has none: `Position [mm]`, `F / mN`, `pos_mm`. What
-    stands in brackets at the end counts as a unit even where it is an unknown one.
+    """A column's name and its unit, "" for none: `Position [mm]`, `F / mN`, `pos_mm`. Brackets at the end count as a
+    unit, even an unknown one.
     """
     bracketed = _BRACKETS.fullmatch(name)
     if bracketed and bracketed[1].strip():
@@ -136,7 +135,7 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def unit_of(column: str) -> str:
-    """The unit of a column of ours, which its name ends in; "" for a plain number."""
+    """The unit that a column of ours ends in; "" for a plain number."""
     return split_unit(column)[1]
 
 
@@ -146,8 +145,8 @@ _WRITTEN: Final = {"C": "degC", "percent": "%"}
 
 
 def unit_at_end(name: str) -> tuple[str, str]:
-    """A name of ours without the unit that it ends in, and that as it is written, "" where it has none: `force_N`,
-    `speed_m_s` (m/s), `stiffness_N_per_m` (N/m), `torque_N_m` (N m).
+    """A name of ours and the unit that it ends in as printed, "" for none: `speed_m_s` (m/s), `torque_N_m` (N m),
+    `stiffness_N_per_m` (N/m).
     """
     found = _UNIT_AT_END.fullmatch(name)
     if found is None or not (found[2] or found[3]):

@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -46,7 +46,7 @@ def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogu
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if not model.sealed:
-        _tell_unsealed(path)
+        _note_unsealed(path)
     if model.kind not in (kind, *others):
         raise ValueError(
             f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
@@ -159,18 +159,12 @@ class Model:
         sentence.
         """
         kind = kind_for(rig, [record.without(record.layout.measured)])
-        base = tuple(
-            replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base
-        )  # at most a sample of its own records
+        # the delay of a switch is bounded by a sample of the records that it was found on
+        base = [replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base]
         effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
         for stage, values in self.stages.items():
-            strange = next((name for name in values.effects if name not in effects), None)
-            if strange is not None:
-                hint = nearest(strange, list(effects))
-                raise ValueError(
-                    f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r};"
-                    f" {hint}"
-                )
+            must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
+            _refuse_strange(must, values.effects, [*effects])
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]
             _check_values(stage, values, [*((p, True) for p in base), *own])
 
@@ -198,18 +192,16 @@ def _misfit(raw: Mapping[str, Any]) -> str:
 
 
 @cache
-def _tell_unsealed(path: Path) -> None:
+def _note_unsealed(path: Path) -> None:
     """Said once on standard error."""
     print(f"{path}: model carries no checksum, so it cannot be checked for damage; {SEAL} adds one", file=sys.stderr)
 
 
 def _check_values(stage: str, values: Theta, declared: Sequence[tuple[Parameter, bool]]) -> None:
     """`values` against parameters, each with whether it must be there."""
-    known = [p.key for p, _ in declared]
-    unknown = next((spelled(name) for name in values if name not in known), None)
-    if unknown is not None:
-        hint = nearest(unknown, [spelled(name) for name in known if name not in values] or [*map(spelled, known)])
-        raise ValueError(f"model [{stage}] must have parameters of its rig and effects; got {unknown!r}; {hint}")
+    known = [spelled(p.key) for p, _ in declared]
+    missing = [spelled(p.key) for p, _ in declared if p.key not in values]
+    _refuse_strange(f"[{stage}] must have parameters of its rig and effects", map(spelled, values), known, missing)
     for p, needed in declared:
         name, value = spelled(p.key), values.get(p.key)
         if value is None and needed:
@@ -242,14 +234,14 @@ def _check_own_effects(named: Mapping[str, Mapping[str, str]], catalogue: Catalo
 def _values(raw: Mapping[str, float], stage: str, catalogue: Catalogue) -> Theta:
     theta = Theta.read(raw)
     for effect, values in theta.effects.items():
-        if effect not in catalogue:
-            got = next(text for text in raw if text.startswith(f"{effect}."))
-            raise ValueError(
-                f"model [{stage}] must name known effects; got {got!r}; {nearest(effect, list(catalogue))}"
-            )
+        _refuse_strange(f"[{stage}] must name known effects", [effect], [*catalogue])
         known = [p.name for p in catalogue[effect].parameters()]
-        strange = next((name for name in values if name not in known), None)
-        if strange is not None:
-            hint = nearest(strange, known)
-            raise ValueError(f"model [{stage}] {effect} must have parameters of that effect; got {strange!r}; {hint}")
+        _refuse_strange(f"[{stage}] {effect} must have parameters of that effect", values, known)
     return theta
+
+
+def _refuse_strange(must: str, names: Iterable[str], known: Sequence[str], hints: Sequence[str] = ()) -> None:
+    """Refuse the first of `names` that is not `known`, with the nearest of `hints` or of those known."""
+    for name in names:
+        if name not in known:
+            raise ValueError(f"model {must}; got {name!r}; {nearest(name, [*(hints or known)])}")

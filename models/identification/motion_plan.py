@@ -101,13 +101,8 @@ class Plan:
         )
 
 
-def random_plan(room: Room, rng: np.random.Generator) -> Plan:
-    """A motion of random moves as long as the room."""
-    return _filled(room, (), rng)
-
-
-def _filled(room: Room, begun: Sequence[Move], rng: np.random.Generator) -> Plan:
-    """The moves `begun` as long as there is time, then random ones."""
+def random_plan(room: Room, rng: np.random.Generator, begun: Sequence[Move] = ()) -> Plan:
+    """The moves `begun` as long as there is time, then random ones until the room's time is over."""
     moves, here, left = [], room.start, room.length
     waiting = list(begun)
     while left > 0:
@@ -136,7 +131,7 @@ def varied(plan: Plan, rng: np.random.Generator) -> Plan:
                 moves[k] = replace(moves[k], speed=speed)
             case _:
                 moves[k] = replace(moves[k], rest=_random_rest(room, rng))
-    return _filled(room, moves, rng)
+    return random_plan(room, rng, moves)
 
 
 def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:

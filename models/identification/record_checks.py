@@ -81,21 +81,18 @@ def _check_clock(record: Record) -> None:
 
 def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) -> None:
     """One of the columns of each group must change within or between records; of a table of runs, not all be 0."""
-    names, kind = ", ".join(r.name for r in records), records[0].layout
+    names, layout = ", ".join(r.name for r in records), records[0].layout
     for group in groups:
         there = [name for name in group if all(name in r.columns for r in records)]
-        values = [np.concatenate([r[name] for r in records]) for name in there]
-        if kind.time and there and all(len(np.unique(v)) == 1 for v in values):
-            raise ValueError(
-                f"{names}: {' and '.join(there)} must change to identify anything; got {values[0][0]:g} throughout"
-            )
-        if not kind.time and set(group) == set(kind.measured):
-            if any(not v.any() for v in values):
-                still = next(name for name, v in zip(there, values, strict=True) if not v.any())
-                raise ValueError(
-                    f"{names}: {still} must differ from 0 in some rows to identify anything; got 0 throughout"
-                )
-            if KINDS[records[0].kind].scatters and all(len(np.unique(v)) == 1 for v in values):
-                raise ValueError(
-                    f"{names}: periods must scatter as measured ones do; got {len(values[0])} times the same row"
-                )
+        values = {name: np.concatenate([r[name] for r in records]) for name in there}
+        constant = all(len(np.unique(column)) == 1 for column in values.values())
+        if layout.time and there and constant:
+            got = values[there[0]][0]
+            raise ValueError(f"{names}: {' and '.join(there)} must change to identify anything; got {got:g} throughout")
+        if not layout.time and set(group) == set(layout.measured):
+            still = next((name for name, column in values.items() if not column.any()), None)
+            if still is not None:
+                raise ValueError(f"{names}: {still} must differ from 0 in some rows; got 0 throughout")
+            if KINDS[records[0].kind].scatters and constant:
+                rows = len(values[there[0]])
+                raise ValueError(f"{names}: periods must scatter as measured ones do; got {rows} times the same row")

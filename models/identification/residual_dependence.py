@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from models.identification.finding import Dependence, ResidualCurve, ResidualSurface, Tone
 from models.identification.kind import Array, Kind
@@ -198,7 +198,7 @@ def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
         own = kind.signals(record)
         position = next((signal for name, signal in own.items() if name.startswith("x_")), np.zeros(len(record)))
         for found, signal in ((spectra, kind.measured(record) - kind.predict(record, theta)), (motions, position)):
-            f, power = welch(np.nan_to_num(signal), 1 / step, nperseg=rows, detrend="linear")
+            f, power = scipy.signal.welch(np.nan_to_num(signal), 1 / step, nperseg=rows, detrend="linear")
             found.append(power / max(float(power.sum()), 1e-300))
     spectrum, motion = np.mean(spectra, axis=0), np.mean(motions, axis=0)
     peak = SET.cycles + int(np.argmax(spectrum[SET.cycles :])) if len(spectrum) > SET.cycles else 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from models.effects import shapes
 from models.formula import Formula, equal, written
@@ -109,7 +109,10 @@ class _Fitted:
         ends = starts[:1]
         if rows:
             bounds = ([row[1] for row in rows], [row[2] for row in rows])
-            ends = [least_squares(lambda q: linear(q)[1], q, bounds=bounds).x for q in starts[: SET.term_starts]]
+            ends = [
+                scipy.optimize.least_squares(lambda q: linear(q)[1], q, bounds=bounds).x
+                for q in starts[: SET.term_starts]
+            ]
         q = min(ends, key=lambda end: _square(linear(end)))
         values = np.concatenate([linear(q)[0], list(scaled(q).values())])
         made = cls(form, curve, given, values, np.zeros(len(values)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from models.checks.finding import RecordFinding
 from models.identification.finding import STAGES, Check, Fitted
@@ -116,7 +116,7 @@ def _validation(found: Search, held_out: Mapping[str, float], allowed: float, ch
     limit = SET.clean * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, SET.near))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
-    limit = max(limit, float(chi2.ppf(SET.chance_level, found.augmented.count)) / found.augmented.count)
+    limit = max(limit, float(scipy.stats.chi2.ppf(SET.chance_level, found.augmented.count)) / found.augmented.count)
     whole = found.augmented.chi2
     if whole < found.after and not found.effects:
         return _check("validation", whole, limit, meaning="whole")

@@ -26,8 +26,8 @@ _RADII, _ANGLES = 8, 32  # of the points on a magnet's end face
 
 @dataclass(frozen=True)
 class Pairing:
-    """The numbers of one orientation: stiffness `k h^5/C`, the ratio `b` of `k h` to the attraction, `a` and `c` of the
-    laws, and `peak`, the gap of greatest pull over the height.
+    """Numbers of one orientation: stiffness `k h^5/C`, ratio `b` of `k h` to the attraction, `a` and `c` of the laws,
+    and the `peak`, the gap of greatest pull over the height.
     """
 
     stiffness: float
@@ -54,16 +54,14 @@ def stiffness_N_per_m(moments: float, height_m: float, orientation: Orientation)
 
 
 def pull(gap: Any, stiffness: Any, height: Any, orientation: Orientation) -> Any:
-    """Force in N on the capsule towards the magnet, along the lumen, at the `gap` in m of the `stiffness` in N/m at
-    this `height` in m.
-    """
+    """Force in N on the capsule along the lumen towards the magnet; `gap` and `height` in m, `stiffness` in N/m."""
     q = (gap / height) ** 2
     return stiffness * gap * (1 - PAIRINGS[orientation].a * q) / (1 + q) ** 3.5
 
 
 def attraction(gap: Any, stiffness: Any, height: Any, orientation: Orientation) -> Any:
-    """Force in N on the capsule towards the magnet, across the lumen; none where the dipoles repel each other (at gaps
-    of more than 0.8 h across, 0.5 h along).
+    """Force in N on the capsule across the lumen towards the magnet; 0 where the dipoles repel each other (at gaps of
+    more than 0.8 h across, 0.5 h along).
     """
     pairing = PAIRINGS[orientation]
     q = (gap / height) ** 2
@@ -78,8 +76,8 @@ class Cylinder:
     length_m: float
 
     def charges(self, along: Array) -> tuple[Array, Array]:
-        """Points (n, 3) in m of both end faces, the axis along the unit vector `along`, and their share (n,) of the
-        moment over the length: Gauss points over the radius, even ones around.
+        """Points (n, 3) in m of both end faces, the axis along the unit vector `along`, and their shares (n,) of moment
+        over length: Gauss points over the radius, even ones around.
         """
         node, weight = np.polynomial.legendre.leggauss(_RADII)
         radius = 0.5 * self.diameter_m * np.sqrt(0.5 * (node + 1))
@@ -106,11 +104,11 @@ def cylinder_forces(
 
 
 def too_strong(outer: Cylinder, inner: Cylinder, height_m: float, orientation: Orientation) -> float:
-    """By which share the dipoles are too strong (negative: too weak) at `height_m`, the greater one of pull and
-    attraction, at the gap of half the greatest pull.
+    """Relative error of the dipoles at `height_m`, of pull or attraction, whichever is larger, at half the greatest
+    pull; positive where they are too strong.
     """
     gap = 0.25 * PAIRINGS[orientation].peak * height_m
     k = stiffness_N_per_m(1.0, height_m, orientation)
-    told = pull(gap, k, height_m, orientation), attraction(gap, k, height_m, orientation)
-    true = cylinder_forces(outer, inner, 1.0, gap, height_m, orientation)
-    return max((float(a) / b - 1 for a, b in zip(told, true, strict=True)), key=abs)
+    dipoles = pull(gap, k, height_m, orientation), attraction(gap, k, height_m, orientation)
+    cylinders = cylinder_forces(outer, inner, 1.0, gap, height_m, orientation)
+    return max((float(a) / b - 1 for a, b in zip(dipoles, cylinders, strict=True)), key=abs)

@@ -41,9 +41,7 @@ def high_speed_moduli() -> Moduli:
 
 
 def blend_weight(speed: Any, centre_m_s: float = 0.020, width_m_s: float = 0.002) -> Any:
-    """Share of the high-speed set, 0 below and 1 above `centre`, a smooth step over about `width` (paper V jumps at 20
-    mm/s).
-    """
+    """Share of the high-speed set: a smooth step from 0 to 1 about `centre` (where paper V jumps), `width` wide."""
     s = np.clip((speed - centre_m_s) / width_m_s + 0.5, 0.0, 1.0)
     return s * s * (3 - 2 * s)
 
@@ -74,9 +72,7 @@ def angular_frequency(frequency_Hz: Any, reading: Reading = "hertz") -> Any:
 
 
 def maxwell_branch(omega: Any, modulus: Any, viscosity: Any) -> DynamicModulus:
-    """A spring E in series with a damper eta: `Y1 = E q^2/(1 + q^2)`, `Y2 = E q/(1 + q^2)`, `q = omega eta/E`; omega in
-    rad/s.
-    """
+    """A spring E in series with a damper eta: `Y1 = E q^2/(1 + q^2)`, `Y2 = E q/(1 + q^2)`, `q = omega eta/E`."""
     q = omega * viscosity / modulus
     return DynamicModulus(modulus * q**2 / (1 + q**2), modulus * q / (1 + q**2))
 

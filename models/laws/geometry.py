@@ -23,7 +23,7 @@ class Capsule:
 @dataclass(frozen=True)
 class Tissue:
     """The gut around the capsule: wall thickness d = l_m, contact angle alpha, nose angle theta, friction, mucus,
-    recovery, and which of paper V's two sets of moduli hold. Raises ValueError for an unknown set.
+    recovery, and the set of moduli of paper V. Raises ValueError for an unknown set.
     """
 
     wall_thickness_m: float = 2.5e-3
@@ -59,25 +59,19 @@ def contact_angle_deg(lumen_diameter_m: float, radius_m: float) -> float:
     in m. Raises ValueError unless the lumen is narrower than the capsule.
     """
     if not 0 < lumen_diameter_m < 2 * radius_m:
-        raise ValueError(
-            f"lumen_diameter_m must be positive and less than the capsule's {2 * radius_m:g} m; got"
-            f" {lumen_diameter_m:g}"
-        )
+        rule = f"lumen_diameter_m must be positive and less than the capsule's {2 * radius_m:g} m"
+        raise ValueError(f"{rule}; got {lumen_diameter_m:g}")
     return math.degrees(math.acos(lumen_diameter_m / (2 * radius_m)))
 
 
 def shoulder_position(capsule: Capsule, tissue: Tissue) -> float:
-    """`x_s = R sin(alpha)` in m: where the nose passes into the cylinder, counted from the first contact of wall and
-    nose.
-    """
+    """`x_s = R sin(alpha)` in m: from the first contact of wall and nose to the begin of the cylinder."""
     return capsule.radius_m * math.sin(tissue.alpha)
 
 
 def wall_diameter(distance_m: Any, capsule: Capsule, tissue: Tissue) -> Any:
-    """`D(x) = 2 sqrt(R^2 - (x_s - x)^2)` up to the shoulder, `2 R` along the cylinder, in m (papers A and V, Fig. 1).
-
-    `distance_m` x from the first contact in m, any shape; `D(0) = D0`. The wall takes the capsule's shape (assumption 3
-    of both).
+    """`D(x) = 2 sqrt(R^2 - (x_s - x)^2)` up to the shoulder, `2 R` along the cylinder, in m (papers A and V, Fig. 1 and
+    assumption 3); `distance_m` x from the first contact in m, any shape; `D(0) = D0`.
     """
     ahead = np.maximum(shoulder_position(capsule, tissue) - distance_m, 0)
     return 2 * np.sqrt(capsule.radius_m**2 - ahead**2)

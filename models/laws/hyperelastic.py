@@ -29,17 +29,11 @@ class WallConstants:
         return cls(*(s[key] for key in cls.__dataclass_fields__))
 
 
-def _matrix(stretch: Any, wall: WallConstants) -> Any:
-    return wall.c1_Pa * (1 - stretch**-4)
-
-
-def _collagen(factor: Any, invariant: Any, wall: WallConstants) -> Any:
-    return factor * wall.k1_coll_Pa * (invariant - 1) * np.exp(wall.k2_coll * (invariant - 1) ** 2)
-
-
-def _muscle(stretch: Any, k1_Pa: float, k2: float) -> Any:
+def _stress(stretch: Any, invariant: Any, factor: Any, k1_Pa: float, k2: float, wall: WallConstants) -> Any:
+    """Matrix, collagen and a muscle with the constants `k1_Pa` and `k2`."""
     strain = stretch**2 - 1
-    return k1_Pa * strain * np.exp(k2 * strain**2)
+    collagen = factor * wall.k1_coll_Pa * (invariant - 1) * np.exp(wall.k2_coll * (invariant - 1) ** 2)
+    return wall.c1_Pa * (1 - stretch**-4) + collagen + k1_Pa * strain * np.exp(k2 * strain**2)
 
 
 def longitudinal_stress(stretch: Any, wall: WallConstants) -> Any:
@@ -51,8 +45,8 @@ def longitudinal_stress(stretch: Any, wall: WallConstants) -> Any:
     range of Ciarletta's tests. Source: paper A Eq. 1 and 3 (Eq. 18-20 of A do *not* follow from it).
     """
     invariant = (3 * stretch**4 + 1) / (4 * stretch**2)
-    collagen = _collagen((3 * stretch**4 - 1) / (2 * stretch**4), invariant, wall)
-    return _matrix(stretch, wall) + collagen + _muscle(stretch, wall.k1_lm_Pa, wall.k2_lm)
+    factor = (3 * stretch**4 - 1) / (2 * stretch**4)
+    return _stress(stretch, invariant, factor, wall.k1_lm_Pa, wall.k2_lm, wall)
 
 
 def circumferential_stress(stretch: Any, wall: WallConstants) -> Any:
@@ -63,8 +57,8 @@ def circumferential_stress(stretch: Any, wall: WallConstants) -> Any:
     `stretch` l is dimensionless, any shape; the stress is in Pa, same shape. Source: paper A Eq. 2 and 3.
     """
     invariant = (stretch**4 + 3) / (4 * stretch**2)
-    collagen = _collagen((stretch**4 - 3) / (2 * stretch**4), invariant, wall)
-    return _matrix(stretch, wall) + collagen + _muscle(stretch, wall.k1_cm_Pa, wall.k2_cm)
+    factor = (stretch**4 - 3) / (2 * stretch**4)
+    return _stress(stretch, invariant, factor, wall.k1_cm_Pa, wall.k2_cm, wall)
 
 
 def wall_tension(u: Any, wall: WallConstants, section_m2: float, stretched_length_m: float) -> Any:

@@ -1,5 +1,5 @@
-"""Force against speed of a steadily sliding capsule: what the stretched wall resists and presses, the mucus drag and
-the Coulomb part (paper V Eq. 1, 7-12).
+"""Force over speed of a steadily sliding capsule: resistance of the wall, mucus drag, Coulomb part (paper V Eq. 1,
+7-12).
 """
 
 import math
@@ -68,16 +68,12 @@ def pressure_integrals(speed: Any, capsule: Capsule, tissue: Tissue) -> tuple[An
 
 
 def environmental_resistance(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
-    """`F_e(v) = sin(theta) I1` in N: what the stretched wall in front of the nose resists; `speed` v in m/s (paper V
-    Eq. 8).
-    """
+    """`F_e(v) = sin(theta) I1` in N: the stretched wall's resistance to the nose; `speed` v in m/s (paper V Eq. 8)."""
     return math.sin(tissue.theta) * pressure_integrals(speed, capsule, tissue)[0]
 
 
 def normal_load(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
-    """`N(v) = m g + cos(theta) I1 + I2` in N: weight, nose and cylinder press on the wall; `speed` v in m/s (paper V
-    Eq. 12).
-    """
+    """`N(v) = m g + cos(theta) I1 + I2` in N: load by weight, nose and cylinder; `speed` v in m/s (paper V Eq. 12)."""
     nose, cylinder = pressure_integrals(speed, capsule, tissue)
     return capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from models.laws.geometry import Capsule, Tissue, relaxed_diameter, shoulder_position, wall_diameter
 from models.laws.hyperelastic import WallConstants, circumferential_stress, wall_tension
@@ -19,7 +19,7 @@ Tension = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Tooth:
-    """One period of the saw: the wall's drag `drag_m` at which it slips, and how long rise and fall take."""
+    """One period of the saw-tooth: the wall's drag `drag_m` at which it slips, and the times of rise and fall."""
 
     drag_m: float
     rise_s: float
@@ -27,7 +27,6 @@ class Tooth:
 
     @property
     def period_s(self) -> float:
-        """Rise and fall together."""
         return self.rise_s + self.fall_s
 
 
@@ -62,10 +61,10 @@ def printed_tension(stretched_length_m: float) -> Tension:
 
 
 def where_it_reaches(rising: Tension, value: float, end: float, tolerance: float) -> float:
-    """Where a `rising` law that begins at 0 has the `value`, looked for up to `end` and beyond."""
+    """Argument at which a `rising` law from 0 has the `value`; the search starts below `end`."""
     while rising(end) < value:
         end *= 1.5
-    return float(brentq(lambda at: float(rising(at)) - value, 0.0, end, xtol=tolerance))
+    return float(scipy.optimize.brentq(lambda at: float(rising(at)) - value, 0.0, end, xtol=tolerance))
 
 
 def stick_slip_tooth(tension: Tension, amplitude_N: float, capsule_speed: float, recoil_speed: float) -> Tooth:

@@ -16,53 +16,34 @@ from models.rigs.mapping import MappedColumn
 _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 
 
-def missing_in_layouts(kind: RigKind, header: Sequence[str]) -> list[tuple[list[tuple[str, ...]], tuple[str, ...]]]:
-    """The columns that `header` lacks to be a record of each layout of `kind` that none of its columns rules out, and
-    those that it may have besides.
-    """
-    held = kind.layouts
-    fitting = [one for one in held if set(one.own()) & set(header)] or held
-    return [(one.lacking(header), tuple(name for name in one.optional if name not in header)) for one in fitting]
-
-
 def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured: bool = True) -> None:
-    """Refuse a header that lacks a column of `kind`, saying which, and what in the header was probably meant; one of a
-    whole record of another kind without any measured column of `kind`; and optional columns in another unit, which
-    would be ignored without a word.
+    """Refuse a header that lacks a column of `kind`, with the likely one in the header; one of a whole record of
+    another kind; and optional columns in another unit, which would be ignored.
     """
-    held = kind.columns(header)
-    missing = held.lacking(header, with_measured)
+    layout = kind.columns(header)
+    lacking = layout.lacking(header, with_measured)
+    missing = [name for alternatives in lacking for name in alternatives]
     whole = [one for one in KINDS.values() if not one.columns(header).lacking(header)]
-    if not missing and len(whole) == 1 and kind not in whole and not set(held.measured) & set(header):
+    if not missing and len(whole) == 1 and kind not in whole and not set(layout.measured) & set(header):
         raise ValueError(f"{where}: record must be one of a {kind.id} rig; got the columns of kind {whole[0].id}")
-    optional = (name for name in (*held.given_by_rig, *held.optional) if name not in header)
-    for name in (name for alternatives in missing for name in alternatives) if missing else optional:
+    for name in missing or (name for name in (*layout.given_by_rig, *layout.optional) if name not in header):
         _refuse_unit(where, name, header, kind)
     if not missing:
         return
-    wanted = _wanted(kind, header, with_measured)
+    layouts = (layout,) if any(set(one.own()) & set(header) for one in kind.layouts) else kind.layouts
+    wanted = ", or ".join(", ".join(map(" or ".join, one.lacking(header, with_measured))) for one in layouts)
     if found := " or ".join(one.id for one in whole if one != kind):
-        raise ValueError(
-            f"{where}: record must be one of a {kind.id} rig (column {wanted} is missing); got the columns of kind"
-            f" {found}"
-        )
-    free = [name for name in header if name not in kind.known]
-    raise ValueError(
-        f"{where}: header must have the column {wanted} (kind {kind.id}); got {_listed(header)}{_hint(missing, free)}"
-    )
+        rule = f"record must be one of a {kind.id} rig (column {wanted} is missing)"
+        raise ValueError(f"{where}: {rule}; got the columns of kind {found}")
+    shown, more = ", ".join(repr(name[:40]) for name in header[:8]), len(header) - 8
+    got = f"{shown} and {more} more" if more > 0 else shown
+    hint = _hint(missing, [name for name in header if name not in kind.known])
+    raise ValueError(f"{where}: header must have the column {wanted} (kind {kind.id}); got {got}{hint}")
 
 
-def _wanted(kind: RigKind, header: Sequence[str], with_measured: bool) -> str:
-    """The columns that `header` lacks; where it has none of any variant of `kind`, those of each."""
-    held = kind.layouts
-    if any(set(one.own()) & set(header) for one in held):
-        held = (kind.columns(header),)
-    return ", or ".join(", ".join(map(" or ".join, one.lacking(header, with_measured))) for one in held)
-
-
-def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
-    """Which column of ours a column of the file was probably meant to be; nothing where none is like it."""
-    for name in (name for alternatives in missing for name in alternatives):
+def _hint(missing: Sequence[str], free: Sequence[str]) -> str:
+    """The column of the file that is most like a missing one."""
+    for name in missing:
         clock = [other for other in free if name == TIME and other.lower().startswith(_TIME_NAMES)]
         close = clock or difflib.get_close_matches(name, free, n=1, cutoff=0.5)
         if close:
@@ -72,20 +53,12 @@ def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
 
 def _refuse_unit(where: str, name: str, header: Sequence[str], kind: RigKind) -> None:
     stem, unit = split_unit(name)
-    known = kind.known
     for got in header:
         other, stated = split_unit(got)
         same = other.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
-        if unit and same and got not in known:
-            raise ValueError(
-                f"{where}: column must be {name!r}, in {unit.replace('_', '/')}; got {got!r}: rename it, or say in"
-                " [columns] of the rig file what it is"
-            )
-
-
-def _listed(header: Sequence[str]) -> str:
-    shown = [repr(name[:40]) for name in header[:8]]
-    return ", ".join(shown) + (f" and {len(header) - 8} more" if len(header) > 8 else "")
+        if unit and same and got not in kind.known:
+            rule = f"column must be {name!r}, in {unit.replace('_', '/')}"
+            raise ValueError(f"{where}: {rule}; got {got!r}: rename it, or map it in [columns] of the rig file")
 
 
 WORDS: Final[Mapping[str, str]] = {
@@ -108,20 +81,19 @@ WORDS: Final[Mapping[str, str]] = {
     "peak": "peak maximum upper",
     "drive": "drive switch pulse trigger",
 }
-"""Words with which people name what a part of our columns' names means; a beginning of one (`pos`, `disp`) will do."""
-# words in the names of what was wanted and not measured
-_WISHED: Final = "command cmd reference desired target setpoint demand goal nominal feedforward"
+"""Other words for the parts of our columns' names, of which a beginning (`pos`, `disp`) is enough."""
+# words in the names of commanded columns
+_COMMANDED: Final = "command cmd reference desired target setpoint demand goal nominal feedforward"
 
 
 def proposed(
     header: Sequence[str], missing: Sequence[Sequence[str]], units: Mapping[str, str], optional: Sequence[str] = ()
 ) -> list[MappedColumn]:
-    """A source in `header` for each of the `missing` columns, alternatives side by side, where one is recognised, and
-    for the `optional` ones in what is left.
+    """A source in `header`, which states the `units`, for each group of alternatives in `missing`, where one is
+    recognised, then for the `optional` columns.
 
-    `units` are those that the file states by column. A column is recognised by its unit and the words of its name, the
-    likeliest first: of two as likely ones that was measured goes before one that was commanded, then the shorter name.
-    One that is missing is recognised also as the only one left whose unit fits.
+    A column is recognised by its unit and the words of its name, the likeliest first, then a measured one before a
+    commanded one, then the shorter name; a missing one also as the last free one whose unit fits.
     """
     free = {name: _read(name, units.get(name, "")) for name in header if name}
     group_of = {name: group for group in [*missing, *([name] for name in optional)] for name in group}
@@ -133,7 +105,7 @@ def proposed(
 
     def take_likeliest(targets: list[str]) -> None:
         likely = [
-            (-score, _wished(stem), len(_words(stem)), k, name)
+            (-score, _commanded(stem), len(_words(stem)), k, name)
             for k, target in enumerate(targets)
             for name, (stem, stated) in free.items()
             if (score := _likeness(target, stem, stated))
@@ -152,13 +124,10 @@ def proposed(
 
 
 def to_scale(
-    header: Sequence[str],
-    missing: Sequence[Sequence[str]],
-    units: Mapping[str, str],
-    found: Sequence[MappedColumn],
+    header: Sequence[str], missing: Sequence[Sequence[str]], units: Mapping[str, str], found: Sequence[MappedColumn]
 ) -> list[str]:
-    """Comments for a table `[columns]`: of the `missing` columns that were not `found` those that stand in the `header`
-    by their names, but in a sensor's own unit (volts, counts, pixels), which only the experimenter can tell in ours.
+    """Comments for a table `[columns]` on `missing` columns that were not `found`: the `header` has their names, but in
+    a sensor's own unit (volts, counts, pixels), of which only the experimenter knows the scale.
     """
     taken, lines = {entry.column for entry in found}, []
     for target in (group[0] for group in missing if not {entry.target for entry in found} & set(group)):
@@ -173,7 +142,7 @@ def to_scale(
 
 
 def toml_lines(entries: Sequence[MappedColumn]) -> str:
-    """The entries as a table `[columns]` to paste into a rig file."""
+    """A table `[columns]` to paste into a rig file."""
     return "\n".join(["[columns]", *(_line(entry) for entry in entries)])
 
 
@@ -187,7 +156,7 @@ def _line(entry: MappedColumn) -> str:
 
 
 def _read(name: str, stated: str) -> tuple[str, str]:
-    """The words of a column's name and its unit, which may be all that it is called."""
+    """The words of a column's name, and its unit, which may be the whole name."""
     stem, within = split_unit(name)
     if not (stated or within) and len(name) > 1 and unit(name):
         return "", name
@@ -199,8 +168,8 @@ def _fits(stated: str, target: str) -> bool:
 
 
 def _likeness(target: str, stem: str, stated: str) -> int:
-    """How well the words of another's name stand for the parts of ours, each 2 where it is the same word and 1 where it
-    means the same; 0 where the units contradict.
+    """Score of a name's words against the parts of ours: 2 for the same word, 1 for another of its meaning; 0 where the
+    units contradict.
     """
     if stated and not _fits(stated, target):
         return 0
@@ -212,8 +181,8 @@ def _words(stem: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Z]?[a-z']+|[A-Z]+(?![a-z])|[A-Za-z']+", stem)]
 
 
-def _wished(stem: str) -> bool:
-    return any(len(word) > 2 and wished.startswith(word) for word in _words(stem) for wished in _WISHED.split())
+def _commanded(stem: str) -> bool:
+    return any(len(word) > 2 and known.startswith(word) for word in _words(stem) for known in _COMMANDED.split())
 
 
 def _means(word: str, part: str) -> bool:

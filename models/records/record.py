@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
-from models.records.found_columns import check_header, missing_in_layouts, proposed, to_scale, toml_lines
+from models.records.found_columns import check_header, proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
@@ -25,14 +25,13 @@ from models.rigs.rig import Rig
 Array = NDArray[np.float64]
 USED = "_used"
 """Column of a record: 1 where the measured value counts, 0 where there is none or it was filled in."""
-LARGEST_SAMPLE = 1e12
-"""Beyond it nothing can be said of a sample, by the checks of records either."""
+LARGEST_SAMPLE = 1e12  # that the checks of records can read
 
 
 @dataclass(frozen=True)
 class Record:
-    """One record in memory; `columns` maps a column's name to its samples, all of one length; `notes` say what reading
-    it took, such as resampling. `source` is the file that it was read from and `lines` the line of each row there.
+    """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling; the
+    `source` file, and the line of each row there.
     """
 
     name: str
@@ -50,28 +49,27 @@ class Record:
 
     @property
     def layout(self) -> Columns:
-        """What its kind of record holds, in the variant that these columns are of."""
+        """The columns of its kind, in the variant of this record."""
         return KINDS[self.kind].columns(self.columns)
 
     def line(self, row: int) -> int:
-        """Line of the file on which `row` stands; the row's own number where there is no file."""
+        """Line of `row` in the file; the row's own number without a file."""
         return int(row) if self.lines is None else int(self.lines[row])
 
     def with_column(self, column: str, values: Any) -> Record:
-        """The same record with one column replaced or added."""
-        return replace(self, columns={**self.columns, column: np.asarray(values, dtype=float)})
+        return self.with_columns({column: np.asarray(values, dtype=float)})
+
+    def with_columns(self, columns: Mapping[str, Array]) -> Record:
+        """The same record with `columns` replaced or added."""
+        return replace(self, columns={**self.columns, **columns})
 
     def without(self, columns: Sequence[str]) -> Record:
-        """The same record without `columns`."""
         return replace(self, columns={key: column for key, column in self.columns.items() if key not in columns})
 
     def rows(self, index: Any) -> Record:
         """The same record with only the rows of `index`."""
-        return replace(
-            self,
-            columns={key: column[index] for key, column in self.columns.items()},
-            lines=None if self.lines is None else self.lines[index],
-        )
+        columns = {key: column[index] for key, column in self.columns.items()}
+        return replace(self, columns=columns, lines=None if self.lines is None else self.lines[index])
 
     def beginning(self, length: float) -> Record:
         """The same record's first `length` s."""
@@ -80,16 +78,15 @@ class Record:
 
 
 def kept_between(where: str, name: str, values: Array, least: int) -> dict[str, Array]:
-    """The measured column `name` kept in rows where it has no value (NaN), and `USED`; nothing where it has all. Raises
-    ValueError where it has fewer than `least`.
+    """The measured column `name` with its last value where it has none (NaN), and `USED`; nothing where it has all.
+    Raises ValueError for fewer than `least` values.
     """
     there = np.isfinite(values)
     if there.all():
         return {}
     if there.sum() < least:
-        raise ValueError(
-            f"{where}: {name} must hold a number in at least {least} rows; got {there.sum()} in {len(values)}"
-        )
+        got = f"{there.sum()} in {len(values)}"
+        raise ValueError(f"{where}: {name} must hold a number in at least {least} rows; got {got}")
     last = np.maximum.accumulate(np.where(there, np.arange(len(values)), np.argmax(there)))
     return {name: values[last], USED: there.astype(float)}
 
@@ -111,7 +108,7 @@ def as_measured(record: Record) -> dict[str, Array]:
 
 @contextmanager
 def named(record: Record) -> Iterator[None]:
-    """Whatever is refused within says which record it is about."""
+    """Within it, a ValueError begins with the record's name."""
     try:
         yield
     except ValueError as error:
@@ -119,13 +116,11 @@ def named(record: Record) -> Iterator[None]:
 
 
 def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """Read a `.csv` or `.csv.gz` record of `rig` (or `.tsv`, `.txt`), whose `columns` say what stands for ours; what is
-    wrong with it is a ValueError of one sentence with file, line, column.
+    """Read a `.csv` or `.csv.gz` record of `rig` (or `.tsv`, `.txt`). Raises ValueError with file, line and column.
 
-    With `driven_only` the measured columns may be missing and a single row is enough: what a prediction needs.
-    Columns beyond the kind's own are kept where they hold numbers. The measured column of a time series may be empty in
-    rows where nothing was measured: it keeps its value there, and the column `USED` says where it has one of its own.
-    A `lenient` reading takes times and ranges as they stand: what the checks say something about.
+    `driven_only` needs no measured columns and a single row: enough for a prediction. Columns beyond the kind's own are
+    kept where they hold numbers. A measured column of a time series may be empty in some rows, which `USED` marks. A
+    `lenient` reading leaves times and ranges to the checks of records.
     """
     path, kind, sources = Path(path), KINDS[rig.kind], dict[str, MappedColumn]()
 
@@ -157,8 +152,8 @@ def record_of(
     driven_only: bool = False,
     notes: tuple[str, ...] = (),
 ) -> Record:
-    """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file;
-    a line is a row. A measured column of a time series may hold NaN, where nothing was measured.
+    """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file.
+    A measured column of a time series may hold NaN, where nothing was measured.
     """
     where, header = where or name, list(columns)
     lengths = {column: np.shape(values) for column, values in columns.items()}
@@ -177,18 +172,15 @@ def record_of(
 
 
 def _sparse(kind: RigKind) -> tuple[str, ...]:
-    """Our columns that need no value in every row."""
+    """Columns of ours that may be empty in some rows."""
     return tuple(name for one in kind.layouts if one.time for name in one.measured)
 
 
 def find_columns(
     where: str, rig: Rig, header: Sequence[str], units: Mapping[str, str], driven_only: bool
 ) -> dict[str, MappedColumn]:
-    """Where each column of ours stands in the `header` of a file that states these `units`, as `[columns]` of the rig
-    says.
-
-    Raises ValueError of one sentence for a column that is missing; where others may be meant, a note of the error is
-    the table `[columns]` to paste into the rig file.
+    """The source of each column of ours in the `header` of a file that states these `units`, by `[columns]` of the rig.
+    Raises ValueError for a missing column, with a table `[columns]` to paste as its note where one is likely.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
     kind = KINDS[rig.kind]
@@ -210,21 +202,24 @@ def find_columns(
 def _with_proposal(
     error: ValueError, rig: Rig, header: Sequence[str], units: Mapping[str, str], sources: Mapping[str, MappedColumn]
 ) -> ValueError:
-    """The error with a table `[columns]` that may put it right, where one can be found."""
+    """The error with a table `[columns]` that may mend it, where one is found."""
     good = {target: source for target, source in sources.items() if not contradiction(target, source, units)}
     used = {source.column for source in good.values()}
     free = [name for name in header if name not in used]
-    variants = missing_in_layouts(KINDS[rig.kind], list(good))
-    likely = [(proposed(free, missing, units, optional), missing) for missing, optional in variants]
+    layouts = KINDS[rig.kind].layouts
+    likely = []
+    for layout in [one for one in layouts if set(one.own()) & set(good)] or layouts:
+        missing = layout.lacking(good)
+        likely.append((proposed(free, missing, units, [name for name in layout.optional if name not in good]), missing))
     found, missing = max(likely, key=lambda one: len(one[0]))
     raw = to_scale(free, missing, units, found)
     if not (found or raw) or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]
     words = "reads it, if it is what is meant" if not raw else "is what it would take, with numbers for the dots"
-    told = ValueError(f"{error}; this table in the rig file {words}:")
-    told.add_note("\n".join([toml_lines(entries), *raw]))
-    return told
+    with_table = ValueError(f"{error}; this table in the rig file {words}:")
+    with_table.add_note("\n".join([toml_lines(entries), *raw]))
+    return with_table
 
 
 def _record(
@@ -236,12 +231,9 @@ def _record(
     driven_only: bool,
     lenient: bool = False,
 ) -> Record:
-    """The record of a table in which our columns stand at their `sources`, checked row by row."""
+    """The record of a table with our columns at their `sources`, checked row by row."""
     kind, rows, raw = KINDS[rig.kind], len(table.lines), dict(zip(table.header, table.values.T, strict=True))
-    ours = {
-        target: source.values(raw[source.column], table.units.get(source.column, ""))
-        for target, source in sources.items()
-    }
+    ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
     read = {source.column for source in sources.values()}
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
@@ -263,33 +255,27 @@ def _record(
 def _refuse_wrong(
     where: str, kind: RigKind, columns: Mapping[str, Array], lines: NDArray[np.int64], lenient: bool
 ) -> None:
-    """Refuse stamps that do not rise, values of our columns out of their ranges (where `lenient` those of a size of
-    which nothing can be said), and valleys above their peaks.
+    """Refuse stamps that do not rise, values out of range (where `lenient` only those too large for the checks), and
+    valleys above their peaks.
     """
-    if kind.layout.time and not lenient:
-        time = columns[TIME]
-        wrong = ~(np.diff(time) > 0)
-        if wrong.any():
-            row = int(np.argmax(wrong)) + 1
-            raise ValueError(
-                f"{where}, line {lines[row]}: t_s must increase; got {time[row]:.12g} after {time[row - 1]:.12g}"
-            )
-    for name, values in ((name, values) for name, values in columns.items() if name in kind.known):
-        limits = kind.range(name)
-        if limits is not None:
-            wrong = ~limits.holds(values) & (not lenient or np.abs(values) > LARGEST_SAMPLE)
-            if wrong.any():
-                row = int(np.argmax(wrong))
-                raise ValueError(f"{where}, line {lines[row]}: {name} must be {limits.words}; got {values[row]:g}")
-    if kind.rising is not None and set(kind.rising) <= columns.keys():
-        low, high = kind.rising
-        wrong = ~(columns[high] > columns[low])
+
+    def refuse(wrong: NDArray[np.bool_], rule: str, *values: Array) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise ValueError(
-                f"{where}, line {lines[row]}: {high} must be above {low}; got {columns[high][row]:g} and"
-                f" {columns[low][row]:g}"
-            )
+            raise ValueError(f"{where}, line {lines[row]}: {rule.format(*(one[row] for one in values))}")
+
+    if kind.layout.time and not lenient:
+        time, before = columns[TIME], np.append(-np.inf, columns[TIME][:-1])
+        refuse(~(time > before), "t_s must increase; got {:.12g} after {:.12g}", time, before)
+    for name, values in columns.items():
+        limits = kind.range(name) if name in kind.known else None
+        if limits is not None:
+            wrong = ~limits.holds(values) & (not lenient or np.abs(values) > LARGEST_SAMPLE)
+            refuse(wrong, f"{name} must be {limits.words}; got {{:g}}", values)
+    if kind.rising is not None and set(kind.rising) <= columns.keys():
+        low, high = (columns[name] for name in kind.rising)
+        rule = f"{kind.rising[1]} must be above {kind.rising[0]}; got {{:g}} and {{:g}}"
+        refuse(~(high > low), rule, high, low)
 
 
 def _name(path: Path) -> str:

@@ -21,9 +21,7 @@ MEASURED = Path(__file__).parent / "measured"
 
 @dataclass(frozen=True)
 class PaperMeasurement:
-    """One printed table: its columns (float arrays in the unit of `units`, or text), where it comes from, and what it
-    is not.
-    """
+    """One printed table: columns (float arrays in the unit of `units`, or text), source, and a caution for its use."""
 
     name: str
     title: str
@@ -53,17 +51,14 @@ def measured_path(name: str) -> Path:
     """The CSV file of a measured table; a miss names the nearest one (`ValueError`)."""
     path = MEASURED / f"{name}.csv"
     if not path.is_file():
-        raise ValueError(
-            f"measurement must be one that exists; got {name!r}; {nearest(name, available_measurements())}"
-        )
+        hint = nearest(name, available_measurements())
+        raise ValueError(f"measurement must be one that exists; got {name!r}; {hint}")
     return path
 
 
 @cache
 def load_measurement(name: str) -> PaperMeasurement:
-    """Read `measured/NAME.csv` and its entry in `measured.toml`; `ValueError` if there is none or the columns
-    differ.
-    """
+    """The table of `measured/NAME.csv` and its entry in `measured.toml`. Raises ValueError where the columns differ."""
     path = measured_path(name)
     head = tomllib.loads((MEASURED / "measured.toml").read_text(encoding="utf-8"))[name]
     with path.open(encoding="utf-8", newline="") as file:

@@ -65,12 +65,12 @@ class Wall(Surface):
         ranges = slice(0, 1100), slice(1100, None)
 
         def fitted(integral: Any) -> Fitted:
+            at = np.log1p(speed / _KNEE)
             below, beyond = (
-                np.polynomial.Chebyshev.fit(at, value, degree, w=1 / value).convert(kind=np.polynomial.Polynomial)
-                for at, value, degree in (
-                    (np.log1p(speed[part] / _KNEE), integral[part], degree)
-                    for part, degree in zip(ranges, (_DEGREE, _DEGREE_BEYOND), strict=True)
+                np.polynomial.Chebyshev.fit(at[part], integral[part], degree, w=1 / integral[part]).convert(
+                    kind=np.polynomial.Polynomial
                 )
+                for part, degree in zip(ranges, (_DEGREE, _DEGREE_BEYOND), strict=True)
             )
             end = np.log1p(FAST / _KNEE)
             beyond = beyond * (below(end) / beyond(end))
@@ -102,9 +102,16 @@ class Wall(Surface):
         )
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
-        mu = p["friction_coefficient"]
-        friction, onset = self.grip(speed, p["hoop_stress_factor"], mu, levels)
-        return friction, onset + mu * (levels[1] * carried_kg * GRAVITY + pressing)
+        """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
+        N with the rig's factor c on the hoop stress, carried and pressing loads added; paper V Eq. 8, 11, 12.
+        """
+        hoop, mu = p["hoop_stress_factor"], p["friction_coefficient"]
+        on_nose, on_weight, on_pressed = levels
+        nose = hoop * _integral(speed, self.nose_coefficients)
+        cylinder = hoop * _integral(speed, self.cylinder_coefficients)
+        load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
+        onset = mu * load + mu * (on_weight * carried_kg * GRAVITY + pressing)
+        return on_nose * math.sin(self.tissue.theta) * nose, onset
 
     def mucus(self, w: Any) -> Any:
         return mucus_drag(w, self.tissue.mucus_thickness_m)
@@ -124,23 +131,8 @@ class Wall(Surface):
             [equal(v_i, u_c / t_r)],
         ]
 
-    def grip(self, speed: Any, hoop: Any, mu: Any, levels: Levels = FULL) -> Held:
-        """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
-        N.
-
-        `hoop` is the rig's factor c on the hoop stress, `levels` what effects make of F_e, of the weight's part of the
-        slip limit and of the rest of it; paper V Eq. 8, 11, 12.
-        """
-        on_nose, on_weight, on_pressed = levels
-        nose = hoop * _integral(speed, self.nose_coefficients)
-        cylinder = hoop * _integral(speed, self.cylinder_coefficients)
-        load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
-        return on_nose * math.sin(self.tissue.theta) * nose, mu * load
-
     def tension(self, u: Any) -> Any:
-        """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm
-        of drag.
-        """
+        """`T(u)` in N at the drag `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm."""
         return u * _polynomial(np.abs(u) / LONGEST, self.tension_coefficients)
 
     def stiffness(self) -> float:
@@ -148,9 +140,7 @@ class Wall(Surface):
         return float(self.tension(1e-6)) / 1e-6
 
     def drag_at(self, tension: Any) -> Any:
-        """`u_c` in m with `T(u_c)` = `tension` >= 0 in N, a polynomial that inverts `tension` within 1e-6 up to 3 mm of
-        drag.
-        """
+        """`u_c` in m with `T(u_c)` = `tension` >= 0 in N, a polynomial, within 1e-6 up to 3 mm of drag."""
         return _polynomial(tension, self.drag_coefficients)
 
 
@@ -172,9 +162,8 @@ def step_drag(state: Drag, v: Any, h: Any, limit: Any, tension: Any, recovery_sp
     u = 0.
 
     `tension` maps u to the wall's tension in N; `recovery_speed` is `v_i = u_c/t_r` in m/s with `T(u_c) = f_c` at the
-    present speed. An event inside the step is placed by linear interpolation and the rest of the step is spent in the
-    other mode, so the error is second order in `h`. The wall sticks again too when the capsule overtakes it backwards,
-    and stays stuck while it does, `s v <= -v_i`, whatever the tension.
+    present speed. An event inside the step is located by linear interpolation, so the error is second order in `h`. The
+    wall also sticks while the capsule overtakes it backwards, `s v <= -v_i`, at any tension.
     """
     dragged = state.u + v * h
     before, after = np.abs(tension(state.u)), np.abs(tension(dragged))
@@ -195,8 +184,7 @@ def step_drag(state: Drag, v: Any, h: Any, limit: Any, tension: Any, recovery_sp
 
 
 def settle(free: Any, stop: Any, smoothing: Any = 0.0) -> Any:
-    """Speed after a step of set-valued friction: `free` without it, `stop` = F h/m the most that friction can take
-    away, m/s.
+    """Speed in m/s after a step under friction: `free` without it, at most reduced by `stop` = F h/m.
 
     The implicit step of `F v/(|v| + eps)` in closed form, `|v| = (b + sqrt(b^2 + 4 eps |free|))/2` with `b = |free| -
     stop - eps`; at `smoothing` eps = 0 friction is set-valued: the body rests while `|free| <= stop`.

@@ -16,8 +16,8 @@ FULL: Final[Levels] = (1.0, 1.0, 1.0)  # factors on elastic resistance, weight a
 
 
 class Surface(ABC):
-    """What the body lies on. `dragged`: a wall clings to the body, is dragged along and draws back, with the states u
-    and slip; else friction is all there is, and the methods of a wall say nothing.
+    """What the body lies on. `dragged`: a wall sticks to the body, is dragged along and draws back, with the states u
+    and slip; else there is friction alone.
     """
 
     dragged: ClassVar[bool] = False
@@ -29,13 +29,13 @@ class Surface(ABC):
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """What differs from rig to rig, for calibration to fit; the first one scales the friction."""
+        """Parameters that calibration fits; the first one scales the friction."""
 
     @abstractmethod
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
-        """Coulomb friction in N and the limit in N at which a dragged wall slips (0 without one), at `speed` >= 0 in
-        m/s and the parameters `p`. `levels` are effects' factors on the friction, on the weight's part of the limit and
-        on the rest of it; `pressing` in N is what presses the body on the surface beside the weights.
+        """Coulomb friction in N and the limit in N at which a dragged wall slips (else 0), at `speed` >= 0 in m/s and
+        the parameters `p`. `levels` are effects' factors on the friction, on the weight's part of the limit and on the
+        rest of it; `pressing` in N is the load beside the weights.
         """
 
     @abstractmethod

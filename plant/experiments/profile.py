@@ -1,4 +1,4 @@
-"""What a scenario commands: the profiles that its file can name, each giving one drive value a step."""
+"""What a scenario commands: the profiles that its file can name, each with one drive value per step."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,32 @@ from typing import Final, Protocol
 import numpy as np
 
 from models.files.csv_reader import read_table
-from plant.experiments.excitation import piecewise_runs, pulse_width, random_runs, random_wander
 from plant.tables import Floats
 
-LONGEST_S: Final = 86400.0  # a day
-FASTEST_M_S: Final = 0.5
-"""Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
+RUN_SPEEDS_M_S = (0.5e-3, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3)  # of a pull programme
+_RAMP_S = 0.02  # of a change of speed
+LONGEST_S: Final = 86400.0  # a day, of a run
+FASTEST_M_S: Final = 0.5  # above the range over which the resistance law was integrated
+
+
+def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:
+    """Positions in m, one per step, of runs (m/s, s) in a row; a change of speed takes `ramp_s`."""
+    speed = np.concatenate([np.full(max(1, round(duration / dt)), v) for v, duration in segments])
+    width = max(1, round(ramp_s / dt))
+    sums = np.cumsum(np.concatenate([np.zeros(width), speed]))
+    smooth = (sums[width:] - sums[:-width]) / width
+    return np.concatenate([[0.0], np.cumsum(smooth) * dt])
+
+
+def pulse_width(period_s: float, duty: float, duration_s: float, dt: float) -> Floats:
+    """Share of each step in which a PWM drive is on, first for `duty` of each period, exact for edges inside a step;
+    one value more than steps. Raises `ValueError` for a period not above 0 or a duty outside [0, 1].
+    """
+    if not period_s > 0 or not 0 <= duty <= 1:
+        raise ValueError(f"period_s must be positive and duty lie in [0, 1]; got {period_s:g} and {duty:g}")
+    cycles = np.arange(round(duration_s / dt) + 2) * (dt / period_s)
+    on_time = np.floor(cycles) * duty + np.minimum(cycles - np.floor(cycles), duty)
+    return np.asarray(np.diff(on_time) * (period_s / dt))
 
 
 def _check_speeds(key: str, *speeds: float) -> None:
@@ -23,34 +43,62 @@ def _check_speeds(key: str, *speeds: float) -> None:
 
 
 class Profile(Protocol):
-    """What a drive is commanded."""
+    """The command of a drive over time."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """A value at each step of `dt` over `duration_s` in s, the end included: positions in m, voltages in V, forces
-        in N, or shares of a step that a PWM is on.
+        """A value at each step of `dt` over `duration_s` in s, both ends included: positions in m, voltages in V,
+        forces in N, or shares of a step with PWM on.
         """
         ...
 
 
-@dataclass(frozen=True)
-class RandomRuns:
-    """Out and back at several speeds in random order, with rests; starts again until the time is over."""
+class WholeRuns:
+    """Out and back at `RUN_SPEEDS_M_S` in random order, each run 1.5 to 6 s and about 12 mm, with rests of 0.05 to 1.5
+    s. The profile ends with the pair of runs that reaches the duration, so it may last a few seconds longer.
+    """
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        return random_runs(rng, duration_s, dt)[: round(duration_s / dt) + 1]
+        segments, total = [(0.0, 0.5)], 0.5
+        while total < duration_s:
+            for speed in rng.permutation(RUN_SPEEDS_M_S):
+                run = float(np.clip(12e-3 / speed, 1.5, 6.0))
+                rests = rng.choice([0.05, 0.5, 1.5], 2)
+                segments += [(speed, run), (0.0, float(rests[0])), (-speed, run), (0.0, float(rests[1]))]
+                total += 2 * run + float(rests.sum())
+                if total >= duration_s:
+                    break
+        return piecewise_runs(segments, dt)
+
+
+@dataclass(frozen=True)
+class RandomRuns(WholeRuns):
+    """The same, cut at the duration."""
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return super().values(duration_s, dt, rng)[: round(duration_s / dt) + 1]
 
 
 @dataclass(frozen=True)
 class Wander:
-    """A sum of slow sines, for a carriage."""
+    """A carriage path in m from zero, further forward than back: seven sines of 0.03 to 0.9 Hz, the slow ones wide,
+    faded in over half a second; up to about 30 mm/s.
+    """
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        return random_wander(rng, duration_s, dt)
+        t = np.arange(round(duration_s / dt) + 1) * dt
+        x = np.zeros_like(t)
+        for frequency in np.geomspace(0.03, 0.9, 7) * rng.uniform(0.8, 1.25, 7):
+            speed = rng.uniform(4e-3, 9e-3)
+            phase = rng.uniform(0, 2 * np.pi)
+            x += speed / (2 * np.pi * frequency) * (np.sin(2 * np.pi * frequency * t + phase) - np.sin(phase))
+        fade = np.clip(t / 0.5, 0.0, 1.0)
+        path = x * fade * fade * (3 - 2 * fade)
+        return np.asarray(path if path.max() >= -path.min() else -path)
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Runs at `speeds_m_s` for `durations_s`, one after the other, then rest."""
+    """Runs at `speeds_m_s` for `durations_s`, in a row, then rest."""
 
     speeds_m_s: tuple[float, ...]
     durations_s: tuple[float, ...]
@@ -84,7 +132,7 @@ class ConstantSpeed:
 
 @dataclass(frozen=True)
 class SineProfile:
-    """`offset + amplitude sin(2 pi f t)`; the amplitude is given in the drive's unit, one of the three."""
+    """`offset + amplitude sin(2 pi f t)`, the amplitude in one of the three units."""
 
     frequency_Hz: float
     amplitude_m: float = 0.0
@@ -114,8 +162,8 @@ class Pwm:
 
 @dataclass(frozen=True)
 class RandomPulses(Pwm):
-    """Trains of pulses, each for 1 to 3 s, of 0.6 to 1.6 times `period_s`, duties of 0.15 to 0.85; a quarter of them
-    is a rest of 0.4 s instead.
+    """Trains of pulses, each 1 to 3 s long, of 0.6 to 1.6 times `period_s` and duties of 0.15 to 0.85; a quarter of
+    them are rests of 0.4 s.
     """
 
     duty: float = 0.5
@@ -133,7 +181,7 @@ class RandomPulses(Pwm):
 
 @dataclass(frozen=True)
 class RandomVoltage:
-    """Seven sines of 0.05 to 2 Hz, for a coil, 0.2 to 0.4 of the amplitude each, faded in over half a second."""
+    """Seven sines of 0.05 to 2 Hz for a coil, each 0.2 to 0.4 of the amplitude, faded in over half a second."""
 
     amplitude_V: float = 1.6
 
@@ -147,7 +195,7 @@ class RandomVoltage:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A column of a CSV file, linear between its samples; the path counts from the scenario's folder."""
+    """A column of a CSV file, linear between samples; the path is relative to the scenario's folder."""
 
     path: str
     column: str

@@ -1,10 +1,15 @@
-"""SCENARIO.toml: a rig file's tables with the truth in them, plus what is commanded, sensed and hidden."""
+"""SCENARIO.toml: the true rig, what is commanded, measured and hidden, and the record that it gives."""
 
+import gzip
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
+from models.files.access import draft
 from models.files.toml import (
     choice,
     converted,
@@ -23,13 +28,15 @@ from models.rigs.schema import Table as RigTable
 from models.rigs.schema import check_range, from_table
 from models.rigs.tables import BodyTable, CapsuleTable, DriveTable, SurfaceTable, TissueTable
 from models.rigs.tables import Noise as NoiseTable
+from plant import layout as at
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives.kinds import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
-from plant.experiments.profile import PROFILES, Profile, Recorded
+from plant.drives import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.experiments.profile import PROFILES, Profile, Pwm, Recorded
 from plant.hidden.registry import hidden
 from plant.hidden.table import effect_table
-from plant.rig import STEP_S, TruePlate, Truth
-from plant.sensing.sensors import Sensor
+from plant.rig import STEP_S, Plant, TruePlate, Truth
+from plant.sensing import Sensor
+from plant.tables import Floats
 
 Table = Mapping[str, Any]
 TABLES: Final = (
@@ -48,7 +55,7 @@ ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 @dataclass(frozen=True)
 class RunTable:
-    """How long and with which seed; table `[scenario]`."""
+    """Duration, seed and step; table `[scenario]`."""
 
     name: str = ""
     duration_s: float = 20.0
@@ -87,14 +94,14 @@ class Scenario:
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file; a `ValueError` says which key, what it must be and what it is."""
+    """Read and check a scenario file; a `ValueError` states the key, what it must be and what it is."""
     raw, _ = read_toml(path, "scenario")
     with in_file(path):
         return parse_scenario(raw, path.parent)
 
 
 def parse_scenario(raw: Table, folder: Path) -> Scenario:
-    """A scenario from parsed TOML; paths in it count from `folder`. Errors as `load_scenario`."""
+    """A scenario from parsed TOML; paths are relative to `folder`. Errors as `load_scenario`."""
     for name, table in raw.items():
         if name not in TABLES:
             raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
@@ -105,7 +112,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
-    """How long a scenario runs, its kind of rig and all that is true of it. Errors as `load_scenario`."""
+    """Run, kind of rig and the truth of a scenario. Errors as `load_scenario`."""
     run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")
@@ -120,7 +127,7 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
     models |= {"surface": SurfaceTable, **_DRIVE_TABLES.get(DRIVES[kind], {})}
     for name, model in models.items():
         for key, value in raw.get(name, {}).items():
-            if key in model.model_fields and is_number(value) and value:  # what is switched off with 0 is left alone
+            if key in model.model_fields and is_number(value) and value:  # 0 switches a number off
                 check_range(model, key, value, name)
     capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
     tissue, hoop = _tissue(raw.get("tissue", {}), capsule)
@@ -214,3 +221,48 @@ def _sensor(raw: Table, kind: str) -> Sensor:
     if DRIVES[kind] is TruePull:
         std, quantum = noise.force_std_N, noise.force_quantum_N
     return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)
+
+
+_FASTEST_ROWS = 10  # steps between the truth's samples at most
+
+
+def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) -> dict[str, Floats]:
+    """Columns of interfaces.md for the rig's kind: time, driven and measured columns; `drive_on` is the share of the
+    time since the last sample. Profile and sensor draw from streams of the scenario's seed, or from `rng` if given.
+    Raises `ValueError` for unusable drive values.
+    """
+    dt, seeds = scenario.rig.step_s, np.random.SeedSequence(scenario.run.seed).spawn(2)
+    first, second = (rng or np.random.default_rng(seed) for seed in seeds)
+    drive = scenario.profile.values(scenario.run.duration_s, dt, first)
+    truth = scenario.rig.drive
+    switched = isinstance(scenario.profile, Pwm)
+    plant = Plant(scenario.rig)
+    finest = 1 if rng is None else _FASTEST_ROWS
+    every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), finest, _FASTEST_ROWS))
+    rows = plant.advance(drive * truth.command_scale if switched else drive, every)
+    measured = rows[:, truth.measured]
+    t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
+    times = dt * np.arange(drive.size)
+    sums = np.interp(t, times, np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
+    taken = {
+        "reading": reading,
+        "commanded": np.interp(t, times, drive),
+        "mean": np.append(drive[0], np.diff(sums) / np.diff(t)),
+        "current": np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT]),
+    }
+    columns = {name: taken[what] for name, what in truth.columns().items()}
+    if "drive_on" in columns and not switched:
+        columns = {"drive_force_N" if name == "drive_on" else name: values for name, values in columns.items()}
+    return {"t_s": t, **columns}
+
+
+def write_record(path: Path, columns: Mapping[str, Floats]) -> None:
+    """Write columns as CSV (gzipped for `.gz`), complete or not at all."""
+    table, rows = io.StringIO(), np.column_stack(list(columns.values()))
+    np.savetxt(table, rows, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
+    data = table.getvalue().encode()
+    made = draft(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
+    try:
+        made.replace(path)
+    finally:
+        made.unlink(missing_ok=True)

@@ -1,38 +1,30 @@
-"""The one list of hidden effects: name, form, numbers with their ranges, and the drives they make sense for."""
+"""The one list of hidden effects: name, form, numbers with ranges, and the drives that can have them."""
 
 from collections import namedtuple
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-import numpy as np
-
 from models.parameter import nearest
 
 PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
-"""The simulated drives by name: `plant.drives.kinds` has what is true of each."""
+"""The simulated drives by name; their true numbers are in `plant.drives`."""
 CARRIED: Final = (PULL, MAGNETIC)
 PUSHED: Final = (MAGNETIC, COIL)
 RESTING: Final = (*CARRIED, COIL, FORCE)
 GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
-LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time that each of its stages has
-IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
-SIGNED: Final = -1.0
-"""Third number of a range whose values are negative half of the time."""
+LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time, one per stage
+IN_A_ROW: Final = "three first-order lags in series, a/2, a/3 and a/6"
+SIGNED: Final = -1.0  # third number of a range whose values may be negative
 
 
 @dataclass(frozen=True)
 class HiddenNumber:
-    """One number of an effect, `unit` in its name; a random rig draws it from [`lower`, `upper`]."""
+    """One number of an effect, `unit` in its name; random rigs draw it from [`lower`, `upper`]."""
 
     name: str
     lower: float
     upper: float
     sign: float = 1.0
-
-    def draw(self, rng: np.random.Generator) -> float:
-        """A value, evenly from the range; a signed one is negative half of the time."""
-        value = float(rng.uniform(self.lower, self.upper))
-        return -value if self.sign == SIGNED and rng.random() < 0.5 else value
 
     @property
     def middle(self) -> float:
@@ -42,25 +34,16 @@ class HiddenNumber:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect: `numbers[0]` is its amplitude, zero switches it off. `answer` is what a search should name."""
+    """An effect with its equation `form`: `numbers[0]` is its amplitude, zero switches it off."""
 
     id: str
     form: str
     numbers: tuple[HiddenNumber, ...]
     drives: tuple[str, ...]
-    published: bool
-    answer: str
 
 
-def _effect(
-    form: str,
-    ranges: dict[str, tuple[float, ...]],
-    drives: tuple[str, ...] = GUT_DRIVES,
-    called: str = "",
-    published: bool = True,
-) -> Hidden:
-    """An effect with the `ranges` of its numbers; `called` is what the field calls it, where that is not its name."""
-    return Hidden("", form, tuple(HiddenNumber(n, *r) for n, r in ranges.items()), drives, published, called)
+def _effect(form: str, ranges: dict[str, tuple[float, ...]], drives: tuple[str, ...] = GUT_DRIVES) -> Hidden:
+    return Hidden("", form, tuple(HiddenNumber(name, *numbers) for name, numbers in ranges.items()), drives)
 
 
 _BY_NAME: Final = {
@@ -93,35 +76,26 @@ _BY_NAME: Final = {
         "resistance (1 + a v/sqrt(v^2 + v_0^2)), the slip limit as it was",
         {"excess": (0.12, 0.3, SIGNED), "speed_m_s": (1e-5, 1e-4)},
         RESTING,
-        called="directional_asymmetry",
     ),
     "film_weakening": _effect(
         "resistance + a/(1 + |v|/v_s), the slip limit as it was",
         {"force_N": (12e-3, 24e-3), "speed_m_s": (1.5e-3, 4e-3)},
         RESTING,
-        called="stribeck",
     ),
     "slip_folds": _effect(
         "slip limit's hoop stress (1 + a sin q (1 + 0.5 cos q)), q = 2 pi x/l, resistance as it was",
         {"excess": (0.2, 0.4), "wavelength_m": (5e-3, 10e-3)},
         RESTING,
-        called="fold_periodic",
     ),
     "travel_step": _effect(
-        "level (1 + a) once a path d is done, over 1 mm",
-        {"excess": (0.25, 0.5, SIGNED), "path_m": (40e-3, 80e-3)},
-        published=False,
+        "level (1 + a) once a path d is done, over 1 mm", {"excess": (0.25, 0.5, SIGNED), "path_m": (40e-3, 80e-3)}
     ),
     "rolling_wobble": _effect(
         "level (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
         {"excess": (0.2, 0.4), "length_m": (4e-3, 8e-3), "frequency_Hz": (0.3, 0.8)},
-        published=False,
     ),
     "attraction_load": _effect(
-        "resistance + a (g/g_0)^2 on the gap g",
-        {"force_N": (3e-3, 7e-3), "gap_m": (3e-3, 4e-3)},
-        (MAGNETIC,),
-        published=False,
+        "resistance + a (g/g_0)^2 on the gap g", {"force_N": (3e-3, 7e-3), "gap_m": (3e-3, 4e-3)}, (MAGNETIC,)
     ),
     "viscous_drag": _effect("-a sgn(v) (|v|/10 mm/s)^0.85", {"force_N": (10e-3, 30e-3)}),
     "peristaltic_wave": _effect(
@@ -153,10 +127,9 @@ _BY_NAME: Final = {
         "load a (1 - 3/2 q)/(1 + q)^(7/2) across the lumen, q = (g/h)^2 on the gap g",
         {"load_N": (0.5, 1.0), "height_m": (12e-3, 20e-3)},
         (MAGNETIC,),
-        called="magnet_normal_load",
     ),
     "actuator_lag": _effect(IN_A_ROW, {"time_s": (0.06, 0.16)}, (PULL, *PUSHED)),
-    "driver_lag": _effect(IN_A_ROW, {"time_s": (2e-3, 6e-3)}, (VIBRO,), called="actuator_lag"),
+    "driver_lag": _effect(IN_A_ROW, {"time_s": (2e-3, 6e-3)}, (VIBRO,)),
     "carriage_backlash": _effect("play of width a whose ends are rounded", {"width_m": (1.0e-3, 2.5e-3)}, CARRIED),
     "actuator_dead_zone": _effect("current below a does nothing, rounded", {"current_A": (0.05, 0.12)}, (COIL,)),
     "actuator_saturation": _effect("force F/(1 + |F/a|^3)^(1/3)", {"force_N": (0.08, 0.12)}, PUSHED),
@@ -171,22 +144,13 @@ _BY_NAME: Final = {
         "stops at +-a, k d (1 + 1.5 s/m d')", {"gap_m": (2e-3, 4e-3), "stiffness_N_per_m": (5e3, 2e4)}, (VIBRO,)
     ),
     "spring_stiffening": _effect(
-        "-a r (sqrt(1 + (r/l)^2) - 1)",
-        {"stiffness_N_per_m": (40.0, 120.0), "length_m": (3e-3, 6e-3)},
-        (VIBRO,),
-        called="spring_hardening",
+        "-a r (sqrt(1 + (r/l)^2) - 1)", {"stiffness_N_per_m": (40.0, 120.0), "length_m": (3e-3, 6e-3)}, (VIBRO,)
     ),
     "guide_rubbing": _effect(
-        "-a r'/(|r'| + 3 mm/s) (1 + exp(-|r'|/0.15 m/s)/2)",
-        {"friction_N": (0.02, 0.06)},
-        (VIBRO,),
-        called="guide_friction",
+        "-a r'/(|r'| + 3 mm/s) (1 + exp(-|r'|/0.15 m/s)/2)", {"friction_N": (0.02, 0.06)}, (VIBRO,)
     ),
     "coil_field": _effect(
-        "coil's force (1 - a tanh(r/l))",
-        {"share": (0.2, 0.45, SIGNED), "length_m": (6e-3, 12e-3)},
-        (VIBRO,),
-        called="coil_reach",
+        "coil's force (1 - a tanh(r/l))", {"share": (0.2, 0.45, SIGNED), "length_m": (6e-3, 12e-3)}, (VIBRO,)
     ),
     "sensor_drift": _effect(
         "a log(1 + t/t_0), in spans of the sensor", {"span": (0.06, 0.15, SIGNED), "time_s": (8.0, 20.0)}
@@ -197,12 +161,10 @@ _BY_NAME: Final = {
     "sensor_lowpass": _effect(IN_A_ROW, {"time_s": (0.06, 0.16)}),
     "mains_hum": _effect("a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", {"span": (0.02, 0.05)}),
 }
-HIDDEN: Final = tuple(replace(one, id=name, answer=one.answer or name) for name, one in _BY_NAME.items())
-ONSET: Final = 3
-"""Where in an effect's row of numbers the time in s stands from which on it is there, 0: from the beginning."""
+HIDDEN: Final = tuple(replace(one, id=name) for name, one in _BY_NAME.items())
+ONSET: Final = 3  # position in an effect's row of its onset time in s; 0: from the beginning
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
-ROW: Final[Any] = namedtuple("Row", ROWS)(**ROWS)
-"""The same as a constant of compiled steps: `ROW.stribeck`."""
+ROW: Final[Any] = namedtuple("Row", ROWS)(**ROWS)  # the rows as constants of compiled steps: `ROW.stribeck`
 
 
 def hidden(name: str) -> Hidden:

@@ -1,4 +1,4 @@
-"""Chosen hidden effects as the table of numbers that the compiled steps read."""
+"""Chosen hidden effects as the table of numbers for the compiled steps."""
 
 from typing import Final
 
@@ -21,32 +21,32 @@ def _any(h: Floats, first: int, last: int) -> bool:
 
 @compiled
 def has_level(h: Floats) -> bool:
-    """Whether the table `h` holds an effect on the level of resistance."""
+    """Whether the table `h` has an effect on the level of resistance."""
     return _any(h, ROW.stribeck, ROW.rolling_wobble)
 
 
 @compiled
 def has_force(h: Floats) -> bool:
-    """Whether it holds a hidden force on the body."""
+    """Whether it has a hidden force on the body."""
     return _any(h, ROW.viscous_drag, ROW.stress_relaxation)
 
 
 @compiled
 def has_drive(h: Floats) -> bool:
-    """Whether it holds an effect between drive and body."""
+    """Whether it has an effect between drive and body."""
     return _any(h, ROW.coupling_decay, ROW.back_emf) or bool(h[ROW.string_compliance, 0] != 0.0)
 
 
 SLOTS: Final = 4  # numbers of an effect at most
-_FAR: Final = 1e3  # times the upper end of a number's range, beyond which it is a mistake
+_FAR: Final = 1e3  # factor on the end of a range beyond which a number is a mistake
 _LATEST_S: Final = 1e6  # onset of an effect
 ONSET_KEY: Final = "onset_s"
 
 
 def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
-    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others
-    off. `onset_s` among the numbers is when an effect begins; what passes with time counts from there. Raises
-    `ValueError` for an unknown effect or number, naming the nearest, and for an impossible number.
+    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, missing ones at the middle of their
+    range, all others off. `onset_s` is when an effect begins, and its time counts from there. Raises `ValueError` for
+    an unknown effect or number, with the nearest name, and for an impossible number.
     """
     table = np.zeros((len(HIDDEN), SLOTS))
     for row, effect in enumerate(HIDDEN):
@@ -72,15 +72,15 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
 
 
 def begun(table: Floats, time_s: float) -> Floats:
-    """`table` with the effects off whose onset lies after `time_s`."""
+    """`table` without the effects whose onset is after `time_s`."""
     found = table.copy()
     found[found[:, ONSET] > time_s + 1e-9, 0] = 0.0
     return found
 
 
 def _possible(value: float, number: HiddenNumber, amplitude: bool, effect: str) -> float:
-    """The number itself: lengths, times, compliances are not negative, a shape's numbers positive but for places and
-    phases, and none is far from those that a random rig draws.
+    """The checked number: lengths, times and compliances are not negative, numbers of a shape positive except positions
+    and phases, and all within `_FAR` of the declared range.
     """
     where, most = f"effects.{effect}.{number.name}", _FAR * number.upper
     shape = not amplitude and number.name not in ("phase_rad", "centre_m")
@@ -91,8 +91,3 @@ def _possible(value: float, number: HiddenNumber, amplitude: bool, effect: str) 
         least = f"{number.lower / _FAR:g} to " if shape else "at most "
         raise ValueError(f"{where} must be {least}{most:g}{'' if shape else ' either way'}; got {value:g}")
     return value
-
-
-def draw(name: str, rng: np.random.Generator) -> dict[str, float]:
-    """Random numbers for an effect, from their ranges."""
-    return {shape.name: shape.draw(rng) for shape in hidden(name).numbers}

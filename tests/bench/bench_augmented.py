@@ -25,7 +25,7 @@ from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.laws.geometry import Tissue
 from models.rigs.reader import read_rig
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.session import Instruments
 from tests.bench.bench_tracing import EFFECTS, learned

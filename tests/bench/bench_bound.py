@@ -18,7 +18,7 @@ from scipy.signal import butter, sosfiltfilt
 from hil.app.scenario.scenario import load_track_scenario
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.drives.kinds import TrueMagnet, TruePull
+from plant.drives import TrueMagnet, TruePull
 from plant.rig import STEP_S, Plant, Truth
 from plant.session import Instruments
 from tests.bench.bench_tracking import FOLDER

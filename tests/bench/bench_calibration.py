@@ -33,10 +33,10 @@ from hil.app.main import run as capsule
 from hil.log.recorder import code_version
 from models.identification.confidence_map import MAP, ConfidenceMap
 from models.identification.settings import SET
-from plant.experiments.series import make_series
-from plant.experiments.series_rigs import BELIEVED
-from plant.hidden.registry import HIDDEN, hidden
+from plant.experiments.examples import BELIEVED
+from plant.hidden.registry import HIDDEN
 from tests.bench.bench_tracing import EFFECTS
+from tests.plant.series import answer_of, make_series, published
 
 NONE_SHARE: Final = 1 / 3
 OUTSIDE_SHARE: Final = 1 / 6
@@ -75,7 +75,7 @@ def drawn(number: int, seed: int, kinds: Sequence[str]) -> Drawn:
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     kind = kinds[number % len(kinds)]
     instrument = tuple(INSTRUMENTS)[int(rng.integers(len(INSTRUMENTS)))]
-    outside = [e.id for e in HIDDEN if not e.published and BELIEVED[kind].kind in e.drives]
+    outside = [e.id for e in HIDDEN if not published(e.id) and BELIEVED[kind].kind in e.drives]
     absent, without = rng.random(2)
     within = EFFECTS[kind] if kind == "vibro_plate" or without >= OUTSIDE_SHARE else outside
     effect = None if absent < NONE_SHARE else str(rng.choice(within))
@@ -164,7 +164,7 @@ def interval(right: int, count: int) -> tuple[float, float]:
 
 def statements(result: dict[str, Any], effect: str | None) -> list[Statement]:
     """Every effect that a report lists, with its score."""
-    answer = None if effect is None or not hidden(effect).published else hidden(effect).answer
+    answer = None if effect is None or not published(effect) else answer_of(effect)
     return [Statement(e["confidence_score"], answer in (e["id"], *e["equivalent"])) for e in result["effects"]]
 
 
@@ -172,7 +172,7 @@ def verdict_right(result: dict[str, Any], effect: str | None) -> bool:
     """Whether the verdict is the one that it should be."""
     if effect is None:
         return bool(result["verdict"] == "none")
-    if not hidden(effect).published:
+    if not published(effect):
         return bool(result["verdict"] == "unknown")
     said = statements(result, effect)
     return result["verdict"] == "named" and len(said) == 1 and said[0].right
@@ -258,7 +258,7 @@ def _kinds_of_truth(rows: Iterable[tuple[Drawn, dict[str, Any]]]) -> list[int]:
     for series, result in rows:
         if series.effect is None:
             counts[0] += 1
-        elif not hidden(series.effect).published:
+        elif not published(series.effect):
             counts[3] += 1
         else:
             counts[1 if any(s.right for s in statements(result, series.effect)) else 2] += 1

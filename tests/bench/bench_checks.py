@@ -24,9 +24,9 @@ from models.checks.view import Array, View
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
-from plant.experiments.series import make_series
 from plant.hidden.registry import HIDDEN, hidden
 from tests.places import SHARED
+from tests.plant.series import make_series
 
 KINDS: Final[tuple[str, ...]] = ("pull", "magnetic", "coil", "vibro_plate", "vibro")
 SHAKEN: Final = ("vibro", "vibro_plate")

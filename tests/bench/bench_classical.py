@@ -11,11 +11,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from controller.baselines.pid import PID
+from controller.baselines import PID
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.limits import Envelope
-from controller.model.control_model import ControlModel
-from controller.model.friction import mean_friction
+from controller.model.control_model import ControlModel, mean_friction
 from controller.tuned import PidGains
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.track import loop as track_loop

@@ -20,13 +20,12 @@ from models.laws.geometry import Capsule, Tissue
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig as Belief
-from plant.drives.kinds import TrueCoil, TrueVibro
+from plant.drives import TrueCoil, TrueVibro
 from plant.experiments.profile import RandomPulses, RandomVoltage
-from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import RunTable, Scenario
-from plant.hidden.table import draw
+from plant.experiments.scenario import RunTable, Scenario, record_scenario
 from plant.rig import TruePlate, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
+from tests.plant.series import draw
 
 RIGS = ("coil", "vibro_plate", "vibro_gut")
 NOISE_M = 5e-5

@@ -12,7 +12,7 @@ from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Measurement
-from tests.controller.loops import model_of
+from tests.controller.loops import model_of, ticked
 
 
 def endure(kind: type[Estimator], steps: int) -> None:
@@ -23,7 +23,7 @@ def endure(kind: type[Estimator], steps: int) -> None:
     lost = 0
     for k in range(1, steps + 1):
         now, command = k * 1e-3, 8e-3 * np.sin(1.3e-3 * k) + 2e-3 * np.sin(1.7e-4 * k)
-        truth = model.kernels.step(truth, command, 3e-3 * np.sin(1e-4 * k), now)
+        truth = ticked(model.kernels, truth, command, 3e-3 * np.sin(1e-4 * k), now)
         seen = []
         if k % 10 == 0:
             wild = 20e-3 * rng.standard_normal() if rng.random() < 0.01 else 0.0

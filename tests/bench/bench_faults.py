@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from hil.drives.makers import ACTUATORS
-from hil.simulated.faults.table import KINDS, OPERATOR, Fault
+from hil.simulated.faults import KINDS, OPERATOR, Fault
 from tests.hil.app.sil.sil_runs import RIGS, run
 from tests.hil.simulated.fault_rows import MAKERS_ROWS, OWN_KINDS
 

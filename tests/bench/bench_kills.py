@@ -24,7 +24,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.blf_file import SENT
 from hil.log.reader import read_frames
-from hil.nodes.controller.receive import controllers_frames
+from hil.nodes.receive import controllers_frames
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.forked import LONGEST_S, Forked
 from tests.hil.app.run.plant_process import plant_on
@@ -81,7 +81,7 @@ def kill(after_s: float, writer_too: bool) -> Kill:
             _settled(log)
         if not lasted:
             raise RuntimeError(f"again, for the run ended by itself: {json.loads(child.ended()[1])['ended']}")
-        logged = [(frame.id, frame.data) for frame in read_frames(log) if frame.way == SENT]
+        logged = [(frame.id, frame.data) for frame in read_frames(log) if frame.direction == SENT]
         alike = run(["replay", str(log)]) == 0
     said = [(identifier, data) for _, identifier, data in heard]
     there = min(len(logged), len(said))

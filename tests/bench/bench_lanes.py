@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from models.assembly.model import assemble
-from models.compiled.kernel import LANES, lower
+from models.compiled.kernel import LANES, Kernel
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.effects import CATALOGUE
@@ -26,7 +26,7 @@ def main() -> None:
     for drive, substeps in ((Magnetic(), 8), (Pull(), 1)):
         for effects in ((), ("fold_periodic",), ("stribeck",)):
             model = assemble(Wall.around(Capsule(), Tissue()), drive, [CATALOGUE[name] for name in effects])
-            kernel, p = lower(model.step, model.correct), model.vector({})
+            kernel, p = Kernel(model.step, model.correct), model.vector({})
             alone, together = np.empty(SAMPLES), np.empty((SAMPLES, LANES))
             states, parameters = (np.repeat(v[:, None], LANES, axis=1) for v in (model.start(), p))
             began = time.process_time()

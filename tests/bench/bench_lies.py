@@ -32,7 +32,7 @@ from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from models.theta import Theta
 from plant import layout as at
-from plant.drives.kinds import Carriage, TrueCoil
+from plant.drives import Carriage, TrueCoil
 from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
 from tests.hil.app.sil.sil_runs import scenario_of
 

@@ -18,9 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from controller.estimator.base import trusting
-from controller.monitor import forecast
-from controller.monitor.forecast import Second
-from controller.monitor.monitor import Health, Monitor
+from controller.monitor import Health, Monitor, Second, forecast
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import believed_model, run_loop

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from controller.limits import Limits
-from hil.drives.moteus.protocol import MoteusTable
+from hil.drives.moteus_protocol import MoteusTable
 from hil.nodes.frame_map import ENABLE, QUICK_STOP
 from hil.simulated.moteus_drive import MoteusDrive
 from tests.hil.drives.maker_desk import WIRING, Desk

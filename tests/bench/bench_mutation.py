@@ -19,8 +19,8 @@ from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
 PACKAGES: Final = ("models", "controller", "plant", "hil", "tests")
-GUARD = "hil/nodes/controller/guard.py"
-TESTS: Final = ("tests/hil/nodes/controller/test_guard.py", "tests/hil/nodes/controller/test_guard_passed.py")
+GUARD = "hil/nodes/guard.py"
+TESTS: Final = ("tests/hil/nodes/test_guard.py", "tests/hil/nodes/test_guard_passed.py")
 SETTINGS: Final = """[tool.mutmut]
 source_paths = ["hil"]
 only_mutate = ["{source}"]

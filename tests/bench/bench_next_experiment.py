@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.effects import CATALOGUE
-from models.files.toml import parse_toml
 from models.identification.experiment import propose
 from models.identification.finding import Proposal
 from models.identification.identify import narrowed
@@ -26,14 +25,12 @@ from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
-from plant.experiments.excitation import piecewise_runs, random_runs, random_wander
-from plant.experiments.series import FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, rig_text
-from plant.experiments.series_rigs import BELIEVED
-from plant.hidden.registry import hidden
-from plant.hidden.table import draw
+from plant.experiments.examples import BELIEVED, FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M
+from plant.experiments.profile import RandomRuns, Wander, piecewise_runs
 from plant.rig import STEP_S, Plant, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
 from plant.tables import Floats
+from tests.plant.series import answer_of, draw
 
 LENGTH_S = 24.0
 ONE_PASS = ((0.0, 0.5), (1.2e-3, LENGTH_S - 1.0), (0.0, 0.5))
@@ -80,8 +77,8 @@ class Series:
     def generic(self, seconds: float) -> Record:
         """A record of the experiment that serves every effect: runs at many speeds, or a wandering carriage."""
         rng = np.random.default_rng(self.seed)
-        made = random_runs if self.kind == "pull" else random_wander
-        return self.record(made(rng, seconds, STEP_S)[: round(seconds / STEP_S) + 1], "generic", 7)
+        profile = RandomRuns() if self.kind == "pull" else Wander()
+        return self.record(profile.values(seconds, STEP_S, rng), "generic", 7)
 
 
 POOR = (
@@ -122,10 +119,10 @@ class Answer:
     @classmethod
     def of(cls, series: Series, records: Sequence[Record]) -> Answer:
         """Search and proposal, as close-loop does both."""
-        rig = parse_rig(parse_toml(rig_text(series.kind), "rig"), "rig")
+        rig = parse_rig(BELIEVED[series.kind].tables(), "rig")
         train = [ready(record, rig) for record in records]
         kind = kind_for(rig, train)
-        wanted = family(hidden(series.effect).answer)
+        wanted = family(answer_of(series.effect))
         own = tuple(effect for effect in kind.effects if effect.id in wanted)
         kind, _ = narrowed(replace(kind, effects=own), rig, train)
         found = search(kind, train, lambda *_: None, np.random.default_rng(0))
@@ -135,7 +132,7 @@ class Answer:
 
     def resolves(self, effect: str) -> bool:
         """Whether `effect` is named and nothing in its class is left."""
-        return self.effects.get(hidden(effect).answer) == ()
+        return self.effects.get(answer_of(effect)) == ()
 
     def __str__(self) -> str:
         return ", ".join("/".join((e, *alike)) for e, alike in self.effects.items()) or "-"

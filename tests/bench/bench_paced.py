@@ -18,16 +18,16 @@ import numpy as np
 
 from controller.drives import envelope_of
 from controller.model.control_model import control_model
+from controller.reference import by_speeds
 from controller.registry import build, estimator_for
 from controller.signals import Measurement
 from controller.supervision.supervisor import Supervisor
-from controller.trajectory import by_speeds
 from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender
 from models.theta import Theta
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.session import Session
 from tests.controller.loops import believed

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from models.laws.geometry import Capsule
-from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
-from plant.experiments.excitation import pulse_width, random_runs, random_wander
+from plant.drives import TrueCoil, TrueMagnet, TruePull, TrueVibro
+from plant.experiments.profile import Wander, WholeRuns, pulse_width
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.tables import Floats
 
@@ -19,8 +19,8 @@ FAST_ENOUGH = 100.0
 
 def cases() -> dict[str, tuple[Truth, Floats]]:
     rng = np.random.default_rng(0)
-    runs = random_runs(rng, DURATION_S, STEP_S)[: round(DURATION_S / STEP_S) + 1]
-    wander = random_wander(rng, DURATION_S, STEP_S)
+    runs = WholeRuns().values(DURATION_S, STEP_S, rng)[: round(DURATION_S / STEP_S) + 1]
+    wander = Wander().values(DURATION_S, STEP_S, rng)
     t = STEP_S * np.arange(round(DURATION_S / STEP_S) + 1)
     vibro = TrueVibro(1.8e-3, 62.0, 0.0156, 0.12, front_gap_m=1.6e-3, front_stiffness_N_per_m=27.9e3)
     return {

@@ -286,7 +286,7 @@ def _frames_of(log: Path) -> tuple[NDArray[np.int64], int, int, NDArray[np.float
     asked, answered, sent = list[int](), list[int](), list[int]()
     leads, heard, ended = False, 0, 0
     for frame in read_frames(log):
-        if frame.way == NOTED:
+        if frame.direction == NOTED:
             if frame.id == STOP and leads:
                 ended = frame.time_ns
             leads = frame.id == START or (leads and frame.id != STOP)

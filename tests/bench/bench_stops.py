@@ -60,11 +60,11 @@ def worst(name: str, speed_m_s: float, phases: int = PHASES, *, told: bool = Fal
 
 def stated(name: str, speed_m_s: float) -> Stopped:
     """What the drive's table states: at the same speed until its watchdog has expired, then braked or coasting."""
-    table, wiring = ACTUATORS[name](), frame_map_of("magnetic")
+    table, frame_map = ACTUATORS[name](), frame_map_of("magnetic")
     if isinstance(table, TurningTable):
         slows_m_s2, live_s = table.coast_m_s2, table.watchdog_s
     else:
-        slows_m_s2, live_s = wiring.braking_m_s2, 1e-3 * wiring.life_ms(speed_m_s)
+        slows_m_s2, live_s = frame_map.braking_m_s2, 1e-3 * frame_map.life_ms(speed_m_s)
     return Stopped(speed_m_s * live_s + speed_m_s**2 / (2 * slows_m_s2), table.stops_s(speed_m_s))
 
 

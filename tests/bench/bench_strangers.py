@@ -22,8 +22,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from plant.experiments.series import make_series, write_record
+from plant.experiments.scenario import write_record
 from tests.places import SHARED
+from tests.plant.series import make_series
 
 _FINER = 10
 Columns = dict[str, npt.NDArray[np.float64]]
@@ -127,7 +128,7 @@ ROWS: Final[dict[str, Row]] = {
     "one_way": Row("400 rows, one way, constant force", "pull", None, Right(UNKNOWN, words="no parameter"), one_way),
     "late": Row("force 20 ms late", "pull", None, Right(NAMED, "sensor_delay", words="later"), late),
     "uneven": Row(
-        "stamps uneven by 20 %, 2 % missing", "pull", None, Right(NONE, words="unevenly"), uneven, rate_Hz=5000.0
+        "stamps uneven by 20 %, 2 % missing", "pull", None, Right(NONE, words="scatters"), uneven, rate_Hz=5000.0
     ),
     "uneven_folds": Row(
         "the same, folds hidden", "pull", "fold_periodic", Right(NAMED, "fold_periodic"), uneven, rate_Hz=5000.0

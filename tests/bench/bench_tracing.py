@@ -29,8 +29,7 @@ from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
-from plant.experiments.series import hidden_ids, make_series
-from plant.hidden.registry import hidden
+from tests.plant.series import answer_of, hidden_ids, make_series, published
 
 TRAIN: Final = ("train_1", "train_2", "train_3")
 EFFECTS: Final[dict[str, tuple[str, ...]]] = {
@@ -173,8 +172,8 @@ def run(kind: str, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     classes = list(allowed.values())[: len(ids)]
     if not ids:
         right = report["verdict"] == "none"
-    elif all(hidden(name).published for name in ids):
-        right = all(any(hidden(name).answer in some and len(some) <= 3 for some in classes) for name in ids)
+    elif all(published(name) for name in ids):
+        right = all(any(answer_of(name) in some and len(some) <= 3 for some in classes) for name in ids)
     else:  # nothing in the catalogue is it
         right = report["verdict"] == "unknown"
     return {

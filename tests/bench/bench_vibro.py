@@ -15,8 +15,7 @@ import numpy as np
 
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.design.drive_map import design, designed
-from controller.vibro.design.speed_map import speed_map, squares
+from controller.vibro.drive_map import design, designed, speed_map, squares
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import Tuning
 from controller.vibro.waveform import Waveform
@@ -24,7 +23,7 @@ from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.theta import Theta
-from plant.drives.kinds import TrueVibro
+from plant.drives import TrueVibro
 from plant.rig import Truth
 from tests.bench.four_phase import best_four_phase
 from tests.bench.least_energy import cheapest, optima
@@ -44,6 +43,10 @@ SECONDS = 9.0
 WRONG = 0.15
 IDENTIFIED = CAPSUBOT_MODEL
 Row = dict[str, Any]
+# of the square waves, finer than the design's
+RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
+DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
+AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
 
 
 def energies() -> list[Row]:
@@ -52,7 +55,7 @@ def energies() -> list[Row]:
     fixed square wave's energy.
     """
     cycles = Cycles(gut_model())
-    table = speed_map(cycles)
+    table = speed_map(cycles, RATIOS, DUTIES, AMPLITUDES)
     phases = best_four_phase(cycles, SPEEDS_M_S)
     rows: list[Row] = []
     optimal: list[Waveform] = []
@@ -62,23 +65,23 @@ def energies() -> list[Row]:
         better = optima(cycles, v, [*guesses, *(w.flipped() for w in optimal[:1]), *optimal[-1:]])
         row: Row = {"speed_mm_s": 1e3 * v}
         for one in plain + better:
-            row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.pace)
+            row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.gait)
         if (found := phases[v]) is not None:
             row["four-phase"] = _said(*found) | {"impact": impact_of(cycles.model, found[1])}
         chosen, square = cheapest(plain + better), cheapest(plain)
         if chosen is not None:
-            share = None if square is None else round(chosen.pace.energy_J_per_m / square.pace.energy_J_per_m, 3)
+            share = None if square is None else round(chosen.gait.energy_J_per_m / square.gait.energy_J_per_m, 3)
             row["chosen"] = {"shape": chosen.shape, "impact": chosen.impact, "of_square": share}
             optimal += [chosen.waveform] if chosen.shape == "optimal" else []
         rows.append(row)
     return rows
 
 
-def _said(wave: Waveform, pace: Gait) -> Row:
+def _said(wave: Waveform, gait: Gait) -> Row:
     return {
-        "J_per_m": round(pace.energy_J_per_m, 2),
-        "work_J_per_m": round(pace.work_W / abs(pace.speed_m_s), 3),
-        "speed_mm_s": round(1e3 * pace.speed_m_s, 2),
+        "J_per_m": round(gait.energy_J_per_m, 2),
+        "work_J_per_m": round(gait.work_W / abs(gait.speed_m_s), 3),
+        "speed_mm_s": round(1e3 * gait.speed_m_s, 2),
         "period_ms": round(1e3 * wave.period_s, 1),
     }
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.vibro.cycles import SETTLE_S, Cycles, Gait
-from controller.vibro.design.speed_map import free_period
+from controller.vibro.drive_map import free_period
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
@@ -83,10 +83,10 @@ def best_four_phase(cycles: Cycles, speeds_m_s: tuple[float, ...]) -> dict[float
     directions = sorted({int(math.copysign(1, v)) for v in speeds_m_s})
     for ratio, share, stroke, middle, direction in product(RATIOS, SHARES, STROKES_M, MIDDLES, directions):
         wave = four_phase(cycles, ratio * free_period(cycles.model), share, stroke, direction, middle)
-        pace = cycles.pace(wave)
+        gait = cycles.gait(wave)
         for v in speeds_m_s:
             held = found[v]
-            near = abs(pace.speed_m_s / v - 1) < 0.1
-            if near and (held is None or pace.energy_J_per_m < held[1].energy_J_per_m):
-                found[v] = (wave, pace)
+            near = abs(gait.speed_m_s / v - 1) < 0.1
+            if near and (held is None or gait.energy_J_per_m < held[1].energy_J_per_m):
+                found[v] = (wave, gait)
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from models.effects import CATALOGUE
 from plant.hidden.registry import HIDDEN
-from plant.hidden.table import draw
+from tests.plant.series import answer_of, draw
 
 Fault = Mapping[str, Any]
 REFERENCES: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = MappingProxyType(
@@ -140,7 +140,7 @@ drive or a sensor gets wrong lies of its own accord.
 def hidden_of(rig: str) -> list[str]:
     """What may hide in a sound rig of this kind."""
     gut = {name for name, effect in CATALOGUE.items() if effect.__module__.split(".")[2] in SOUND}
-    return [h.id for h in HIDDEN if rig in h.drives and h.answer in gut]
+    return [h.id for h in HIDDEN if rig in h.drives and answer_of(h.id) in gut]
 
 
 def sound(number: int, rig: str) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.model.symbols import PURSUIT_S, Symbols
-from controller.mpc.settings import Horizon, Weights
 from controller.signals import Estimate
+from controller.tuned import Horizon, Weights
 from models.parameter import Parameter
 from models.rigs.reader import parse_rig
 from models.surfaces.gut import settle

@@ -19,9 +19,8 @@ from hil.report.builder import page
 from hil.report.theme import INK, styled
 from models.laws.geometry import Capsule
 from plant import layout as at
-from plant.drives.kinds import TrueVibro
-from plant.experiments.excitation import pulse_width
-from plant.experiments.series import write_text
+from plant.drives import TrueVibro
+from plant.experiments.profile import pulse_width
 from plant.rig import STEP_S, Plant, Truth
 from plant.tables import Floats
 
@@ -109,12 +108,12 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
         "verdicts": {v: [r["name"] for r in results if r["claim"] == v] for v in ("holds", "fails", "does not move")},
         "drives": results,
     }
-    write_text(out / "vibro_sweep.json", json_text(found))
+    (out / "vibro_sweep.json").write_text(json_text(found), encoding="utf-8")
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
     story = f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s."
     told = {"eyebrow": f"{len(results)} drives", "title": "Vibro drives on the gut", "story": story}
     text = page("plot.html.j2", **told, heading="Mean speed", drawn=_figure(found))
-    write_text(out / "vibro_sweep.html", text)
+    (out / "vibro_sweep.html").write_text(text, encoding="utf-8")
     return found
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from controller.drives import DRIVES, envelope_of
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.model.control_model import ControlModel, control_model
+from controller.model.kernels import Kernels
 from controller.signals import Array, Controller, Measurement, Reference
 from controller.supervision.supervisor import Supervisor
 from hil.app.scenario.scenario import parse_track_scenario
@@ -25,6 +26,14 @@ def believed(kind: str = "magnetic") -> Rig:
 def model_of(kind: str = "magnetic", tick_s: float = 1e-3) -> ControlModel:
     """The control model of a nominal rig."""
     return control_model(believed(kind), Theta(), tick_s, driven=DRIVES[kind].simulated)
+
+
+def ticked(kernels: Kernels, x: Array, command: float, disturbance_N: float, t: float) -> Array:
+    """The state (n,) a tick after `x` under a held `command`."""
+    states = np.array(x, dtype=float).reshape(1, -1)
+    motion = (t, kernels.tick_s, kernels.substeps, kernels.parameters)
+    kernels.run(states, command, command, np.array([disturbance_N]), *motion)
+    return np.asarray(states[0])
 
 
 def closed_loop(

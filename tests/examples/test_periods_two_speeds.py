@@ -22,4 +22,4 @@ def test_it_is_unknown_and_a_viscous_wall_is_a_part() -> None:
     assert [effect.id for effect in finding.effects] == ["wall_viscosity"]
     errors = finding.error["train"]
     assert 4 * finding.noise_floor < errors["augmented"] < 0.8 * errors["calibrated"]
-    assert any("the measured period goes from 0.09119 to 1.16 s (times 12.7)" in said for said in finding.statements)
+    assert any("the measured period goes from 91.2 ms to 1.16 s (times 12.7)" in said for said in finding.statements)

@@ -1,7 +1,7 @@
 """Fences of a carriage and a coil, and evidence on which both may move, that tests of the guard share."""
 
-from hil.nodes.controller.guard import Evidence, Fence
 from hil.nodes.frame_map import ENABLED
+from hil.nodes.guard import Evidence, Fence
 from tests.hil.ticks import TICK
 
 CARRIAGE = Fence(-1.0, 1.0, 0.25, True, TICK, 0.02, 25.0)

@@ -16,9 +16,9 @@ from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
 from hil.bus.local import LocalBus
 from hil.formats.channels import Channel, Heading
-from hil.formats.table import write_channels
-from hil.log.channels import file_channels
+from hil.formats.reading import write_channels
 from hil.log.log import FrameLog
+from hil.log.record import file_channels
 from hil.nodes.frame_map import FRAME_MAPS
 from tests.hil.app.cockpit.story import CATALOGUE
 from tests.places import ROOT

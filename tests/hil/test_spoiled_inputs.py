@@ -22,11 +22,10 @@ from hil.app.scenario.bus_scenario import load_sil_scenario
 from hil.app.scenario.deployment import load_deployment, read_deployed_rig
 from hil.app.scenario.scenario import load_track_scenario
 from hil.formats.channels import Channel, Heading
-from hil.formats.table import write_channels
+from hil.formats.reading import write_channels
 from hil.log.blf_file import SENT, BlfFile, Logged
-from hil.log.channels import file_channels
 from hil.log.reader import read_frames
-from hil.log.record import read_rig_record
+from hil.log.record import file_channels, read_rig_record
 from models.checks.sizes import check_units
 from models.checks.view import View
 from models.identification.model import Model, read_model, read_report
@@ -42,7 +41,7 @@ MOST_KB = 1 << 20
 ASKING = """
 import contextlib, resource, sys
 from pathlib import Path
-from hil.log.channels import file_channels
+from hil.log.record import file_channels
 with contextlib.suppress(ValueError):
     file_channels(Path(sys.argv[1]))
 print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)

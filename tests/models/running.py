@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.assembly.model import Assembly
-from models.compiled.kernel import lower
+from models.compiled.kernel import Kernel
 from models.parameter import Name
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def run(
     """The output, one value a sample of `command` (linear in between, `dt` s apart), or the state `watch` in its
     place.
     """
-    kernel = lower(watching(assembly, watch) if watch else assembly.step, assembly.correct)
+    kernel = Kernel(watching(assembly, watch) if watch else assembly.step, assembly.correct)
     output = np.zeros(command.size)
     state = assembly.start(**start)
     kernel.one(state, np.asarray(command, float), output, 0.0, assembly.vector(values or {}), substeps, dt, output)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from plant.drives import steps
-from plant.drives.kinds import TrueDrive
+from plant import steps
+from plant.drives import TrueDrive
 from plant.hidden.registry import FORCE
 
 

@@ -7,8 +7,8 @@ from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wal
 from models.laws.hyperelastic import WallConstants, wall_tension
 from models.laws.resistance import environmental_resistance
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
-from plant.experiments.excitation import pulse_width
+from plant.drives import TrueCoil, TrueMagnet, TruePull, TrueVibro
+from plant.experiments.profile import pulse_width
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.tables import Floats
 from tests.plant.force import Force

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from plant import layout as at
-from plant.drives.kinds import TrueMagnet, TruePull
+from plant.drives import TrueMagnet, TruePull
 from plant.experiments.profile import ConstantSpeed
 from plant.rig import STEP_S, Plant, Truth
 from plant.tables import Floats

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
+from plant.drives import TrueCoil, TrueMagnet, TruePull, TrueVibro
 from plant.rig import Plant, Truth
-from plant.sensing.instruments import Instrument, Reading
+from plant.sensing import Instrument, Reading
 from plant.session import Instruments, Session
 
 RIGS = {

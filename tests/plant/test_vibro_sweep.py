@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plant.drives.kinds import TruePull
+from plant.drives import TruePull
 from plant.rig import Truth
 from tests.bench import vibro_sweep as sweep
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 from models.effects import effect_words
 from models.identification.finding import STAGES
@@ -163,7 +163,7 @@ def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
             count, middle = len(others), float(others.mean())
             spread = float(others.std(ddof=1))
             uncertain = max(spread * np.sqrt(1 + 1 / count), deviation)
-            limit = float(student.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
+            limit = float(scipy.stats.t.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
             if abs(value - middle) > limit * uncertain > 0:
                 numbers = {"parameter": parameter, "value": value, "mean": middle, "spread": spread}
                 yield series, TEXT("disagreement.number", **numbers)

@@ -22,7 +22,7 @@ from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.app.shared_options import Json, argument, option
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
 from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
@@ -112,7 +112,7 @@ def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick
     clock = Clock()
     bus: can.BusABC = ClockedBus(inner, clock, OLDEST_S)
     if drive is not None:
-        bus = carriage_bus(bus, drive, tick_s)
+        bus = MAKERS[drive.where].bus(bus, drive, tick_s)
     try:
         yield BusSource(bus, clock, facts)
     finally:

@@ -13,7 +13,7 @@ from typing import IO, Any, Final
 from hil.app.cockpit.source import BusSource
 from hil.app.cockpit.watch import words
 from hil.bus.protection import FrameTransmitter
-from hil.nodes.controller.operator import STATUS, OperatorLimits
+from hil.nodes.operator import STATUS, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
 from models.words.sentences import Sentences

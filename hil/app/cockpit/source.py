@@ -11,8 +11,8 @@ from hil.app.cockpit.series import LineFeed, Ring, Samples
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
 from hil.app.system import error_text
+from hil.bus.wrapping import plain
 from hil.log.blf_file import NOTED, Logged
-from hil.nodes.frame_map import plain
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -90,7 +90,7 @@ class LogSource:
     def _take(self, frames: Iterable[Logged]) -> None:
         origin: float | None = None
         for frame in frames:
-            if frame.way == NOTED:
+            if frame.direction == NOTED:
                 continue
             if origin is None:
                 origin = frame.time_s if frame.time_s > CALENDAR_S else 0.0

@@ -10,8 +10,8 @@ from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
-from hil.nodes.controller.operator import SETPOINT, STATUS
-from hil.nodes.controller.receive import HEARTBEAT_LOST_S
+from hil.nodes.operator import SETPOINT, STATUS
+from hil.nodes.receive import HEARTBEAT_LOST_S
 from models.words.quantities import DASH, fixed, quantity
 from models.words.sentences import Sentences
 

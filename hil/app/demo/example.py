@@ -23,7 +23,7 @@ from models.rigs.rig import Rig
 from models.sets import measured_path
 from models.words.quantities import DASH, change, quantity
 from models.words.sentences import Sentences
-from plant.experiments.series import rig_text
+from plant.experiments.examples import BELIEVED
 
 TEXT: Final = Sentences(__file__)
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
@@ -159,7 +159,7 @@ class NextRecordExample:
         """
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         first = raw["scenario"].get("seed", 0) + SEEDS * seed
-        write_files({folder / RIG: rig_text("pull")})
+        write_files({folder / RIG: toml_text(BELIEVED["pull"].tables())})
         rig, before = read_rig(folder / RIG), folder / BEFORE
         before.mkdir()
 

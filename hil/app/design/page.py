@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 from rich.table import Table
 
-from controller.design.margins import Complex, OpenLoop
 from controller.design.study import Study
+from controller.design.tuning import Complex, OpenLoop
 from controller.model.control_model import ControlModel
 from controller.signals import Array
 from hil.app.design.tables import TEXT, balance_lines, cycle_table, margin_table, words_of

@@ -4,11 +4,10 @@ from typing import Any, Final
 
 from rich.table import Table
 
-from controller.baselines.lqr import Gains, lqr_gains
+from controller.baselines import Gains, lqr_gains
 from controller.design.describing_function import AMPLITUDES_M, Balance
-from controller.design.margins import Margins
 from controller.design.study import Study
-from controller.design.tuning import Pid
+from controller.design.tuning import Margins, Pid
 from controller.drives import driven_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import linearise

@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from rich.table import Table
 
 from controller.vibro.cycles import Cycles, VibroModel
-from controller.vibro.design.drive_map import designed, rough_map
-from controller.vibro.design.study import VibroStudy, vibro_study
+from controller.vibro.drive_map import designed, speed_map
+from controller.vibro.study import VibroStudy, vibro_study
 from hil.app.console import text_table
 from hil.app.design.page import Drawn, loop_figures, page_html
 from hil.app.design.tables import MARGINS, TEXT, margin_numbers
@@ -24,7 +24,7 @@ def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroS
     """
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
-    return vibro_study(model, designed(model, optimise), rough_map(Cycles(model)), delay_s)
+    return vibro_study(model, designed(model, optimise), speed_map(Cycles(model)), delay_s)
 
 
 def vibro_json(found: VibroStudy) -> dict[str, Any]:
@@ -41,9 +41,9 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
             for gear in found.drive.gears
         ],
         "ways": [
-            {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.pace.speed_m_s}
+            {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.gait.speed_m_s}
             | {"period_s": one.waveform.period_s, "amplitude": max(one.waveform.levels)}
-            | {"energy_J_per_m": one.pace.energy_J_per_m}
+            | {"energy_J_per_m": one.gait.energy_J_per_m}
             for speed, waves in found.alternatives.items()
             for one in waves
         ],
@@ -87,8 +87,8 @@ def _cost_table(found: VibroStudy) -> Table:
         for one in waves:
             wave = one.waveform
             duty = number(wave.edges[1], 3) if one.shape == "square" else ""
-            cost = (number(x, 3) for x in (one.pace.energy_J_per_m, 1e3 * wave.period_s))
-            rest = (number(x, 3) for x in (max(wave.levels), 1e3 * one.pace.speed_m_s))
+            cost = (number(x, 3) for x in (one.gait.energy_J_per_m, 1e3 * wave.period_s))
+            rest = (number(x, 3) for x in (max(wave.levels), 1e3 * one.gait.speed_m_s))
             table.add_row(number(1e3 * speed), one.shape, one.impact, *cost, duty, *rest)
         if not waves:
             table.add_row(number(1e3 * speed), "out of reach", *[""] * 6)

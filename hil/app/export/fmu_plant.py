@@ -17,13 +17,13 @@ from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at
 from plant.compiling import OPTIONS
-from plant.drives.kinds import TruePull
-from plant.drives.steps import advance
+from plant.drives import TruePull
 from plant.experiments.scenario import TABLES as OF_SIMULATE
 from plant.experiments.scenario import RunTable, parse_truth
-from plant.hidden import carriage
+from plant.hidden import actuation
 from plant.hidden.registry import ROW
 from plant.rig import Plant, Truth
+from plant.steps import advance
 from plant.tables import Floats
 
 _CORE: Final = Path(__file__).with_name("plant_core.c")
@@ -53,8 +53,8 @@ def plant_unit(name: str, rig: Truth, duration_s: float) -> FmuUnit:
     common = (VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, REAL, WHOLE, MATRIX)
     objects = {
         "advance.o": object_code(advance, (WHOLE, *common), "capsule_advance"),
-        "lags.o": object_code(carriage.lags, (VECTOR, REAL, REAL, VECTOR), "capsule_lags"),
-        "play.o": object_code(carriage.rounded_play, (VECTOR, REAL, VECTOR), "capsule_play"),
+        "lags.o": object_code(actuation.lags, (VECTOR, REAL, REAL, VECTOR), "capsule_lags"),
+        "play.o": object_code(actuation.rounded_play, (VECTOR, REAL, VECTOR), "capsule_play"),
     }
     header = _header(plant, stages, kinds.pop(), variables)
     return FmuUnit(name, TEXT("plant", name=name), variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
@@ -71,7 +71,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables
         "KIND": kind,
         "STRAIGHT": int(straight),
         "SCALE": float(drive.command_scale).hex(),
-        "CARRIAGE": carriage.CARRIAGE_NUMBERS,
+        "CARRIAGE": actuation.CARRIAGE_NUMBERS,
         "LAG": ROW.actuator_lag * h.shape[1],
         "DRIVER": ROW.driver_lag * h.shape[1],
         "PLAY": ROW.carriage_backlash * h.shape[1],
@@ -84,7 +84,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables
     return "#include <stdint.h>\n" + c_header(
         variables,
         defines,
-        {v.name: v.place for v in outputs_of(drive)},
+        {v.name: v.index for v in outputs_of(drive)},
         c_array("double", "PARAMETERS", plant.parameters.tolist()),
         c_array("double", "PROFILE", plant.profile.tolist()),
         c_array("double", "TABLES", plant.tables.ravel().tolist()),

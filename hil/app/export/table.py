@@ -87,7 +87,7 @@ def _law(found: Found, effects: tuple[type[Effect], ...]) -> Any:
     stepper = Stepper(found.surface, found.drive, Active(effects, found.numbers, z))
     s = Signals(x=x, v=v * d, direction=d, command=found.drive.neutral(x))
     grip = stepper.grip(s)
-    _, mucus = stepper.held(replace(s, drag_rate=0.0), Drag(0.0, d), 0.0)
+    _, mucus = stepper.wall_forces(replace(s, drag_rate=0.0), Drag(0.0, d), 0.0)
     others = -d * stepper.active.total("force", s)
     row = ca.vertcat(*(ca.SX(value) for value in (grip.friction, d * mucus, others, grip.onset)))
     function = ca.Function("law", [v, d, x], [row])

@@ -9,13 +9,12 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from controller.drives import bodies
-from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import Health
+from controller.monitor import Health
+from controller.reference import Experiment
 from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
-from controller.supervision.history import History
-from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
+from controller.supervision.model_switch import History, ModelSwitch, Offer, Prepared
 from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
 from hil.app.scenario.deployment import LearningTable
 from hil.app.scenario.model_use import Offered

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize, nnls
 
 from hil.app.papers.comparison import CONSISTENT, NOT_REPRODUCIBLE, TEXT, Drawing, Plot, Row, row
 from models.laws.five_elements import (
@@ -46,7 +46,9 @@ class Spectrum:
     def weights(self, shape: Real, omega: Real, target: Complex) -> tuple[Real, float]:
         """Best non-negative moduli at a given shape, and the residual `||Y - Y_law||` in Pa."""
         columns = self.basis(omega, shape)
-        moduli, residual = nnls(np.vstack([columns.real, columns.imag]), np.concatenate([target.real, target.imag]))
+        moduli, residual = scipy.optimize.nnls(
+            np.vstack([columns.real, columns.imag]), np.concatenate([target.real, target.imag])
+        )
         return moduli, float(residual)
 
 
@@ -88,7 +90,7 @@ def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> FittedSpectrum:
         return law.weights(shape, omega, target)[1] / float(np.linalg.norm(target))
 
     best = min(law.starts, key=lambda start: cost(np.array(start)))
-    found = minimize(cost, np.array(best), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10})
+    found = scipy.optimize.minimize(cost, np.array(best), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10})
     shape = np.asarray(found.x)
     return FittedSpectrum(law, shape, law.weights(shape, omega, target)[0])
 

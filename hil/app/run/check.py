@@ -17,9 +17,9 @@ from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
-from hil.nodes.controller.node import ControllerNode, Task
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
+from hil.nodes.node import ControllerNode, Task
+from hil.nodes.receive import FrameReceiver
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -126,7 +126,7 @@ def rehearse(task: Task, ticks: int = REHEARSED) -> Histogram:
 
 def _simulated(node: ControllerNode, tape: Tape) -> Callable[[int, float], None]:
     """Frames of a drive that follows at once and of a localisation every 10 ms around 0."""
-    frame_map, catalogue = node.wiring, load_catalogue()
+    frame_map, catalogue = node.frame_map, load_catalogue()
     names = (frame_map.feedback, frame_map.heartbeat, "CapsuleLocalisation")
     senders = {name: Sender(catalogue[name]) for name in names}
     rest = {field.name: 0.0 for field in catalogue[frame_map.feedback].fields}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.bus.wrapping import WrappingBus
-from hil.nodes.controller.node import GRID_SLACK
+from hil.nodes.node import GRID_SLACK
 
 OLDEST_S: Final = 0.1  # age of a kernel's stamp, beyond which the frame's arrival counts
 _BINS: Final = 20_000  # of a histogram, and their width

@@ -8,12 +8,12 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from controller.excursion import Experiment
+from controller.reference import Experiment
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_use import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
-from hil.nodes.controller.node import Task
+from hil.nodes.node import Task
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import parse_toml, shown
 from models.theta import Theta

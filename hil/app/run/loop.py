@@ -15,10 +15,10 @@ from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
 from hil.log.recorder import Recorder
-from hil.nodes.controller.lateness import paused
-from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
-from hil.nodes.controller.receive import HEARTBEAT_LOST_S
 from hil.nodes.frame_map import BOOT, FAULT, MOVING, SELF_TEST, STANDBY, STOPPING, WAITING
+from hil.nodes.node import FAULTY, RUNNING, ControllerNode
+from hil.nodes.operator import paused
+from hil.nodes.receive import HEARTBEAT_LOST_S
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -269,8 +269,8 @@ def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
     if seen.localisation_s == math.inf:
         return TEXT("missing.localisation") + refused
     if seen.localisation_s > fence.stop_s:
-        stamped = receiver.told_s > fence.stop_s
-        age = {"age": _time(receiver.told_s if stamped else seen.localisation_s), "most": _time(fence.stop_s)}
+        stamped = receiver.age_s > fence.stop_s
+        age = {"age": _time(receiver.age_s if stamped else seen.localisation_s), "most": _time(fence.stop_s)}
         return TEXT("missing.stamped" if stamped else "missing.newest", **age) + refused
     if seen.feedback_s > fence.feedback_s:
         return TEXT("missing.feedback", age=_time(seen.feedback_s)) + refused

@@ -17,8 +17,7 @@ import can
 from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.scenario.deployment import BusTable, ControlTable
 from hil.app.system import error_text
-from hil.bus.authenticated import AuthenticatedBus, authenticator
-from hil.bus.key import next_epoch, read_key
+from hil.bus.authenticated import AuthenticatedBus, authenticator, next_epoch, read_key
 from models.files.toml import check_word
 from models.words.sentences import Sentences
 

@@ -20,7 +20,7 @@ from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
-from hil.nodes.controller.node import ControllerNode, Task
+from hil.nodes.node import ControllerNode, Task
 from models.files.toml import shown
 from models.words.sentences import Sentences
 
@@ -226,7 +226,7 @@ def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Order]
     solved, heard_before = True, False
     waiting: list[can.Message] = []
     for logged in frames:
-        if logged.way == NOTED and logged.id in (EXACT, UNSOLVED, HEARD, LOST, CUT):
+        if logged.direction == NOTED and logged.id in (EXACT, UNSOLVED, HEARD, LOST, CUT):
             value = struct.unpack("<d", logged.data)[0]
             if logged.id == LOST:
                 raise ValueError(f"log must be whole to be replayed; frames are missing at {logged.time_s:g} s")
@@ -236,12 +236,12 @@ def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Order]
                 tick.cut_after = int(value)
             continue
         time_s, exact = logged.time_s if exact is None else exact, None
-        if logged.way == NOTED:
+        if logged.direction == NOTED:
             if tick is not None:
                 yield tick
             tick = None
             yield Order(logged.id, time_s, struct.unpack("<d", logged.data)[0])
-        elif logged.way == RECEIVED:
+        elif logged.direction == RECEIVED:
             message = can.Message(time_s, logged.id, False, data=logged.data, is_rx=True)
             (waiting if tick is None or not heard_before else tick.heard).append(message)
             heard_before = False

@@ -28,15 +28,15 @@ from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
+from hil.bus.wrapping import heard_for, plain
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.makers import carriage_bus, set_up
+from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
 from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.controller.node import ControllerNode, Task
-from hil.nodes.frame_map import controllers_frames, plain
-from hil.nodes.listening import heard_for
+from hil.nodes.frame_map import controllers_frames
+from hil.nodes.node import ControllerNode, Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
 from models.words.sentences import Sentences
@@ -186,12 +186,13 @@ def _drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty:
         return bus
     if not listen_only:
         try:
-            for sentence in set_up(bus, table, deployment.limits, deployment.control.tick_s, faulty=faulty):
+            limits, tick_s = deployment.limits, deployment.control.tick_s
+            for sentence in MAKERS[table.where].set_up(bus, table, limits, tick_s, faulty=faulty):
                 note(sentence)
         except ValueError:
             bus.shutdown()
             raise
-    return carriage_bus(bus, table, deployment.control.tick_s)
+    return MAKERS[table.where].bus(bus, table, deployment.control.tick_s)
 
 
 class _OtherControllerError(Exception):

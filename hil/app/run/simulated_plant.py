@@ -14,7 +14,7 @@ from hil.app.scenario.deployment import DeployedPlant, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.shared_options import Json, argument, option, several
 from hil.bus.authenticated import AuthenticatedBus
-from hil.simulated.faults.table import Fault, read_lie
+from hil.simulated.faults import Fault, read_lie
 from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from models.files.toml import in_file
 from plant import layout as at

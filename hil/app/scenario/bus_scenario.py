@@ -20,14 +20,13 @@ from hil.app.scenario.deployment import (
 )
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, check_tables, parse_track_scenario
-from hil.bus.authenticated import authenticator
-from hil.bus.key import read_key
+from hil.bus.authenticated import authenticator, read_key
 from hil.bus.local import LocalBus
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.operator import SETPOINT, OperatorLimits
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.simulated.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
+from hil.nodes.operator import SETPOINT, OperatorLimits
+from hil.simulated.faults import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.simulated.fmu_plant import read_fmu
 from hil.simulated.plant_node import SLOT_S
 from models.files.toml import check_word, in_file, read_toml, toml_text

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from controller.reference import STEP_S, Trajectory
 from controller.registry import CONTROLLERS, leads
-from controller.trajectory import STEP_S, Trajectory
 from models.files.toml import check_word
 from models.rigs.schema import NamedTable
 from plant.session import Instruments

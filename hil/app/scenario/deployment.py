@@ -10,18 +10,18 @@ from pydantic import Field
 
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
+from controller.reference import Trajectory
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.acceptance import Acceptance, judge
-from controller.trajectory import Trajectory
 from hil.app.scenario.model_use import ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator, check_tables
 from hil.bus.catalogue import load_catalogue
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.node import Task
-from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
+from hil.nodes.node import Task
+from hil.nodes.operator import OperatorLimits
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.model import read_model, read_report

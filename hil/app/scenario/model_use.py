@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
-from controller.monitor.monitor import Health
+from controller.monitor import Health
 from controller.supervision.acceptance import Acceptance, judge
 from controller.supervision.model_switch import Offer
 from hil.app.console import note

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, Strict
 
 from controller.limits import Limits
-from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_places, by_speeds, through
+from controller.reference import LONGEST_S, STEP_S, Trajectory, by_positions, by_speeds, through
 from models.files.toml import choice, read_toml
 from models.rigs.schema import NamedTable, Numbers, key
 
@@ -99,7 +99,7 @@ class Waypoints(ReferenceTable):
             )
         if times[-1] > duration_s + STEP_S:
             raise ValueError(f"reference.times_s must end within the run of {duration_s:g} s; got {times[-1]:g}")
-        return by_places(times.tolist(), places.tolist())
+        return by_positions(times.tolist(), places.tolist())
 
 
 REFERENCES: Final[Mapping[str, type[ReferenceTable]]] = {
@@ -163,8 +163,8 @@ def _in_time(
 
 def _within(trajectory: Trajectory, duration_s: float, limits: Limits) -> None:
     """Refuse a reference beyond `limits`."""
-    speed = float(np.max(np.abs(np.diff(trajectory.places)))) / STEP_S
-    farthest = float(np.max(np.abs(trajectory.places[: round(duration_s / STEP_S) + 1])))
+    speed = float(np.max(np.abs(np.diff(trajectory.positions)))) / STEP_S
+    farthest = float(np.max(np.abs(trajectory.positions[: round(duration_s / STEP_S) + 1])))
     if speed > limits.speed_m_s * (1 + 1e-9):
         limit = f"limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s"
         raise ValueError(f"reference must be no faster than {limit}; got {speed / MM:.4g} mm/s")

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Final, Self
 
 from controller.drives import DRIVES
 from controller.limits import Limits
+from controller.reference import Trajectory
 from controller.registry import CONTROLLERS, ESTIMATORS, leads
-from controller.trajectory import Trajectory
 from hil.app.scenario.checks import TrackChecks, read_checks
 from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
@@ -23,7 +23,7 @@ from models.rigs.schema import Among, NamedTable, from_table, key
 from models.surfaces.surface import Plate
 from plant.experiments.scenario import parse_truth
 from plant.rig import STEP_S, Plant, Truth
-from plant.sensing.instruments import Instrument
+from plant.sensing import Instrument
 from plant.session import FEEDBACK, LOCALISATION, Instruments
 
 Table = Mapping[str, Any]

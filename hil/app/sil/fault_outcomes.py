@@ -14,12 +14,12 @@ from hil.app.scenario.bus_scenario import JogTable, SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import shares, violations
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
 from hil.nodes.frame_map import CARRIAGE_MAP, QUICK_STOP_M_S2, frame_map_of
+from hil.nodes.operator import AHEAD_M, OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S
-from hil.simulated.faults.table import DRIVE, KEY, KINDS, LIES, OPERATOR, Fault
+from hil.simulated.faults import DRIVE, KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
-from plant.drives.kinds import Carriage
+from plant.drives import Carriage
 
 Array = NDArray[np.float64]
 TICKS: Final = 2

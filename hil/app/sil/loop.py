@@ -15,9 +15,9 @@ import can
 import numpy as np
 
 from controller.model.control_model import ControlModel
+from controller.reference import STEP_S, Trajectory
 from controller.supervision.fallback import DONE, shares
 from controller.supervision.model_switch import Offer
-from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
@@ -26,8 +26,8 @@ from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.track.loop import Array, LoopTrace, Progress
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
+from hil.nodes.node import ControllerNode
 from hil.simulated.plant_node import SLOT_S
 from models.theta import Theta
 from models.words.sentences import Sentences
@@ -173,7 +173,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.experiments_at = bench.node.experiments_at
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
-    trace.reported = np.array(sorted(bench.plant.told)).reshape(-1, 2)
+    trace.reported = np.array(sorted(bench.plant.reported)).reshape(-1, 2)
     trace.unauthenticated = dict(bench.unauthenticated)
     trace.operator = None if bench.node.operator is None else bench.node.operator.document()
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))

@@ -10,8 +10,8 @@ import can
 from hil.app.scenario.bus_scenario import JogTable, Step
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
-from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
+from hil.nodes.operator import SETPOINT
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from hil.simulated.medium import Medium, SimulatedBus
 

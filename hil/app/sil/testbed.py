@@ -15,17 +15,16 @@ from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.senders import FalseController, ScriptedOperator, SecondOperator
-from hil.bus.authenticated import AuthenticatedBus, inside
-from hil.bus.key import read_key
+from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode, Task, Tick
-from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.simulated.faults.injection import TAMPERING, FaultInjection
-from hil.simulated.faults.table import LIES, SETPOINTS, Fault
+from hil.nodes.node import ControllerNode, Task, Tick
+from hil.nodes.operator import SETPOINT
+from hil.simulated.faults import LIES, SETPOINTS, Fault
 from hil.simulated.fmu_plant import FmuPlant
+from hil.simulated.injection import TAMPERING, FaultInjection
 from hil.simulated.medium import Medium, SimulatedBus
 from hil.simulated.plant_node import SLOT_S, PlantNode, power_of, simulated_drive
 from models.theta import Theta
@@ -83,7 +82,7 @@ class Bench:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
             drive.configure(self.frame_map.life_ms(loop.limits.carriage_speed_m_s))
-            ends["controller"] = carriage_bus(ends["controller"], scenario.drive, self.tick_s)
+            ends["controller"] = MAKERS[scenario.drive.where].bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         task = task_on_bus(scenario, model, controller, offer=offer)
         self.node = ControllerNode(task, ends["controller"], observer=recorder)

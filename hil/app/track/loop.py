@@ -15,7 +15,7 @@ from controller.drives import DRIVES, envelope_of, friction_command
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
-from controller.monitor.monitor import Health
+from controller.monitor import Health
 from controller.registry import build
 from controller.signals import Action, Estimate, Measurement
 from controller.supervision.contradiction import Contradiction
@@ -26,7 +26,7 @@ from controller.vibro.cycles import in_time
 from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
 from models.theta import Theta
-from plant.drives.kinds import TrueMagnetPair
+from plant.drives import TrueMagnetPair
 from plant.rig import Truth
 from plant.session import Session
 

@@ -16,7 +16,7 @@ from hil.app.scenario.model_use import health_of
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import LoopTrace
 from plant import layout as at
-from plant.drives.kinds import Carriage, TrueCoil, TrueMagnetPair, TrueVibro
+from plant.drives import Carriage, TrueCoil, TrueMagnetPair, TrueVibro
 from plant.rig import Truth
 
 Array = NDArray[np.float64]

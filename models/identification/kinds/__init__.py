@@ -1,4 +1,4 @@
-"""The kinds of rig that the loop can work on."""
+"""The kinds of rig that can be identified."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,18 +24,16 @@ from models.rigs.rig import Rig
 Known = Mapping[Name, tuple[float, float]]
 """Values by name, each with its standard deviation: of base parameters, and of effects that a model has already."""
 NOTHING_KNOWN: Final[Known] = MappingProxyType({})
-
-
 _BY_NAME: Final[Mapping[str, type[AnyKind]]] = {
     kind.name: kind for kind in (AxisKind, DmaKind, FrictionKind, PeriodsKind, VibroTableKind)
 }
 
 
 def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) -> AnyKind:
-    """The kind that a rig file describes; `records` settle what only data can (noise, the sign of a table's
-    velocities). Base parameters that are `known` take the place of the rig file's, and effects that are known belong to
-    the base: they are fitted with it, and no candidates. What the rig file states of how well a nominal value is known
-    holds a calibration to it; a ValueError where it states it of something else.
+    """The kind that a rig file describes; noise and the sign of a table's velocities come from `records`. Base
+    parameters that are `known` replace the rig file's, and known effects belong to the base: they are fitted with it
+    and are no candidates. The standard deviations under `[prior]` hold the calibration to the nominal values; raises
+    ValueError for one of another name.
     """
     kind = _BY_NAME.get(rig.kind, SeriesKind).from_rig(rig, records)
     fitted = [p.name for p in kind.base if p.fit]
@@ -47,21 +45,21 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
         )
     if not (rig.prior or known):
         return kind
-    base = tuple(_held(p, rig.prior.get(p.name, p.spread), known.get(p.name)) for p in kind.base)
+    base = tuple(_with_prior(p, rig.prior.get(p.name, p.spread), known.get(p.name)) for p in kind.base)
     ids = {name[0] for name in known if not isinstance(name, str)}
-    had = [e for e in (*kind.effects, *REFINEMENTS) if e.id in ids]
-    more = tuple(_held(p, p.spread, known.get(p.key)) for p in effect_parameters(had))
-    return replace(kind, base=(*base, *more), effects=tuple(effect for effect in kind.effects if effect not in had))
+    in_base = [e for e in (*kind.effects, *REFINEMENTS) if e.id in ids]
+    more = tuple(_with_prior(p, p.spread, known.get(p.key)) for p in effect_parameters(in_base))
+    return replace(kind, base=(*base, *more), effects=tuple(e for e in kind.effects if e not in in_base))
 
 
-def _held(p: Parameter, spread: float, known: tuple[float, float] | None) -> Parameter:
-    """`p` with the spread that the rig file states, or with value, within the bounds, and spread that are known."""
+def _with_prior(p: Parameter, spread: float, known: tuple[float, float] | None) -> Parameter:
+    """`p` with the stated `spread`, or with the `known` value (within the bounds) and spread."""
     value, spread = (p.value, spread) if known is None else known
     return replace(p, value=min(max(value, p.lower), p.upper), spread=spread)
 
 
 def ready(record: Record, rig: Rig) -> Record:
-    """`record` as its kind works on it: what its sensor did not measure filled in, a stage's at even times."""
+    """`record` for its kind: samples that the sensor missed filled in, a stage's at even times."""
     with named(record):
         record = cleaned(on_one_clock(record, rig), rig)
         return evened(record, (*record.layout.known(), USED)) if KINDS[record.kind].stage else record

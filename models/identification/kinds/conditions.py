@@ -1,4 +1,4 @@
-"""Whether a record may be left out of training to judge by: not where its speed, direction or place is in no other."""
+"""Whether a record may validate a fit to the others: not where its speed, direction or position is in no other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from models.rigs.rig import Rig
 
 @dataclass(frozen=True)
 class Conditions:
-    """Slow and fast speed in m/s while in motion, the directions, and the span of places in m of one record."""
+    """Slow and fast speed in m/s while in motion, directions, and the range of positions in m of one record."""
 
     slow: float
     fast: float
@@ -25,27 +25,26 @@ class Conditions:
 
     @classmethod
     def of(cls, record: Record) -> Conditions:
-        """The conditions of a time series."""
         view = View(record, Rig(record.kind))
         v = view.speed[view.moves]
         x = record[view.moving_column]
         slow, fast = (float(q) for q in np.percentile(np.abs(v), [10, 90])) if len(v) else (0.0, 0.0)
-        ways = frozenset(d for d in (-1.0, 1.0) if len(v) and np.mean(np.sign(v) == d) > SET.condition_way)
-        return cls(slow, fast, ways, float(x.min()), float(x.max()))
+        directions = frozenset(d for d in (-1.0, 1.0) if len(v) and np.mean(np.sign(v) == d) > SET.condition_way)
+        return cls(slow, fast, directions, float(x.min()), float(x.max()))
 
 
 def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
-    """Whether `others` hold about the speeds, the directions and the places of `record`."""
+    """Whether `others` cover about the directions, the positions and the speeds of `record`: its one speed, or the
+    slowest and the fastest.
+    """
     own, rest = Conditions.of(record), [Conditions.of(other) for other in others]
-    ways = frozenset[float]().union(*(r.directions for r in rest))
+    directions = frozenset[float]().union(*(r.directions for r in rest))
     low, high = min(r.low for r in rest), max(r.high for r in rest)
     shared = min(own.high, high) - max(own.low, low)
-    places = own.high == own.low or shared >= SET.condition_overlap * (own.high - own.low)
-    return own.directions <= ways and places and _speeds_held(own, rest)
-
-
-def _speeds_held(own: Conditions, rest: Sequence[Conditions]) -> bool:
-    """A record of one speed needs another with that speed; one of several needs others that go as slow and as fast."""
+    if not own.directions <= directions or (
+        own.low < own.high and shared < SET.condition_overlap * (own.high - own.low)
+    ):
+        return False
     if own.fast <= SET.one_speed * own.slow:
         return any(r.slow / SET.same <= own.fast and own.slow <= r.fast * SET.same for r in rest)
     return min(r.slow for r in rest) <= SET.same**2 * own.slow and own.fast <= SET.same**2 * max(r.fast for r in rest)

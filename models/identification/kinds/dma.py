@@ -28,9 +28,8 @@ COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
 
 @dataclass(frozen=True)
 class DmaKind(Kind):
-    """Five springs and dampers in decadic logarithms, since they span decades; calibrated on all samples together.
-
-    Noise: every sample has its own factor (cut, thickness), every reading its own error.
+    """Five springs and dampers in decadic logarithms, calibrated on all samples together. Each sample has its own
+    factor (cut, thickness), each reading its own error.
     """
 
     base: tuple[Parameter, ...]
@@ -61,7 +60,6 @@ class DmaKind(Kind):
         return cls(tuple(base), rig.noise.modulus_std_Pa, catalogue.acting_on(DMA.id), catalogue=catalogue)
 
     def measured(self, record: Record) -> Array:
-        """Storage and loss modulus in Pa, one row a reading."""
         return np.column_stack([record[c] for c in COLUMNS])
 
     def predict(self, record: Record, theta: Theta) -> Array:
@@ -75,12 +73,9 @@ class DmaKind(Kind):
         return out
 
     def residual(self, record: Record, theta: Theta, criterion: int = 1) -> Array:
-        """Errors in units of the scatter between samples; criterion 0 of the logarithm of the modulus, criterion 1 of
-        the modulus itself.
-
-        The logarithm leads a calibration home from moduli that are off by a hundred. Under criterion 1 all readings
-        weigh alike, as in `error`. A sample's common factor is *not* whitened away: with a law that is wrong somewhere
-        that draws the whole fit down (Peelle's puzzle).
+        """Errors in units of the scatter between samples: of the logarithm of the modulus (criterion 0), with which a
+        fit converges from moduli that are wrong by a factor of 100, or of the modulus itself (1), all readings alike as
+        in `error`. A sample's common factor is *not* whitened: with a wrong law that biases the fit (Peelle's puzzle).
         """
         measured, predicted = self.measured(record), self.predict(record, theta)
         std = math.hypot(SET.dma_sample / math.sqrt(2), SET.dma_reading)
@@ -99,7 +94,7 @@ class DmaKind(Kind):
         return 100 * math.sqrt(wrong / sum(float(np.sum(m**2)) for m in measured))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the samples' scatter about their mean at each frequency leaves, in %; as believed for one sample."""
+        """The samples' scatter about their mean at each frequency, in %; for one sample as assumed."""
         frequency = np.concatenate([r["frequency_Hz"] for r in records])
         measured = np.concatenate([self.measured(r) for r in records])
         scatter, freedom = 0.0, 0
@@ -119,7 +114,7 @@ class DmaKind(Kind):
         for rows in samples_of(record):
             made[rows] *= 1 + SET.dma_sample * rng.standard_normal()
             made[rows] += (self._reading(size[rows]) * size[rows])[:, None] * rng.standard_normal((len(rows), 2))
-        return record.with_column(COLUMNS[0], made[:, 0]).with_column(COLUMNS[1], made[:, 1])
+        return record.with_columns(dict(zip(COLUMNS, made.T, strict=True)))
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
         """By sample; a single sample by frequency."""
@@ -131,7 +126,6 @@ class DmaKind(Kind):
         return [([s for s in single if s is not out], [out]) for out in single]
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against: frequency, sample, size of the modulus."""
         number = np.zeros(len(record))
         for i, rows in enumerate(samples_of(record)):
             number[rows] = i + 1
@@ -155,13 +149,12 @@ def moduli_of(theta: Theta) -> Moduli:
 
 
 def samples_of(record: Record) -> list[NDArray[np.intp]]:
-    """The rows of each sample in a record; all rows where it has no column `sample`."""
+    """The rows of each sample in a record; all rows without a column `sample`."""
     if "sample" not in record.columns:
         return [np.arange(len(record))]
     return [np.flatnonzero(record["sample"] == s) for s in np.unique(record["sample"])]
 
 
 def single_samples(record: Record) -> list[Record]:
-    """The record of each sample; itself where there is one."""
     rows = samples_of(record)
     return [record.rows(own) for own in rows] if len(rows) > 1 else [record]

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import mul
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
@@ -21,7 +21,9 @@ from models.records.record import Record
 from models.rigs.benches import FRICTION
 from models.rigs.rig import Rig
 from models.theta import Theta
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
 _BELIEF = "rig file; without it only a start for the calibration"
 
@@ -31,9 +33,9 @@ class FrictionKind(TableKind):
     """Steady sliding, a condition is a speed and a load.
 
     The base is one number: the coefficient of friction where the load is known (a column `load_N`, or `[contact]
-    load_N`) or a coefficient was measured, else the friction force. Forces count along the sliding that they drive:
-    positive for a positive speed. A coefficient without a load counts as the force under 1 N. `std` is a reading's
-    standard deviation in the measured unit, `relative` its share of the reading.
+    load_N`) or a coefficient was measured, else the friction force, positive for a positive speed. A coefficient
+    without a load counts as the force under 1 N. `std` is a reading's standard deviation in the measured unit,
+    `relative` its share of the reading.
     """
 
     base: tuple[Parameter, ...]
@@ -50,17 +52,13 @@ class FrictionKind(TableKind):
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> FrictionKind:
         """The contact of a rig file's `[contact]`; what that leaves out, and all ranges, follow from the records.
-
-        Raises ValueError where records state both a coefficient and a force as measured, or some have a load and some
-        not.
+        Raises ValueError where some records have a coefficient or a load and some not.
         """
         known = [r for r in records if FORCE in r.columns or COEFFICIENT in r.columns]
         coefficient = any(COEFFICIENT in r.columns for r in known)
         if len({(COEFFICIENT in r.columns, LOAD in r.columns) for r in records if r in known}) > 1:
-            raise ValueError(
-                f"{', '.join(r.name for r in known)}: records of one series must have the same columns; got some with"
-                f" {COEFFICIENT!r} or {LOAD!r} and some without"
-            )
+            names, got = ", ".join(r.name for r in known), f"some with {COEFFICIENT!r} or {LOAD!r} and some without"
+            raise ValueError(f"{names}: records of one series must have the same columns; got {got}")
         quantity, load, catalogue = COEFFICIENT if coefficient else FORCE, rig.contact.load_N, Catalogue.of(rig)
         loaded = coefficient or load is not None or any(LOAD in r.columns for r in records)
         size, scatter, extent = 1.0, SET.friction_untold, None
@@ -80,7 +78,6 @@ class FrictionKind(TableKind):
 
     @property
     def unit(self) -> str:
-        """N, or 1 for a coefficient."""
         return "N" if self.quantity == FORCE else "1"
 
     def keys(self, record: Record) -> Array:
@@ -88,18 +85,18 @@ class FrictionKind(TableKind):
         return np.column_stack((record[SPEED], _loads(record, self.load)))
 
     def predict(self, record: Record, theta: Theta) -> Array:
-        """Force in N that keeps the sliding up, along it, or its ratio to the load; one value a row."""
+        """Force in N along the sliding that it drives, or its ratio to the load; one value a row."""
         values = self.nominal() | theta
         v, load = record[SPEED], _loads(record, self.load)
-        way = np.sign(v)
-        s = Signals(v=v, direction=way, load=load)
+        direction = np.sign(v)
+        s = Signals(v=v, direction=direction, load=load)
         acting = present(self.effects, values)
         level = reduce(mul, (effect.level(s, p, {}) for effect, p in acting), 1.0)
         extra = sum(effect.force(s, p, {}) for effect, p in acting)
         pressed = load + sum(effect.normal_load(s, p, {}) for effect, p in acting)
         grip = values["friction_N"] if "friction_N" in values else values["friction_coefficient"] * pressed
-        force = grip * level * way - extra
-        return np.asarray((force if self.quantity == FORCE else force * way / load) + 0.0 * v, dtype=float)
+        force = grip * level * direction - extra
+        return np.asarray((force if self.quantity == FORCE else force * direction / load) + 0.0 * v, dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Difference of each condition's mean from the model in standard deviations."""
@@ -113,18 +110,19 @@ class FrictionKind(TableKind):
         return np.maximum(self.relative * np.abs(mean), 1e-12)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same readings on the model, each with the scatter believed."""
+        """The same readings on the model, each with the assumed scatter."""
         noise = self.scatter(record) * rng.standard_normal(len(record))
         return record.with_column(self.quantity, self.predict(record, theta) + noise)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """Up to eight parts by whole conditions, drawn once and for all, never by repeats; the only condition at the
-        slowest or fastest speed, or under the lightest or heaviest load, is always fitted to.
+        """Up to eight random parts of whole conditions; the only condition at the slowest or fastest speed, or under
+        the lightest or heaviest load, is always fitted to.
         """
         runs, index = distinct(np.concatenate([self.keys(r) for r in records]))
-        alone = np.any(
-            [_only_end(size) for size in np.abs(runs).T if np.ptp(size) > 0] or [np.zeros(len(runs), bool)], 0
-        )
+        alone = np.zeros(len(runs), dtype=bool)
+        for size in np.abs(runs).T:
+            for at in (size == size.min(), size == size.max()):
+                alone |= at & (at.sum() == 1) & (np.ptp(size) > 0)
         inner = np.flatnonzero(~alone) if np.sum(~alone) >= 2 else np.arange(len(runs))
         part = np.full(len(runs), -1)
         part[inner] = np.random.default_rng(0).permutation(len(inner)) % min(SET.folds, len(inner))
@@ -137,18 +135,12 @@ class FrictionKind(TableKind):
         return {**self.signals(record), self.quantity: predicted}
 
 
-def _only_end(values: Array) -> NDArray[np.bool_]:
-    """Where `values` has a least or greatest one that is there once."""
-    ends = [values == end for end in (values.min(), values.max())]
-    return np.asarray(np.any([at for at in ends if at.sum() == 1] or [np.zeros(len(values), bool)], axis=0))
-
-
 def _loads(record: Record, load: float | None) -> Array:
     return record[LOAD] if LOAD in record.columns else np.full(len(record), 1.0 if load is None else load)
 
 
 def _scatter(records: Sequence[Record], quantity: str) -> float:
-    """Relative scatter of a reading: of repeats, else how far readings lie off the line through their neighbours."""
+    """Relative scatter of a reading: of repeats, else of the distance from the line through its neighbours."""
     squares, freedom, off = 0.0, 0, list[Array]()
     for r in records:
         runs, index = distinct(np.column_stack((r[SPEED], _loads(r, None))))
@@ -168,7 +160,7 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
 
 
 def _off_line(x: Array, y: Array) -> Array:
-    """How far inner values lie off their neighbours' line, as a share of it, in standard deviations of a reading."""
+    """Relative distance of inner values from their neighbours' line, scaled to the standard deviation of a reading."""
     order = np.argsort(x)
     x, y = x[order], y[order]
     right = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
@@ -178,7 +170,7 @@ def _off_line(x: Array, y: Array) -> Array:
 
 @dataclass(frozen=True)
 class Extent:
-    """Slowest and fastest speed in m/s, lowest and highest load, greatest friction in N, and both ways or not."""
+    """Slowest and fastest speed in m/s, lowest and highest load, greatest friction in N, one or both directions."""
 
     slow: float
     fast: float
@@ -189,45 +181,39 @@ class Extent:
 
     @classmethod
     def of(cls, v: Array, load: Array, force: Array) -> Extent:
-        """That of readings (n,) at speeds `v`."""
         fast, both = np.abs(v), bool((v > 0).any() and (v < 0).any())
         slow, quick, light, heavy = (float(end) for end in (fast.min(), fast.max(), load.min(), load.max()))
         return cls(slow, quick, light, heavy, float(np.abs(force).max()), both)
 
     @property
     def lacks(self) -> Mapping[str, str]:
-        """What these records lack, by the name that an effect gives it in `needs`."""
+        """Conditions that these records lack, by the name that an effect gives them in `needs`."""
         ratio = SET.friction_ratio
-        told = {
-            "speeds": (self.fast > ratio * self.slow, f"its speeds lie between {_span(self.slow, self.fast)} m/s"),
-            "load": (self.heavy > ratio * self.light, f"its loads lie between {_span(self.light, self.heavy)} N"),
-            "both_ways": (self.both_ways, "it slides one way only"),
+        covered = {
+            "speeds": (self.fast > ratio * self.slow, TEXT("speeds_alike", low=self.slow, high=self.fast)),
+            "load": (self.heavy > ratio * self.light, TEXT("loads_alike", low=self.light, high=self.heavy)),
+            "both_ways": (self.both_ways, TEXT("one_way")),
         }
-        return {name: words for name, (held, words) in told.items() if not held}
-
-
-def _span(low: float, high: float) -> str:
-    return f"{low:.3g} and {high:.3g}"
+        return {name: words for name, (there, words) in covered.items() if not there}
 
 
 def candidates(extent: Extent | None, catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
-    """The effects that a search tries on a table of this extent; all of them, as declared, where it is not known."""
+    """The effects that a search tries on a table of this extent; all, as declared, where it is unknown."""
     declared = catalogue.acting_on(FRICTION.id)
     if extent is None:
         return declared
-    told, known = _ranges(extent), extent.lacks.keys()
-    return tuple(_ranged(e, told.get(e.id, Ranges())) for e in declared if not known & set(e.needs))
+    own, lacks = _ranges(extent), extent.lacks.keys()
+    return tuple(_ranged(e, own.get(e.id, Ranges())) for e in declared if not lacks & set(e.needs))
 
 
 def cannot_show(extent: Extent, catalogue: Catalogue) -> dict[str, str]:
-    """Why a table of this extent cannot show an effect, by the effect's id."""
+    """Why a table of this extent cannot show an effect, by effect."""
     lacks = extent.lacks
     why = {e.id: "; ".join(lacks[need] for need in e.needs if need in lacks) for e in catalogue.acting_on(FRICTION.id)}
     return {name: words for name, words in why.items() if words}
 
 
 def _ranges(x: Extent) -> Mapping[str, Ranges]:
-    """Value and bounds of parameters that follow from the extent, and starts, by effect."""
     drag = 3 * x.friction * max(1.0, SET.drag_reference_m_s / x.fast) ** SET.drag_steepest
     return {
         "stribeck": Ranges(
@@ -244,6 +230,7 @@ def _ranges(x: Extent) -> Mapping[str, Ranges]:
     }
 
 
-def _ranged(effect: type[Effect], told: Ranges) -> type[Effect]:
-    most = told.of[effect.amplitude().name][2] if effect.amplitude().name in told.of else effect.amplitude().upper
-    return ranged(effect, replace(told, probe=min(effect.probe, 0.05 * most)))
+def _ranged(effect: type[Effect], own: Ranges) -> type[Effect]:
+    size = effect.amplitude()
+    most = own.of[size.name][2] if size.name in own.of else size.upper
+    return ranged(effect, replace(own, probe=min(effect.probe, 0.05 * most)))

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals, by_name
@@ -30,12 +30,13 @@ from models.words.sentences import listed
 
 COLUMNS = ("period_s", "valley_N", "peak_N")
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
-"""Effects that give the same period, valley and peak at one speed, whatever is measured."""
-_HELD = "held: one speed cannot tell it"
+"""Effects that give the same period, valley and peak at any one speed."""
+_HELD = "fixed: not identifiable at one speed"
+_WALL = WallConstants.from_set()
 
 
 class SingleSpeedStiffening(SmallStrainStiffening):
-    """`small_strain_stiffening` of which one speed tells the size alone, not the drag over which it fades."""
+    """`small_strain_stiffening` of which one speed identifies the size alone, not the drag over which it fades."""
 
     grid = by_name()
     scale_m = replace(SmallStrainStiffening.scale_m, source=_HELD, fit=False)
@@ -57,8 +58,8 @@ class PeriodsKind(Kind):
     within the recovery time `t_r`.
 
     `F_e = q sin(theta) I1`, `f_c = mu (m g + q (cos(theta) I1 + I2))` with the hoop factor q; period `u_c/v + t_r`.
-    Valley and peak identify q and mu; the period then follows from the wall's law and tests it. A `return_speed_m_s`
-    takes paper A's fall instead, `u_c/(v + v_i)` at that v_i whatever the speed.
+    Valley and peak identify q and mu; the period then follows from the wall's law and tests it. With a
+    `return_speed_m_s` v_i the fall is paper A's, `u_c/(v + v_i)`, at any speed.
     """
 
     capsule: Capsule
@@ -82,7 +83,7 @@ class PeriodsKind(Kind):
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> PeriodsKind:
-        """The pull that a rig file describes; with `records` of several speeds all that several speeds can tell."""
+        """The pull that a rig file describes; `records` of several speeds allow the effects that need several."""
         mu, catalogue = rig.tissue.friction_coefficient, Catalogue.of(rig)
         hoop = "common factor on the hoop stress, differs from rig to rig"
         base = (
@@ -98,7 +99,6 @@ class PeriodsKind(Kind):
         return replace(kind, effects=catalogue.acting_on(PERIODS.id), equivalents=MappingProxyType({}))
 
     def measured(self, record: Record) -> Array:
-        """Period in s, valley and peak in N, one row a period."""
         return np.column_stack([record[c] for c in COLUMNS])
 
     def predict(self, record: Record, theta: Theta) -> Array:
@@ -132,7 +132,7 @@ class PeriodsKind(Kind):
         return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
 
     def viscous(self, drag: float, rate: float, speed: float, theta: Theta) -> float:
-        """Force in N, beyond its tension, of a wall whose drag in m grows at `rate` in m/s under a pull at `speed`."""
+        """Force in N beyond the tension, of a wall whose drag in m grows at `rate` in m/s under a pull at `speed`."""
         s = Signals(drag=drag, drag_rate=rate, v=speed, direction=1.0)
         return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
 
@@ -142,18 +142,15 @@ class PeriodsKind(Kind):
         try:
             tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta), limit, speed, recoil or 1.0)
         except ValueError:
-            raise ValueError(
-                "force must rise from valley to peak by what the wall's tension can reach at the pull's speed; got"
-                f" {limit:g} N at {speed:g} m/s"
-            ) from None
+            rule = "force must rise from valley to peak by a tension that the wall can reach at the pull's speed"
+            raise ValueError(f"{rule}; got {limit:g} N at {speed:g} m/s") from None
         return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Errors of period, valley and peak in units of one period's scatter, three a row.
 
-        The period is held against what the wall's law gives at the *measured* height of the teeth: valley and peak
-        identify q and mu, the period tests the law. Held against the fitted height, a wrong law would hide in wrong
-        forces.
+        The predicted period is the wall law's at the *measured* height of the teeth: valley and peak identify q and mu,
+        the period tests the law. At the fitted height a wrong law would hide in wrong forces.
         """
         measured, predicted = self.measured(record), self.predict(record, theta)
         speeds = self._speeds(record)
@@ -165,31 +162,24 @@ class PeriodsKind(Kind):
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms over speeds and over period, valley and peak of the relative error of the mean, in %."""
-        measured, speeds = np.concatenate([self.measured(r) for r in records]), self._all_speeds(records)
-        predicted = np.concatenate(list(predictions))
-        off = [relative_errors(measured[speeds == v], predicted[speeds == v]) for v in np.unique(speeds)]
+        predicted = self._by_speed(records, list(predictions))
+        off = [relative_errors(measured, p) for measured, p in zip(self._by_speed(records), predicted, strict=True)]
         return 100 * float(np.sqrt(np.mean(np.square(off))))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """Standard error of the means through the same measure."""
-        measured = np.concatenate([self.measured(r) for r in records])
-        speeds, squares = self._all_speeds(records), []
-        for v in np.unique(speeds):
-            same = measured[speeds == v]
+        squares = []
+        for same in self._by_speed(records):
             scatter = same.std(0, ddof=1) / same.mean(0) if len(same) > 2 else np.array(self.scatter)
             squares.append(np.mean(scatter**2) / len(same))
         return 100 * float(np.sqrt(np.mean(squares)))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """As many periods of the model, scattered about its own values by the share that measured ones scatter."""
+        """As many periods of the model, with the relative scatter of measured ones."""
         made = self.predict(record, theta)
-        ideal = record
-        for i, column in enumerate(COLUMNS):
-            ideal = ideal.with_column(column, made[:, i])
-        made += self._std(ideal) * rng.standard_normal((len(record), 3))
-        for i, column in enumerate(COLUMNS):
-            record = record.with_column(column, made[:, i])
-        return record
+        ideal = record.with_columns(dict(zip(COLUMNS, made.T, strict=True)))
+        made = made + self._std(ideal) * rng.standard_normal((len(record), 3))
+        return record.with_columns(dict(zip(COLUMNS, made.T, strict=True)))
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
         """Periods left out in turn, a quarter of each speed at a time, neighbours in different parts."""
@@ -213,8 +203,11 @@ class PeriodsKind(Kind):
     def _speeds(self, record: Record) -> Array:
         return np.abs(record.columns.get("velocity_m_s", np.full(len(record), self.velocity_m_s)))
 
-    def _all_speeds(self, records: Sequence[Record]) -> Array:
-        return np.concatenate([self._speeds(r) for r in records])
+    def _by_speed(self, records: Sequence[Record], values: Sequence[Array] = ()) -> list[Array]:
+        """The measured rows of `records`, or their `values`, by speed."""
+        rows = np.concatenate(values or [self.measured(r) for r in records])
+        speeds = np.concatenate([self._speeds(r) for r in records])
+        return [rows[speeds == v] for v in np.unique(speeds)]
 
     def _viscous_ends(self, tooth: Tooth, speed: float, theta: Theta) -> tuple[float, float]:
         """What the wall's viscosity adds to valley and peak in N."""
@@ -223,7 +216,7 @@ class PeriodsKind(Kind):
         return low, self.viscous(tooth.drag_m, speed, speed, theta)
 
     def _limit(self, height: float, speed: float, theta: Theta) -> float:
-        """Coulomb limit in N of teeth of a measured height in N: what the wall's viscosity adds to them taken off."""
+        """Coulomb limit in N of teeth of a measured height in N, without the part of the wall's viscosity."""
 
         def over(limit: float) -> float:
             low, high = self._viscous_ends(self.tooth(limit, speed, theta), speed, theta)
@@ -232,7 +225,7 @@ class PeriodsKind(Kind):
         least, most = 1e-3 * height, height
         if over(most) <= 0:
             return most
-        return least if over(least) >= 0 else float(brentq(over, least, most, xtol=1e-12))
+        return least if over(least) >= 0 else float(scipy.optimize.brentq(over, least, most, xtol=1e-12))
 
     def _std(self, record: Record) -> Array:
         """Standard deviations (n, 3) of one period, valley and peak at the speed of each row."""
@@ -246,7 +239,7 @@ class PeriodsKind(Kind):
 
 
 def single_speed_effects(catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
-    """The candidates of pulls at one speed: none that several speeds alone can show."""
+    """The candidates of pulls at one speed."""
     known = catalogue.acting_on(PERIODS.id, (SingleSpeedStiffening,))
     return tuple(effect for effect in known if "speeds" not in effect.needs)
 
@@ -262,6 +255,3 @@ def _turns(speeds: Array) -> Array:
 def relative_errors(measured: Array, predicted: Array) -> Array:
     """Relative errors of the mean period, valley and peak, shape (3,)."""
     return np.asarray(predicted.mean(0) / measured.mean(0) - 1)
-
-
-_WALL = WallConstants.from_set()

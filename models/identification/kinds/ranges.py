@@ -16,7 +16,7 @@ Range = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Ranges:
-    """What follows for an effect from the records at hand: ranges of its parameters, grids of starts, a probe."""
+    """Ranges of an effect's parameters, its grids of starts and its probe, as they follow from records."""
 
     of: Mapping[str, Range] = field(default_factory=dict)
     grid: Mapping[str, tuple[float, ...]] | None = None
@@ -24,16 +24,16 @@ class Ranges:
 
 
 def ranged(
-    effect: type[Effect], told: Ranges, names: Callable[[Parameter], Parameter] = lambda p: p, **hooks: Any
+    effect: type[Effect], own: Ranges, names: Callable[[Parameter], Parameter] = lambda p: p, **hooks: Any
 ) -> type[Effect]:
-    """`effect` in the ranges `told`, its parameters renamed by `names` and asked by `hooks` where they are given."""
-    parameters = tuple(names(_within(p, told.of.get(p.name))) for p in effect.parameters())
+    """`effect` in its `own` ranges, with parameters renamed by `names` and `hooks` in place of the effect's."""
+    parameters = tuple(names(_within(p, own.of.get(p.name))) for p in effect.parameters())
     called = dict(zip((p.name for p in effect.parameters()), (p.name for p in parameters), strict=True))
-    grid = effect.grid if told.grid is None else told.grid
+    grid = effect.grid if own.grid is None else own.grid
     space: dict[str, Any] = {
         "__doc__": effect.__doc__,
         "grid": MappingProxyType({called[name]: values for name, values in grid.items()}),
-        "probe": effect.probe if told.probe is None else told.probe,
+        "probe": effect.probe if own.probe is None else own.probe,
         "parameters": classmethod(lambda cls: parameters),
         **hooks,
     }
@@ -41,10 +41,10 @@ def ranged(
     return made
 
 
-def _within(p: Parameter, told: Range | None) -> Parameter:
-    """`p` in another range, in whose proportion its spread is."""
-    if told is None:
+def _within(p: Parameter, own: Range | None) -> Parameter:
+    """`p` in another range, with its spread in proportion."""
+    if own is None:
         return p
-    value, lower, upper = told
+    value, lower, upper = own
     spread = p.spread * (upper - lower) / (p.upper - p.lower) if np.isfinite(p.spread) else p.spread
     return replace(p, value=value, lower=lower, upper=upper, spread=spread)

@@ -1,4 +1,4 @@
-"""Tables in which rows under the same conditions repeat each other."""
+"""Tables in which rows under the same conditions are repeats."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ class TableKind(Kind):
 
     @abstractmethod
     def keys(self, record: Record) -> Array:
-        """What makes the condition of each row, (n, m)."""
+        """The condition of each row, (n, m)."""
 
     @abstractmethod
     def scatter(self, record: Record) -> Array:
         """Standard deviation of a single reading, one a row, in the measured unit."""
 
     def conditions(self, record: Record) -> tuple[Array, Index]:
-        """The different conditions of a record, (k, m), and for each row which one it is, (n,)."""
+        """The different conditions of a record, (k, m), and the number of each row's, (n,)."""
         return distinct(self.keys(record))
 
     def means(self, record: Record, values: Array) -> Array:
@@ -33,7 +33,7 @@ class TableKind(Kind):
         return means(self.conditions(record)[1], values)
 
     def variances(self, record: Record) -> Array:
-        """Variances that the scatter of the readings leaves of their means, one a condition."""
+        """Variances of the means, one a condition, by the scatter of the readings."""
         return self.means(record, self.scatter(record) ** 2) / np.bincount(self.conditions(record)[1])
 
     def errors(self, record: Record, predicted: Array) -> Array:
@@ -46,12 +46,12 @@ class TableKind(Kind):
         return float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the scatter of the readings leaves of the error."""
+        """The error that the scatter of the readings makes."""
         return float(np.sqrt(np.mean(np.concatenate([self.variances(r) for r in records]))))
 
 
 def distinct(rows: Array) -> tuple[Array, Index]:
-    """The different conditions among `rows` (n, m), shape (k, m), and for each row which one it is, (n,)."""
+    """The different conditions among `rows` (n, m), shape (k, m), and the number of each row's, (n,)."""
     return _distinct(np.ascontiguousarray(rows, dtype=float).tobytes(), rows.shape[1])
 
 
@@ -64,12 +64,11 @@ def _distinct(rows: bytes, width: int) -> tuple[Array, Index]:
 
 
 def means(index: Index, values: Array) -> Array:
-    """Means of `values` (n,) over the rows of each condition, (k,)."""
     return np.asarray(np.bincount(index, values) / np.bincount(index), dtype=float)
 
 
 def left_out_in_turn(records: Sequence[Record], index: Index, part: Index) -> list[Split]:
-    """Splits by `part` of each condition, -1 for none; `index` says of all records' rows which condition they are."""
+    """Splits by `part` of each condition, -1 for none; `index` is the condition of each row of all records."""
     belongs = np.split(part[index], np.cumsum([len(r) for r in records])[:-1])
     pairs = list(zip(records, belongs, strict=True))
     return [

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import chi2, qmc
+import scipy
 
 from models.checks.usable import lead_in_s
 from models.identification.fitting.fit import Fit, FreeParameter, Problem, axes, costs_of
@@ -88,7 +88,7 @@ class GrowingHorizon:
         return self._drawn(bases, moved, self.effort.starts // 2, self.seed + 1)
 
     def _drawn(self, starts: Sequence[Theta], moved: Sequence[FreeParameter], count: int, seed: int) -> list[Theta]:
-        shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
+        shares = scipy.stats.qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
         return [
             start
             | {
@@ -133,7 +133,7 @@ def eliminate(
 
 def _by_chance(fit: Fit) -> bool:
     """Whether noise alone may cause the cost of `fit`."""
-    return bool(fit.cost <= chi2.ppf(SET.right_leaves, fit.count))
+    return bool(fit.cost <= scipy.stats.chi2.ppf(SET.right_leaves, fit.count))
 
 
 def _lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from models.effects import REFINEMENTS
 from models.identification.fitting.fit import Fit, FreeParameter, Problem, costs_of
@@ -126,7 +126,7 @@ def _cost(fit: Fit) -> float:
 def _close_by(problem: Problem, theta: Theta) -> list[Theta]:
     """The best of many points around `theta`, within a few percent of each fitted value."""
     x, solver = problem.start(theta), problem.solver
-    shares = qmc.Sobol(len(x), seed=2).random(SET.near_by) if len(x) else np.zeros((0, 0))
+    shares = scipy.stats.qmc.Sobol(len(x), seed=2).random(SET.near_by) if len(x) else np.zeros((0, 0))
     points = [problem.theta(solver.clip(x + SET.beside * solver.scale * (2 * share - 1))) for share in shares]
     costs = costs_of(problem.kind, problem.records, points, problem.criterion)
     return [points[k] for k in np.argsort(costs, kind="stable")[: SET.down_from]]

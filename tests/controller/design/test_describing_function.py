@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from controller.design.describing_function import Describing, balances, compliance, describe, without_wall
-from controller.design.limit_cycle import exactly, pid_law, simulate
+from controller.design.study import exactly, pid_law, simulate
 from controller.design.tuning import Pid, tuned_pid
 from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise
@@ -42,7 +42,7 @@ def test_a_slow_small_swing_meets_coulomb_friction_and_the_walls_spring(magnetic
     small, true = np.array([1e-5, 5e-5]), surface_of(magnetic.rig)
     assert isinstance(true, Wall)
     found = describe(magnetic, small, np.array([1.0]))
-    resistance, _ = true.grip(0.0, 1.0, 0.082)
+    resistance, _ = true.hold(0.0, {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082})
     assert small * found.N[:, 0].imag == pytest.approx(np.full(2, 4 / math.pi * float(resistance)), rel=0.02)
     assert found.N[1, 0].real == pytest.approx(true.stiffness(), rel=0.1)
 

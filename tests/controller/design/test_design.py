@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.baselines.lqr import LQR, augmented, lqr_gains
-from controller.design.limit_cycle import LoopRun, lqr_law, simulate
-from controller.design.margins import closed_loop
-from controller.design.tuning import Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
+from controller.baselines import LQR, augmented, lqr_gains
+from controller.design.study import LoopRun, lqr_law, simulate
+from controller.design.tuning import Pid, closed_loop, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise

@@ -14,9 +14,9 @@ from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise
 from plant import layout as at
-from plant.drives.kinds import TrueCoil, TrueMagnet
+from plant.drives import TrueCoil, TrueMagnet
 from plant.rig import Truth
-from plant.sensing.instruments import Instrument
+from plant.sensing import Instrument
 from plant.session import Instruments, Session
 from tests.controller.loops import model_of
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.estimator.cubature_filter import Process
-from controller.estimator.cubature_kernels import fuse, root
+from controller.estimator.kernels import fuse, root
 from controller.estimator.ukf import FilterpyProcess, safe_root
 from controller.tuned import FilterNoise
 from tests.controller.loops import model_of
@@ -28,8 +28,8 @@ def test_the_same_numbers_as_filterpy() -> None:
         other.predict(slow, command)
         if k % 10 == 0:
             value = 1e-6 * k + 0.5e-3 * rng.standard_normal()
-            process.see_position(fast, value)
-            other.see_position(slow, value)
+            process.see(fast, value)
+            other.see(slow, value)
         modes.add(float(fast.modes[MODEL.index("slip")]))
         spread = np.sqrt(np.diag(fast.P))
         agreed += bool(
@@ -48,7 +48,7 @@ def test_covariance_stays_one() -> None:
     for k in range(1, 20001):
         process.predict(b, 6e-3 * np.sin(2e-3 * k))
         if k % 10 == 0:
-            process.see_position(b, b.z[0] + 0.5e-3 * rng.standard_normal())
+            process.see(b, b.z[0] + 0.5e-3 * rng.standard_normal())
     assert np.isfinite(b.z).all()
     assert np.array_equal(b.P, b.P.T)
     assert np.linalg.eigvalsh(b.P / np.sqrt(np.outer(np.diag(b.P), np.diag(b.P)))).min() > 0

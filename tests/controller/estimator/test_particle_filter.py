@@ -11,13 +11,13 @@ from hypothesis.extra.numpy import arrays
 
 from controller.estimator.base import Estimator
 from controller.estimator.cubature_filter import CubatureEstimator
+from controller.estimator.kernels import draw, led, scatter, survey, weigh
 from controller.estimator.particle_filter import ParticleEstimator
-from controller.estimator.particle_kernels import draw, led, scatter, survey, weigh
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.session import Session
 from tests.controller.loops import model_of

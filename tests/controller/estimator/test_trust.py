@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from controller.drives import DRIVES, envelope_of
 from controller.estimator.base import trusting
 from controller.estimator.particle_filter import ParticleEstimator
-from controller.model.control_model import ControlModel, control_model
-from controller.model.friction import mean_friction, proved_off
+from controller.model.control_model import ControlModel, control_model, mean_friction, proved_off
 from controller.mpc.mpc import MPC
 from controller.registry import LATE_SLIP, build
 from models.identification.model import HELD_OUT
 from plant.anatomy import Anatomy, random_anatomy
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.rig import Truth
 from tests.controller.estimator.test_particle_filter import errors
 from tests.controller.loops import believed, model_of

@@ -22,7 +22,7 @@ def told(values_m: list[float]) -> list[Wrong]:
 
 
 def test_a_slip_is_followed_after_three_readings() -> None:
-    assert told([1.5e-3, 3e-3, 4.5e-3]) == [Wrong.NOTHING, Wrong.NOTHING, Wrong.PLACE]
+    assert told([1.5e-3, 3e-3, 4.5e-3]) == [Wrong.NOTHING, Wrong.NOTHING, Wrong.POSITION]
 
 
 def test_a_reading_far_away_is_a_jump_however_calm_the_next_ones_are() -> None:
@@ -34,7 +34,7 @@ def test_a_reading_far_away_is_a_jump_however_calm_the_next_ones_are() -> None:
 @pytest.mark.parametrize("far_m", [5e-3, 0.1])
 def test_readings_to_and_fro_are_never_followed(far_m: float) -> None:
     said = told([far_m * (-1) ** k for k in range(NOISE.outliers_in_a_row)])
-    assert Wrong.PLACE not in said
+    assert Wrong.POSITION not in said
 
 
 def test_a_reading_that_fits_ends_a_jump() -> None:
@@ -43,6 +43,6 @@ def test_a_reading_that_fits_ends_a_jump() -> None:
     watch.refuse(0.05, 0.01, 0.01)
     watch.accept(0.0, 0.02, 0.02)
     said = [watch.refuse(1e-3 * k, 0.02 + EVERY_S * k, 0.0) for k in range(1, 4)]
-    assert said[-1] is Wrong.PLACE
+    assert said[-1] is Wrong.POSITION
     assert watch.counts.followed == 1
     assert watch.counts.restarts == 0

@@ -15,6 +15,7 @@ from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
 from models.theta import Theta
 from tests.conftest import RIG
+from tests.controller.loops import ticked
 from tests.models.running import Array, run
 
 TICK_S = 1e-3
@@ -131,7 +132,7 @@ def test_jacobians_are_the_slopes_of_the_step(kind: str, speed: float) -> None:
 def test_the_compiled_step_is_the_same_step(magnetic: ControlModel) -> None:
     kernels, x, y = magnetic.kernels, magnetic.initial(), magnetic.initial()
     for k in range(600):
-        x = kernels.step(x, 8e-3 * k * TICK_S, 1e-3, k * TICK_S)
+        x = ticked(kernels, x, 8e-3 * k * TICK_S, 1e-3, k * TICK_S)
         y = np.array(magnetic.step(y, 8e-3 * k * TICK_S, 1e-3, k * TICK_S)).ravel()
     assert x[0] > 1e-3
     assert x == pytest.approx(y, rel=1e-9, abs=1e-12)

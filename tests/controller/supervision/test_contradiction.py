@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controller.limits import Envelope, Limits
-from controller.supervision.contradiction import CONTRADICT, Contradiction, Corridor, Doubt
+from controller.supervision.contradiction import CONTRADICT, Contradiction, Corridor, JumpCheck
 from controller.supervision.probe import Probe
 
 TICK_S = 2e-3
@@ -59,7 +59,7 @@ def test_a_carriage_that_is_led_after_a_drift_is_stopped_within_the_gap(speed_m_
 
 def test_a_capsule_told_where_it_is_not_wanted_is_stopped() -> None:
     at, said = reason(COIL, rest, lambda t: 5e-3 * t, rest)
-    assert "the capsule is told +10" in said
+    assert "the localisation shows the capsule +10" in said
     assert at == pytest.approx(2.0, abs=0.3)
 
 
@@ -125,7 +125,7 @@ def test_a_reference_that_jumps_gives_room_until_it_is_reached() -> None:
 
 
 def test_a_jump_is_doubted_until_three_readings_say_so() -> None:
-    doubt = Doubt(1e-4)
+    doubt = JumpCheck(1e-4)
     assert [doubt.takes(0.0, 0.01 * k) for k in range(3)] == [True] * 3
     assert [doubt.takes(0.01, 0.03 + 0.01 * k) for k in range(4)] == [False, False, True, True]
     assert not doubt.takes(-0.01, 0.07)
@@ -155,8 +155,8 @@ def test_a_probe_passes_a_sound_rig_over_folds_and_finds_what_is_told_wrongly() 
     assert probed(MAGNET, lambda w: w, dragging(1.0)) == ""
     assert probed(COIL, lambda w: 0.8 * w, lambda y, way: 0.2 * way) == ""
     for share in (0.5, 2.0):
-        assert "times as far as the capsule that it drags" in probed(MAGNET, lambda w: w, dragging(share))
+        assert "times the travel of the capsule that it drags" in probed(MAGNET, lambda w: w, dragging(share))
     for envelope in (MAGNET, COIL, SHAKEN):
         assert "does not answer" in probed(envelope, lambda w: 0.1 * w, dragging(1.0))
-        assert "the other way" in probed(envelope, lambda w: -w, dragging(1.0))
+        assert "moves against the drive" in probed(envelope, lambda w: -w, dragging(1.0))
     assert "readings" in Probe(MAGNET).reason()

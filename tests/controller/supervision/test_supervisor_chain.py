@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from controller.baselines.lqr import LQR
-from controller.baselines.pid import PID
-from controller.design.limit_cycle import LoopRun, simulate
+from controller.baselines import LQR, PID
+from controller.design.study import LoopRun, simulate
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Action, Array, Estimate, Reference

@@ -73,7 +73,7 @@ def test_only_a_carriage_that_cannot_follow_for_long_is_a_failure(
     run(supervisor, 3000)
     assert supervisor.active == active
     if active == "pid":
-        assert supervisor.events[-1].reason == "mpc held by limits: rate"
+        assert supervisor.events[-1].reason == "mpc limited too long: rate"
 
 
 @pytest.mark.parametrize("controller", ["feedforward", "mpc"])

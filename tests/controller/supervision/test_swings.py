@@ -77,7 +77,7 @@ def test_feedforward_calms_down_to_a_sixteenth_of_its_pace() -> None:
     model = believed_model(scenario, Theta())
     loop = Feedforward(model, envelope_of(model.drive, scenario.limits))
     assert [loop.calm() for _ in range(5)] == [True] * 4 + [False]
-    assert loop.loop.pace_1_s == COIL.correction.pace_1_s / 16
+    assert loop.loop.gain_1_s == COIL.correction.gain_1_s / 16
     assert loop.loop.most_m_s == COIL.correction.most_m_s / 16
 
 

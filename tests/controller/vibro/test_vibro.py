@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from controller.signals import Estimate
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles
-from controller.vibro.design.drive_map import design, lag
-from controller.vibro.design.speed_map import speed_map
+from controller.vibro.drive_map import design, lag, speed_map
 from controller.vibro.gears import DriveMap, gear_of
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
 from controller.vibro.waveform import Waveform
-from plant.sensing.instruments import Instrument
+from plant.sensing import Instrument
 from plant.session import Instruments
 from tests.controller.vibro.vibro_runs import Steady, drive_plant, gut_model, gut_plant, plate_model, plate_plant
 

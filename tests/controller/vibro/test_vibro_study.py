@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from controller.vibro.design.study import resonance, slow_loop
 from controller.vibro.gears import DriveMap, Gear
 from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
+from controller.vibro.study import resonance, slow_loop
 from controller.vibro.waveform import Waveform
 from tests.controller.vibro.vibro_runs import gut_model
 
@@ -27,7 +27,7 @@ def swing(slope: float, cycles: int = 600) -> float:
     F, g = transition(PERIOD_S, LAG_S)
     state, u, off = np.array([1e-6, SPEED_M_S, 0.0]), SPEED_M_S, np.zeros(cycles)
     f.start(0.0, 0.0)
-    f.z[1], f.learnt_at = SPEED_M_S, SPEED_M_S
+    f.z[1], f.learned_at = SPEED_M_S, SPEED_M_S
     for k in range(1, cycles):
         now = k * PERIOD_S
         state = F @ state + g * (SPEED_M_S + slope * (u - SPEED_M_S))

@@ -15,7 +15,7 @@ from models.surfaces.gut import Wall
 from models.surfaces.surface import Plate
 from models.theta import Theta
 from plant import layout as at
-from plant.drives.kinds import TrueVibro
+from plant.drives import TrueVibro
 from plant.rig import TruePlate, Truth
 from plant.session import Instruments, Session
 

@@ -35,8 +35,8 @@ from hil.bus.protection import Sender
 from hil.log.blf_file import BlfFile
 from hil.log.place import record_path
 from hil.log.reader import read_frames
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLED, FAULT
+from hil.nodes.node import ControllerNode
 from tests.hil.app.docs.ends import ENDS, End, table
 from tests.hil.app.run.deployments import PLANT, deployment, rig_file
 from tests.hil.app.run.forked import Forked
@@ -119,7 +119,7 @@ def _faulty(node: Rig, hot: bool = False) -> None:
     drive.heated_to_C = 60.0 if hot else 0.0
     if node.receiver.state != FAULT and node.bench.time_s < 0.1:
         drive.stage = type(drive.stage)(FAULT, node.bench.time_s, 2 if hot else 4)
-        drive._tell = 2
+        drive._reports = 2
 
 
 def _without_answers(node: Rig) -> None:

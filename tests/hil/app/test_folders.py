@@ -14,7 +14,6 @@ from hil.bus.local import channel_folder
 from hil.log.blf_file import SENT, BlfFile, Logged
 from hil.log.place import write_record
 from models.files.access import cache_folder, private_folder
-from plant.experiments.series import write_text
 
 
 def test_a_folder_is_for_one_command_and_goes_where_nothing_came(tmp_path: Path) -> None:
@@ -94,7 +93,7 @@ def test_who_may_read_a_result_is_as_the_umask_has_it(short_path: Path, mask: in
     before = os.umask(mask)
     try:
         write_files({short_path / "a.json": "{}"})
-        write_text(short_path / "b.toml", "")
+        write_files({short_path / "b.toml": ""})
         write_record(short_path / "c.blf", {})
     finally:
         os.umask(before)

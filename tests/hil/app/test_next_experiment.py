@@ -64,9 +64,9 @@ def test_a_scenario_on_the_bus_and_a_deployment_keep_the_rest(reference: Path) -
     assert parse_sil_scenario(parse_toml(text, "scenario")).faults == plain.faults
     deployment = load_deployment(DEPLOYMENT, reference)
     assert deployment.control.duration_s == 10.0
-    assert deployment.reference.places.max() == pytest.approx(8e-3)
+    assert deployment.reference.positions.max() == pytest.approx(8e-3)
     again = parse_deployment(deployment.text, deployment.values)
-    assert np.array_equal(again.reference.places, deployment.reference.places)
+    assert np.array_equal(again.reference.positions, deployment.reference.positions)
     assert again.limits == deployment.limits
 
 

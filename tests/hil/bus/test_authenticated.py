@@ -10,8 +10,7 @@ import pytest
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.cmac import CMAC
 
-from hil.bus.authenticated import LENGTH, AuthenticatedBus, authenticator
-from hil.bus.key import next_epoch, read_key
+from hil.bus.authenticated import LENGTH, AuthenticatedBus, authenticator, next_epoch, read_key
 from hil.bus.local import LocalBus
 from tests.bench.bench_forgery import KEY, Wire, forge
 
@@ -160,7 +159,7 @@ def test_epochs_grow_whatever_the_clock_says(tmp_path: Path, monkeypatch: pytest
     assert [next_epoch(path) for _ in range(3)] == [first + 1, first + 2, first + 3]
     for text in ("x", "-5", str(1 << 32)):
         kept.write_text(text)
-        with pytest.raises(ValueError, match="must hold the number of the last start"):
+        with pytest.raises(ValueError, match="must hold the last start's number"):
             next_epoch(path)
     with pytest.raises(ValueError, match="must lie where"):
         next_epoch(tmp_path / "none" / "bus.key")

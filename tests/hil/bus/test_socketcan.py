@@ -124,7 +124,7 @@ def test_the_log_has_what_was_on_the_wire(story: dict[str, Any], work: Path) -> 
     bit.
     """
     names = {identifier: frame.name for identifier, frame in load_catalogue().by_id().items()}
-    frames = [(names[f.id], f.way) for f in read_frames(work / "run.blf") if f.way in (RECEIVED, SENT)]
+    frames = [(names[f.id], f.direction) for f in read_frames(work / "run.blf") if f.direction in (RECEIVED, SENT)]
     for name in ("Sync", "CarriageCommand", "ControllerHeartbeat"):
         assert frames.count((name, SENT)) == story["frames"][name]
         assert frames.count((name, RECEIVED)) == 0

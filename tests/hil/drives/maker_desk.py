@@ -11,10 +11,10 @@ from controller.limits import Limits
 from hil.app.run.clock import Clock, ClockedBus
 from hil.bus.catalogue import load_catalogue
 from hil.bus.protection import Sender
-from hil.drives.makers import carriage_bus
+from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, OFF, READY, frame_map_of
+from hil.nodes.receive import FrameReceiver
 from hil.simulated.makers_drive import MakersDrive
 from hil.simulated.medium import Medium, SimulatedBus
 from hil.simulated.plant_node import SLOT_S, simulated_drive
@@ -62,7 +62,7 @@ class Desk:
         self.medium = Medium(data_bit_rate=5_000_000)
         near, far = SimulatedBus(self.medium, "controller"), SimulatedBus(self.medium, "drive")
         self.catalogue = load_catalogue()
-        self.bus = carriage_bus(near, table, TICK)
+        self.bus = MAKERS[table.where].bus(near, table, TICK)
         self.drive = drive_on(far, table)
         self.heard = FrameReceiver(self.bus, WIRING, TICK)
         self._senders = {name: Sender(self.catalogue[name]) for name in NAMES}

@@ -12,13 +12,13 @@ import pytest
 
 from hil.app.main import run
 from hil.bus.local import LocalBus
-from hil.drives.cia402.protocol import Cia402Table
-from hil.drives.makers import carriage_bus, set_up
-from hil.drives.moteus.protocol import BROADCAST, HOST, POSITION_MODE, QUERY, STOPPED, MoteusTable, frame_to, mode_write
-from hil.drives.odrive.protocol import OdriveTable
+from hil.drives.cia402_protocol import Cia402Table
+from hil.drives.makers import MAKERS
+from hil.drives.moteus_protocol import BROADCAST, HOST, POSITION_MODE, QUERY, STOPPED, MoteusTable, frame_to, mode_write
+from hil.drives.odrive_protocol import OdriveTable
 from hil.drives.table import ActuatorTable
-from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, FAULT, OFF, STANDBY
+from hil.nodes.receive import FrameReceiver
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
 from tests.hil.drives.maker_desk import LIMITS, WIRING, Desk
@@ -50,7 +50,7 @@ def test_a_controller_that_begins_anew_is_told_of_the_fault(table: ActuatorTable
     desk = Desk(table)
     desk.up()
     desk.until_safe(silent=True)
-    desk.bus = carriage_bus(desk.bus.inner, table, TICK)
+    desk.bus = MAKERS[table.where].bus(desk.bus.inner, table, TICK)
     desk.heard = FrameReceiver(desk.bus, WIRING, TICK)
     desk.ticks(30, OFF)
     assert (desk.heard.state, desk.heard.fault) == (FAULT, 4)
@@ -95,7 +95,7 @@ QUESTIONS = {
 
 def heard(table: ActuatorTable, messages: list[can.Message]) -> FrameReceiver:
     """A controller's ear on a wire with these frames."""
-    bus = carriage_bus(ScriptedBus(*messages), table, TICK)
+    bus = MAKERS[table.where].bus(ScriptedBus(*messages), table, TICK)
     receiver = FrameReceiver(bus, WIRING, TICK)
     receiver.listen(0.0)
     return receiver
@@ -181,4 +181,4 @@ def test_an_interface_that_raises_as_the_drive_is_set_up_is_one_sentence(
     with can.Bus(interface="virtual", channel="garbled") as bus:
         monkeypatch.setattr(bus, "send", garbled)
         with pytest.raises(ValueError, match=r"node \d must .*; got: a line of the interface is garbled"):
-            set_up(bus, table, LIMITS, TICK)
+            MAKERS[table.where].set_up(bus, table, LIMITS, TICK)

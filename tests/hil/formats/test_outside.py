@@ -15,7 +15,7 @@ import pytest
 
 from hil.app.main import run
 from hil.formats.channels import Channel, Heading
-from hil.formats.table import FORMATS, write_channels
+from hil.formats.reading import FORMATS, write_channels
 from hil.log.reader import ENDINGS as LOGS
 from models.files.csv_reader import ENDINGS
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hil.simulated.faults.table import KINDS, LIES, MAKER
+from hil.simulated.faults import KINDS, LIES, MAKER
 
 OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if kind.needs != MAKER and name not in LIES)
 """Faults that the catalogue's own drives can have, lies apart."""

@@ -36,9 +36,9 @@ class Desk:
     def __init__(self, kind: str, power: Power) -> None:
         self.medium = Medium()
         self.bus = SimulatedBus(self.medium, "Hand")
-        self.wiring = frame_map_of(kind)
+        self.frame_map = frame_map_of(kind)
         self.port = SimulatedBus(self.medium, "Drive")
-        self.drive = DriveNode(self.port, self.wiring, power, Limits(), TICK)
+        self.drive = DriveNode(self.port, self.frame_map, power, Limits(), TICK)
         self.senders = {f.name: Sender(f) for f in frames().frames.values()}
         self.now, self.mode, self.value = 0.0, OFF, 0.0
         self.alive, self.uptime_s = True, 0.0
@@ -55,7 +55,7 @@ class Desk:
             if self.alive:
                 self.say("Sync", Tick=self.ticks, Period_s=TICK)
                 self.say("ControllerHeartbeat", State=2, Uptime_s=self.uptime_s, Catalogue=frames().fingerprint)
-                self.say(self.wiring.command, **self.wiring.values(self.value, 0.0, self.mode))
+                self.say(self.frame_map.command, **self.frame_map.values(self.value, 0.0, self.mode))
             for k in range(2):
                 self.medium.advance(self.now + 2e-4 + k * SLOT)
                 self.drive.listen(self.medium.now_s, 2)
@@ -65,9 +65,11 @@ class Desk:
             self.medium.advance(self.now)
             while (message := self.bus.recv(0)) is not None:
                 self.heard.append(message)
-                if self.answers and message.arbitration_id == frames()[self.wiring.challenge].id:
+                if self.answers and message.arbitration_id == frames()[self.frame_map.challenge].id:
                     number = int.from_bytes(message.data, "little") >> 12 & 0xFFFFFFFF
-                    self.say("EnableAnswer", Target=self.wiring.target, Answer=answer_of(number, self.wiring.target))
+                    self.say(
+                        "EnableAnswer", Target=self.frame_map.target, Answer=answer_of(number, self.frame_map.target)
+                    )
 
     def enable(self) -> None:
         """Through boot, off and ready to enabled."""
@@ -98,15 +100,15 @@ def test_a_silent_controller_faults_the_drive_and_only_reset_and_the_whole_way_b
     desk.alive = False
     desk.go(0.02)
     assert (desk.state, desk.drive.stage.fault, desk.drive.safe) == (FAULT, TIME_TO_LIVE, True)
-    told = [m for m in desk.heard if m.arbitration_id == frames()[desk.wiring.fault].id]
+    told = [m for m in desk.heard if m.arbitration_id == frames()[desk.frame_map.fault].id]
     assert len(told) == 2
     desk.alive = True
     desk.go(0.1)
     assert desk.state == FAULT
-    desk.say("DriveReset", Target=desk.wiring.target, Code=OVER_CURRENT)
+    desk.say("DriveReset", Target=desk.frame_map.target, Code=OVER_CURRENT)
     desk.go(0.01)
     assert desk.state == FAULT
-    desk.say("DriveReset", Target=desk.wiring.target, Code=TIME_TO_LIVE)
+    desk.say("DriveReset", Target=desk.frame_map.target, Code=TIME_TO_LIVE)
     desk.go(0.1)
     assert desk.state == STANDBY
     for desk.mode in (OFF, READY, ENABLE):
@@ -123,7 +125,7 @@ def test_a_controller_that_begins_anew_is_told_of_a_fault(desk: Desk) -> None:
     desk.heard.clear()
     desk.alive, desk.uptime_s = True, 7.5
     desk.go(0.02)
-    told = frames()[desk.wiring.fault].id
+    told = frames()[desk.frame_map.fault].id
     assert [m for m in desk.heard if m.arbitration_id == told] == []
     desk.uptime_s = 0.0
     desk.go(0.02)
@@ -131,7 +133,7 @@ def test_a_controller_that_begins_anew_is_told_of_a_fault(desk: Desk) -> None:
 
 
 def test_safe_stop_of_another_drive_is_not_its_business(desk: Desk) -> None:
-    desk.say("SafeStop", Target=desk.wiring.target % 3 + 1, Reason=0)
+    desk.say("SafeStop", Target=desk.frame_map.target % 3 + 1, Reason=0)
     desk.go(0.01)
     assert desk.state == ENABLED
     desk.say("SafeStop", Target=0, Reason=0)
@@ -154,7 +156,7 @@ def test_a_controller_without_heartbeat_or_with_another_dbc_is_not_followed(desk
     desk.say("ControllerHeartbeat", State=2, Uptime_s=0, Catalogue=(frames().fingerprint + 1) % 65536)
     desk.alive = False
     desk.say("Sync", Tick=desk.ticks, Period_s=TICK)
-    desk.say(desk.wiring.command, **desk.wiring.values(0.0, 0.0, ENABLE))
+    desk.say(desk.frame_map.command, **desk.frame_map.values(0.0, 0.0, ENABLE))
     desk.go(TICK)
     assert (desk.state, desk.drive.stage.fault) == (FAULT, HEARTBEAT_LOST)
 
@@ -193,7 +195,7 @@ def test_what_was_recorded_never_enables(desk: Desk) -> None:
         if boots:
             desk.drive.boot(desk.now)
         else:
-            desk.say("DriveReset", Target=desk.wiring.target, Code=desk.drive.stage.fault)
+            desk.say("DriveReset", Target=desk.frame_map.target, Code=desk.drive.stage.fault)
         shift, left = desk.now - began, list(recording)
         states = set()
         while left:
@@ -226,13 +228,13 @@ def test_a_live_sync_lets_no_other_time_in(desk: Desk) -> None:
 
 def test_other_types_of_frames_and_a_bus_that_raises_change_nothing(desk: Desk) -> None:
     """The right identifier, CRC and counter in an extended, remote, error or FD frame; garbled lines of a driver."""
-    sender = desk.senders[desk.wiring.command]
-    data = sender.frame(desk.wiring.values(0.0, 0.0, OFF))
+    sender = desk.senders[desk.frame_map.command]
+    data = sender.frame(desk.frame_map.values(0.0, 0.0, OFF))
     other: list[dict[str, bool]] = [{"is_extended_id": True}, {"is_error_frame": True}, {"is_fd": True}]
     told = [
         can.Message(
             timestamp=desk.now,
-            arbitration_id=frames()[desk.wiring.command].id,
+            arbitration_id=frames()[desk.frame_map.command].id,
             data=data,
             **{"is_extended_id": False, **kind},
         )

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from models.assembly.model import BASE_STATES, assemble
-from models.compiled.kernel import lower
+from models.compiled.kernel import Kernel
 from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
@@ -156,7 +156,8 @@ def test_energy_of_a_push_goes_into_wall_and_resistance() -> None:
     dt, model = 2e-5, assemble(gut(), Coil(1.0))
     x, v, slip = (run(model, np.full(2000, 0.060), dt, watch=name) for name in ("x", "v", "slip"))
     assert not slip.any()
-    tension, resistance = gut().tension(x), gut().grip(np.abs(v), 1.0, 0.082)[0]
+    p = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082}
+    tension, resistance = gut().tension(x), gut().hold(np.abs(v), p)[0]
     spent = sum(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x)) for f in (tension, resistance))
     assert 0.060 * x[-1] == pytest.approx(0.5 * 4e-3 * v[-1] ** 2 + spent, rel=5e-3)
 
@@ -199,7 +200,7 @@ def test_an_assembly_declares_what_it_holds(drive: Coil) -> None:
     assert all(p.lower <= p.value <= p.upper and p.unit and p.source for p in model.parameters)
     assert len({p.key for p in model.parameters}) == len(model.parameters) == model.step.numel_in(5)
     assert model.vector({"hoop_stress_factor": 1.2})[0] == 1.2
-    assert callable(lower(model.step, model.correct).many)
+    assert callable(Kernel(model.step, model.correct).many)
 
 
 def test_rig_files_give_surface_and_drive() -> None:

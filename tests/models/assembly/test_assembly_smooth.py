@@ -79,7 +79,7 @@ def test_the_mucus_film_has_a_finite_slope_where_capsule_and_wall_move_together(
     """Paper V's drag grows as the slip speed to the power 0.24: an infinite slope at 0, cut off at the smoothing."""
     model = assemble(GUT, Magnetic(), smoothing=EPS)
     q = model.vector({})
-    limit = GUT.grip(0.0, 1.0, 0.082)[1]
+    limit = GUT.hold(0.0, {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082})[1]
     back = float(GUT.drag_at(limit)) / GUT.tissue.recovery_time_s
     together = model.start(v=-back, u=1e-4, slip=1.0, u_rate=-back)
     for slopes in derivatives(model)(together, 0.0, 0.0, 0.0, STEP_S, q):

@@ -13,7 +13,7 @@ from models.checks.examine import examine
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 Array = NDArray[np.float64]
 LATE_S, DRIFT = 0.03, 3e-3

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.compiled.kernel import LANES, lower
+from models.compiled.kernel import LANES, Kernel
 
 Array = NDArray[np.float64]
 UNIT = 2.3e-16
@@ -23,7 +23,7 @@ def evaluated(function: Callable[[Any], Any], x: Array) -> Array:
     """`function` of each of `x` by a compiled loop that holds nothing else."""
     state, c0, c1, t, h, p = (ca.SX.sym(name) for name in ("s", "c0", "c1", "t", "h", "p"))
     step = ca.Function("step", [state, c0, c1, t, h, p], [state, function(p)])
-    kernel, once = lower(step, ca.Function("stay", [state, t, h], [state])), np.zeros(1)
+    kernel, once = Kernel(step, ca.Function("stay", [state, t, h], [state])), np.zeros(1)
     rows = np.append(x, np.full(-len(x) % LANES, 1.0)).reshape(-1, 1, LANES)
     output = np.empty((len(rows), 1, LANES))
     for parameters, shown in zip(rows, output, strict=True):
@@ -100,7 +100,7 @@ def test_choices_are_casadis() -> None:
 def test_lanes_give_the_numbers_of_a_single_run_to_the_last_bit() -> None:
     state, c0, c1, t, h, p = (ca.SX.sym(n) for n in ("s", "c0", "c1", "t", "h", "p"))
     new = state + h * (c1 - ca.sin(p * state) - state**3 + ca.log1p(ca.fabs(state)))
-    kernel = lower(
+    kernel = Kernel(
         ca.Function("step", [state, c0, c1, t, h, p], [new, new]), ca.Function("f", [state, t, h], [state + h * t])
     )
     command, seen = np.sin(np.linspace(0, 9, 300)), np.cos(np.linspace(0, 9, 300))

@@ -20,8 +20,7 @@ from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.surfaces.surface import Plate
 from models.theta import Theta
-from plant.experiments.series import make_series
-from plant.hidden.registry import hidden
+from tests.plant.series import answer_of, make_series
 
 RIVALS = {
     "slip_folds": ("fold_periodic", "stenosis", "lumen_taper"),
@@ -45,7 +44,7 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     splits = [(records[:1], records[1:])]
     base = refit(kind, records[:1], [], kind.nominal())
     trials = compare_candidates(FittedModel.of(kind, splits, [], [base]), screen(kind, records[:1], [], base))
-    assert trials[0].effect == hidden(name).answer
+    assert trials[0].effect == answer_of(name)
     assert all(ahead(trials[0].blocks, trial.blocks) > SET.apart for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
     assert trials[0].refinements[model][0]["level_at_onset", "spared"] == pytest.approx(SPARED[name], abs=0.15)
@@ -54,7 +53,10 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
 def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     theta = Theta.of({("level_at_onset", "spared"): -0.97, ("level_at_onset", "kept"): 0.2})
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
-    assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
+    assert (
+        "The nose feels 3 % of the changed resistance (F_e), the slip limit under the wall's pressure 100 % (f_c)"
+        in said
+    )
     kind = SeriesKind.build(Plate(0.1), Pull(), 1e-3)
     law = line_text(equations(kind, Theta.of({"friction_coefficient": 0.3, **theta}))[-1])
     assert "scale at the nose = lambda - 0.97 (lambda - 1); " in law

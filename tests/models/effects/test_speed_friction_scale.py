@@ -55,8 +55,9 @@ def test_a_changed_resistance_leaves_the_shares_that_it_spares(kept: float, spar
     """Paper V Eq. 8 and 11: `F_e` and `f_c = mu (m g + N_p)`, each with its own share of a level l."""
     mu, level = Tissue().friction_coefficient, 1.7
     own = LevelAtOnset().shared({"kept": kept, "spared": spared}, (level, level, level))
-    resistance, limit = WALL.grip(5e-3, 1.1, mu, own)
-    plain_resistance, plain = WALL.grip(5e-3, 1.1, mu)
+    p = {"hoop_stress_factor": 1.1, "friction_coefficient": mu}
+    resistance, limit = WALL.hold(5e-3, p, levels=own)
+    plain_resistance, plain = WALL.hold(5e-3, p)
     weight = mu * Capsule().mass_kg * GRAVITY
     nose, pressed = (1 + (1 - max(-spared, 0)) * 0.7), (1 + (1 - max(spared, 0)) * 0.7)
     assert resistance == pytest.approx(nose * plain_resistance)

@@ -23,7 +23,8 @@ def test_it_slips_where_its_own_tension_reaches_the_slip_limit_and_draws_back_fr
     t = DT * np.arange(12000)
     values = Theta().with_(SmallStrainStiffening.id, VALUES)
     u = run(model, SPEED * t, DT, values=values, watch="u")
-    _, onset = WALL.grip(SPEED, 1.0, Tissue().friction_coefficient)
+    p = {"hoop_stress_factor": 1.0, "friction_coefficient": Tissue().friction_coefficient}
+    _, onset = WALL.hold(SPEED, p)
     drags = np.linspace(0, 1e-3, 200_001)
     stiff = SmallStrainStiffening().stiffening(Signals(drag=drags), VALUES, {})
     u_c = float(np.interp(float(onset), WALL.tension(drags) * stiff, drags))

@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID
+from controller.baselines import PID
 from controller.drives import DRIVES as CONTROLLED
 from controller.drives import Driven, envelope_of
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.limits import Limits
 from controller.model.control_model import control_model
-from controller.trajectory import by_speeds
+from controller.reference import by_speeds
 from controller.tuned import PidGains
 from hil.api import identify
 from hil.app.close_loop import result_files
@@ -29,7 +29,7 @@ from models.records.record import Record, read_record, record_of
 from models.rigs.kinds import KINDS, SURFACES, drive_of, surface_of
 from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
-from plant.drives.kinds import DRIVES as SIMULATED
+from plant.drives import DRIVES as SIMULATED
 from plant.rig import Plant, TruePlate, Truth
 from tests.controller.loops import closed_loop
 from tests.hil.app.docs import keys

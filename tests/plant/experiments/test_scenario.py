@@ -9,10 +9,10 @@ import pytest
 
 from hil.app.simulate import write_simulated
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.experiments.excitation import pulse_width
+from plant.experiments.profile import pulse_width
 from plant.experiments.scenario import parse_scenario, parse_truth
-from plant.experiments.series import RECORDS, make_series
 from tests.plant.conftest import read_columns
+from tests.plant.series import RECORDS, make_series
 
 BASE = """
 [scenario]

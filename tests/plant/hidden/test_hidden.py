@@ -6,14 +6,15 @@ import pytest
 from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.compiling import source_digest
-from plant.drives.kinds import TrueCoil, TrueDrive, TrueMagnet, TruePull, TrueVibro
-from plant.drives.steps import advance
-from plant.experiments.excitation import pulse_width, random_runs, random_wander
+from plant.drives import TrueCoil, TrueDrive, TrueMagnet, TruePull, TrueVibro
+from plant.experiments.profile import Wander, WholeRuns, pulse_width
 from plant.hidden.registry import HIDDEN, Hidden, hidden
-from plant.hidden.table import draw, effect_table
+from plant.hidden.table import effect_table
 from plant.rig import STEP_S, Plant, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
+from plant.steps import advance
 from plant.tables import Floats
+from tests.plant.series import draw
 
 CASES = [(kind, effect) for effect in HIDDEN for kind in ("pull", "magnetic", "coil", "vibro") if kind in effect.drives]
 DRIVES: dict[str, TrueDrive] = {
@@ -28,9 +29,9 @@ def reading(kind: str, chosen: dict[str, dict[str, float]]) -> Floats:
     rng = np.random.default_rng(7)
     rig = Truth(DRIVES[kind], capsule=Capsule(mass_kg=0.0213 if kind == "vibro" else 4e-3), hidden=chosen)
     if kind == "pull":
-        drive = random_runs(rng, 5.0, STEP_S)
+        drive = WholeRuns().values(5.0, STEP_S, rng)
     elif kind == "magnetic":
-        drive = random_wander(rng, 5.0, STEP_S)
+        drive = Wander().values(5.0, STEP_S, rng)
     elif kind == "coil":
         drive = 4.0 * np.sin(STEP_S * np.arange(200_001) * 2.0)
     else:

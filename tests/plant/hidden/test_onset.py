@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from plant import layout as at
-from plant.drives.kinds import TrueMagnet
+from plant.drives import TrueMagnet
 from plant.hidden.registry import ROWS
 from plant.hidden.table import begun, effect_table
 from plant.rig import STEP_S, Plant, Truth
-from plant.sensing.instruments import Instrument
+from plant.sensing import Instrument
 from plant.session import Instruments, Session
 from plant.tables import Floats
 

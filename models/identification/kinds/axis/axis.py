@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import reduce
 from itertools import pairwise
 from operator import mul
@@ -19,15 +19,15 @@ from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import (
-    WHOLE,
+    CARRIED,
     AxisNoise,
     Moved,
     band_of,
     carried,
+    filtered_noise,
     inertia_of,
     moved,
     through,
-    told_force,
     white_part,
 )
 from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
@@ -41,21 +41,18 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 
 T = TypeVar("T")
-NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
-"""Columns that a part of a record carries on from the whole: its noise."""
 _BELIEF = "rig file; without it only a start for the calibration"
 
 
 @dataclass(frozen=True)
 class AxisKind(Kind):
     """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do, in a narrower `band`
-    (Hz) where the position is too noisy for theirs; of an axis that turns alike, with angles, torques and inertia for
-    positions, forces and mass.
+    (Hz) where the position is noisier than theirs; also of an axis that turns, with angles, torques and inertia.
 
     An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
-    `delay` is the time by which the position is read late. `force_std` is the force's noise before the filter, without
-    it the repeats of the motion tell it, else its own white part; `position_std` the position's. What an axis at rest
-    holds within its friction tells nothing and counts for nothing.
+    `delay` is the time by which the position is read late. `force_std` and `position_std` are the noise before the
+    filter; without the first it is estimated from repeats of the motion, else from the white part of the force. Rows at
+    rest do not count, since friction there takes any value up to its limit.
     """
 
     base: tuple[Parameter, ...]
@@ -72,22 +69,19 @@ class AxisKind(Kind):
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
-        """The axis that a rig file describes; what it leaves out starts where the size of the `records` puts it,
-        without them at 10 kg, 100 N s/m, 10 N and 0 N (kg m2, N m s/rad and N m).
-
-        Raises ValueError where the rig file states an axis of the other sort than the records are of.
+        """The axis that a rig file describes. What it leaves out starts at the size of the `records`, without them at
+        10 kg, 100 N s/m, 10 N and 0 N (kg m2, N m s/rad and N m). Raises ValueError where the rig file states a stage
+        and the records are of an axis that turns, or the other way round.
         """
         c = coordinates_of(records)
         stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
         strange = next((name for name in stated if name not in c.base), None)
         if strange is not None and records:
-            raise ValueError(
-                f"[axis] {strange} must not be there for records with {c.position}, whose keys are {', '.join(c.base)}"
-            )
-        turns = c.turns or (not records and any(name in TURN.base for name in stated))
-        c = TURN if turns else c
+            keys = ", ".join(c.base)
+            raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
+        c = c if records or strange is None else TURN
         noise, catalogue = rig.noise, Catalogue.of(rig)
-        stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
+        stds = (noise.torque_std_N_m, noise.angle_std_rad) if c.turns else (noise.force_std_N, noise.position_std_m)
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         size = size_of(c, known, band) if known else None
@@ -107,8 +101,7 @@ class AxisKind(Kind):
 
     @property
     def measure(self) -> str:
-        word = self.coordinates.names[3]
-        cut = f"{2 * self.band:g} Hz"
+        word, cut = self.coordinates.names[3], f"{2 * self.band:g} Hz"
         return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
 
     def predict(self, record: Record, theta: Theta) -> Array:
@@ -138,14 +131,13 @@ class AxisKind(Kind):
         return self.residuals(record, [theta], criterion)[0]
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
-        """`residual` at several points; the filter takes them together."""
         errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
         of = self._moved(record)
         errors[:, ~used(record) | of.still] = 0.0
         return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """The authors' relative force error in %, pooled; where an axis rests or a gap is near, none is counted."""
+        """The authors' relative force error in %, pooled; rows at rest or near a gap do not count."""
         wrong = right = 0.0
         for record, prediction in zip(records, predictions, strict=True):
             rate = sampling_rate(record["t_s"])
@@ -155,12 +147,12 @@ class AxisKind(Kind):
         return 100 * float(np.sqrt(wrong / right))
 
     def noise(self, record: Record) -> AxisNoise:
-        """What is told of the noise of a record, or of the whole that it is a part of."""
+        """The noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
-        return self._kept((id(force), self.force_std), force, lambda: self._told(record))
+        return self._kept((id(force), self.force_std), force, lambda: self._estimated(record))
 
     def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
-        """What was `found` under the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
+        """The value `found` for the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
         known = self._known.get(key)
         if known is None:
             if len(self._known) > 128:
@@ -169,85 +161,78 @@ class AxisKind(Kind):
         made: T = known[1]
         return made
 
-    def _told(self, record: Record) -> AxisNoise:
-        if NOISES[0] in record.columns:
-            whole, *rest = (float(record[name][0]) for name in NOISES)
-            return AxisNoise(None if np.isnan(whole) else whole, *rest)
+    def _estimated(self, record: Record) -> AxisNoise:
+        if CARRIED[0] in record.columns:
+            return AxisNoise(*(float(record[name][0]) for name in CARRIED[-4:]))
         of, force = self._moved(record), record[self.quantity]
         m = of.motion
-        told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
+        own = filtered_noise(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
         speed = 0.0 if of.logged is None else white_part(of.logged)
         _, jolt = through(round(m.rate, 3), self.band, of.logged is not None)
         inertia = inertia_of(force, m, self.band)
-        shaken = inertia * jolt * (of.place if of.logged is None else speed)
-        own = self._believed(record) if told is None else told
-        return AxisNoise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
+        shaken = inertia * jolt * (of.position_noise if of.logged is None else speed)
+        size = self._believed(record) if math.isnan(own) else own
+        return AxisNoise(own, speed, inertia if shaken else 0.0, max(float(np.hypot(size, shaken)), 1e-12))
 
     def _believed(self, record: Record) -> float:
-        """What counts as the noise of a force whose own is not told."""
+        """The noise assumed for a force whose own is unknown."""
         filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
         return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the noise alone, the quietest record's, makes of the error, in %; NaN where nothing tells it."""
+        """The error in % that the noise of the quietest record makes; NaN where a noise is unknown."""
         forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
         noises = [self.noise(r) for r in records]
-        if any(noise.force is None for noise in noises):
+        if any(math.isnan(noise.force) for noise in noises):
             return math.nan
         return 100 * min(noise.weight for noise in noises) / math.sqrt(float(np.mean(forces**2)))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same motion with the force of the model and noise of the same size after the filter: the force's own, and
-        what the position's (or the logged speed's) makes of it.
+        """The same motion with the model's force and noise of the same size after the filter: the force's own, and that
+        of the position (or the logged speed) through the inertia.
         """
         whole = self._carrying(record)
         noise, of = self.noise(whole), self._moved(whole)
         rate = of.motion.rate
-        own = self._believed(record) if noise.force is None else noise.force
+        own = self._believed(record) if math.isnan(noise.force) else noise.force
         made = self.predict(whole, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
         if noise.inertia:
-            place = of.place * rng.standard_normal(len(record))
+            x = of.position_noise * rng.standard_normal(len(record))
             speed = None if of.logged is None else noise.speed * rng.standard_normal(len(record))
-            made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
+            made = made + noise.inertia * motion(of.motion.t, x, speed, self.band).a
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """By record; where one alone holds a speed, direction or place, by four blocks of each record's cycle."""
+        """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle."""
         apart = [([r for r in records if r is not out], [out]) for out in records]
         if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
             return apart
         each = [blocks_of_cycle(self._carrying(record), self.coordinates.position) for record in records]
         return [
-            ([r for part, _ in row for r in part], [r for _, held in row for r in held])
+            ([r for part, _ in row for r in part], [r for _, part in row for r in part])
             for row in zip(*each, strict=True)
         ]
 
     def _carrying(self, record: Record) -> Record:
-        """`record` with its noise and its motion as columns, for parts of it."""
-        if NOISES[0] in record.columns:
+        if CARRIED[0] in record.columns:
             return record
-        noise, rows = self.noise(record), len(record)
-        force = math.nan if noise.force is None else noise.force
-        told = dict(zip(NOISES, (force, noise.speed, noise.inertia, noise.weight), strict=True))
-        whole = carried(record, self.coordinates, self._moved(record))
-        return replace(whole, columns={**whole.columns, **{name: np.full(rows, v) for name, v in told.items()}})
+        return carried(record, self.coordinates, self._moved(record), self.noise(record))
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against: time, position, speed, acceleration, force, a logged load."""
+        """Time, position, speed, acceleration, force and a logged load."""
         m, c = self._moved(record).motion, self.coordinates
         load = c.load_in(record.columns)
         drawn = dict(zip(("t_s", *c.names[:3], c.force), (m.t, m.x, m.v, m.a, record[c.force]), strict=True))
         return drawn | ({load: record[load]} if load else {})
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
-        """What was predicted beyond the measured force, and that force."""
         return self.predict(record, theta) - record[self.quantity], record[self.quantity]
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         return {"t_s": record["t_s"], self.quantity: predicted}
 
     def _moved(self, record: Record) -> Moved:
-        names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
+        names = ("t_s", self.coordinates.position, self.coordinates.velocity, CARRIED[0])
         key = tuple(id(record.columns.get(name)) for name in names)
         return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
 
@@ -258,21 +243,20 @@ def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
     if size is None:
         return usual
     force, mass, drag = size.force, size.force / size.acceleration, size.force / size.speed
-    told = (
+    sized = (
         (0.3 * mass, 1e-4 * mass, 30 * mass),
         (0.2 * drag, 0.0, 10 * drag),
         (0.2 * force, 0.0, 3 * force),
         (0.0, -3 * force, 3 * force),
     )
     if c.turns:
-        return told
-    return [
-        (at, min(low, lower), max(high, upper)) for (at, low, high), (_, lower, upper) in zip(usual, told, strict=True)
-    ]
+        return sized
+    both = zip(usual, sized, strict=True)
+    return [(at, min(low, lower), max(high, upper)) for (at, low, high), (_, lower, upper) in both]
 
 
 def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
-    """How large the records are: nearly the greatest of each of their signals."""
+    """The 98th percentile of each signal of the records, and the ends of the position."""
     motions = [motion(record["t_s"], record[c.position], band=band) for record in records]
 
     def most(parts: Sequence[Array]) -> float:
@@ -291,7 +275,7 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
 
 
 def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:
-    """Split a record into `count` blocks of its cycle of motion (else of its length), each left out once."""
+    """Splits by `count` blocks of the record's cycle of motion (else of its length), each left out once."""
     rate = sampling_rate(record["t_s"])
     lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * count // lag

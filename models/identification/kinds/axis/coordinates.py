@@ -1,4 +1,4 @@
-"""What the numbers of an axis are called: along a line, or about the axis itself."""
+"""Names and units of an axis's numbers: along a line, or about the axis itself."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -10,8 +10,8 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Names of an axis' columns, and its base parameters (inertia, viscous, Coulomb friction, offset) with the units in
-    which reports tell them; a length's unit; what signals and the force are called.
+    """Names of columns; base parameters (inertia, viscous and Coulomb friction, offset) and their printed units; the
+    unit of a length; names of position, speed, acceleration and force.
     """
 
     position: str
@@ -25,12 +25,10 @@ class Coordinates:
 
     @property
     def turns(self) -> bool:
-        """Whether it is about the axis."""
         return self.length_unit == "rad"
 
     @property
     def force_unit(self) -> str:
-        """Unit of the force, or the torque."""
         return self.units[2]
 
     def load_in(self, columns: Collection[str]) -> str | None:
@@ -65,8 +63,8 @@ def coordinates_of(records: Sequence[Record]) -> Coordinates:
     """Those of `records`, of a line where there are none. Raises ValueError where they are not all of one."""
     found = {record.name: TURN if TURN.position in record.layout.own() else LINE for record in records}
     if len(set(found.values())) > 1:
-        told = ", ".join(f"{name}: {one.position}" for name, one in found.items())
-        raise ValueError(f"records of one axis must all have {LINE.position} or all {TURN.position}; got {told}")
+        got = ", ".join(f"{name}: {one.position}" for name, one in found.items())
+        raise ValueError(f"records of one axis must all have {LINE.position} or all {TURN.position}; got {got}")
     return next(iter(found.values()), LINE)
 
 

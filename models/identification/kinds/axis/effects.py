@@ -15,7 +15,6 @@ from models.effects.friction import Stribeck
 from models.effects.sensor import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.ranges import Ranges, ranged
-from models.parameter import Parameter
 from models.rigs.benches import AXIS
 
 
@@ -47,7 +46,7 @@ VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 @dataclass(frozen=True)
 class Size:
-    """Greatest speed, acceleration and force, lowest and highest place, usual load; SI, along or about the axis."""
+    """Greatest speed, acceleration and force, lowest and highest position, usual load; SI, along or about the axis."""
 
     speed: float
     acceleration: float
@@ -60,20 +59,19 @@ class Size:
 def candidates(c: Coordinates, size: Size | None, catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
     """The effects that a search tries on an axis, in ranges that follow from its records' `size` where known."""
     declared = [e for e in catalogue.acting_on(AXIS.id, VARIANTS) if c.turns or "turning" not in e.needs]
-    told = _ranges(size) if size else {}
+    sized = _ranges(size) if size else {}
     if c.turns:
-        return tuple(_about(e, told.get(e.id, Ranges())) for e in declared)
-    return tuple(ranged(e, _wider(e, told[e.id])) if e.id in told else e for e in declared)
+        return tuple(_about(e, sized.get(e.id, Ranges())) for e in declared)
+    return tuple(ranged(e, _wider(e, sized[e.id])) if e.id in sized else e for e in declared)
 
 
-def _wider(effect: type[Effect], told: Ranges) -> Ranges:
-    """A stage's ranges: those declared in metres and newtons, wider where its records ask for more."""
-    own = [(p, told.of[p.name]) for p in effect.parameters() if p.name in told.of and p.role == ""]
+def _wider(effect: type[Effect], sized: Ranges) -> Ranges:
+    """The declared ranges of a stage in metres and newtons, widened to those of its records."""
+    own = [(p, sized.of[p.name]) for p in effect.parameters() if p.name in sized.of and p.role == ""]
     return Ranges({p.name: (p.value, min(p.lower, low), max(p.upper, high)) for p, (_, low, high) in own})
 
 
 def _ranges(size: Size) -> Mapping[str, Ranges]:
-    """Ranges, starts and probes that follow from the size, by effect."""
     v, f, s = size.speed, size.force, max(size.high - size.low, 1e-9)
     waves = tuple(float(w) for w in np.geomspace(s / 16, 0.7 * s, 20))
     return {
@@ -103,17 +101,13 @@ def _ranges(size: Size) -> Mapping[str, Ranges]:
     }
 
 
-def _about(effect: type[Effect], told: Ranges) -> type[Effect]:
-    """The same law about an axis that turns, its parameters by their names there."""
+def _about(effect: type[Effect], sized: Ranges) -> type[Effect]:
+    """The same law about an axis that turns, with parameters named as there."""
     if "turning" in effect.needs:
-        return ranged(effect, told)
+        return ranged(effect, sized)
     names = {p.name: turned_name(p.name) for p in effect.parameters()}
     hooks = {name: _renamed(getattr(effect, name), names) for name in HOOKS if effect.answers(name)}
-    return ranged(effect, told, _turned, **hooks)
-
-
-def _turned(p: Parameter) -> Parameter:
-    return replace(p, name=turned_name(p.name), unit=turned_unit(p.unit))
+    return ranged(effect, sized, lambda p: replace(p, name=turned_name(p.name), unit=turned_unit(p.unit)), **hooks)
 
 
 def _renamed(hook: Callable[..., Any], names: Mapping[str, str]) -> Callable[..., Any]:

@@ -1,6 +1,8 @@
-"""How an axis moved in a record: filtered motion, sure directions, rests; and the noise of its place and force."""
+"""How an axis moved in a record: filtered motion, sure directions, rests; the noise of its position and force."""
 
-from dataclasses import dataclass, replace
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from math import comb
 
@@ -23,30 +25,32 @@ from models.identification.kinds.axis.zero_phase import (
 from models.identification.settings import SET
 from models.records.record import Record
 
-WHOLE, STILL, PLACE_NOISE = ("_x", "_v", "_a"), "_still", "_place_noise"
-"""Columns that a part of a record carries on from the whole: the motion filtered before the cut, rests, noise."""
+CARRIED = ("_x", "_v", "_a", "_still", "_place_noise", "_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
+"""Columns of a part of a record: the whole's motion (filtered before the cut), rests, and noise."""
 
 
 @dataclass(frozen=True)
 class Moved:
-    """The motion, the sign of its speed as far as the noise of the position (standard deviation `place`) lets it be
-    told, where the axis rests, its direction is unsure or a gap is near (`still`), and the logged speed where it agrees
-    with the position's.
+    """The motion; the sign of its speed where it exceeds the noise of the position (standard deviation
+    `position_noise`), less below; where the axis rests, its direction is unsure or a gap is near (`still`); the logged
+    speed where it agrees with the position's.
     """
 
     motion: AxisMotion
     direction: Array
     still: NDArray[np.bool_]
-    place: float
+    position_noise: float
     logged: Array | None
 
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
     """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
-    if WHOLE[0] in record.columns:
-        m = AxisMotion(record["t_s"], *(record[column] for column in WHOLE))
-        place, still = float(record[PLACE_NOISE][0]), record[STILL] > 0.5
-        return Moved(m, _direction(m, place, band), still, place, record.columns.get(c.velocity))
+    if CARRIED[0] in record.columns:
+        x, v, a, rests, noise = (record[name] for name in CARRIED[:5])
+        m, position_noise = AxisMotion(record["t_s"], x, v, a), float(noise[0])
+        return Moved(
+            m, _direction(m, position_noise, band), rests > 0.5, position_noise, record.columns.get(c.velocity)
+        )
     position = record[c.position]
     m = motion(record["t_s"], position, band=band)
     logged = record.columns.get(c.velocity)
@@ -55,31 +59,31 @@ def moved(record: Record, c: Coordinates, position_std: float | None, band: floa
         logged = logged if apart < SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None
     if logged is not None:
         m = motion(record["t_s"], position, logged, band)
-    place = position_std or white_part(position)
-    still = _still(m, place, band) | _beside_gaps(~used(record), m.rate, band)
-    return Moved(m, _direction(m, place, band), still, place, logged)
+    position_noise = position_std or white_part(position)
+    still = _still(m, position_noise, band) | _beside_gaps(~used(record), m.rate, band)
+    return Moved(m, _direction(m, position_noise, band), still, position_noise, logged)
 
 
-def carried(record: Record, c: Coordinates, of: Moved) -> Record:
-    """`record` with its motion as columns, for parts of it."""
-    told = {**dict(zip(WHOLE, (of.motion.x, of.motion.v, of.motion.a), strict=True)), STILL: of.still.astype(float)}
-    told[PLACE_NOISE] = np.full(len(record), of.place)
+def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise) -> Record:
+    """`record` with its motion and noise as columns, for parts of it."""
+    values = (of.motion.x, of.motion.v, of.motion.a, of.still, of.position_noise, *astuple(noise))
+    columns = {name: np.zeros(len(record)) + value for name, value in zip(CARRIED, values, strict=True)}
     kept = record if of.logged is not None else record.without((c.velocity,))
-    return replace(kept, columns={**kept.columns, **told})
+    return kept.with_columns(columns)
 
 
-def _unsure(m: AxisMotion, place: float, band: float) -> float:
-    """Speed that the noise of the position may feign, one standard deviation."""
-    return through(round(m.rate, 3), band, False)[0] * place
+def _unsure(m: AxisMotion, std: float, band: float) -> float:
+    """Standard deviation in m/s of the speed that is noise of the position."""
+    return through(round(m.rate, 3), band, False)[0] * std
 
 
-def _direction(m: AxisMotion, place: float, band: float) -> Array:
-    unsure = 2 * _unsure(m, place, band)
+def _direction(m: AxisMotion, std: float, band: float) -> Array:
+    unsure = 2 * _unsure(m, std, band)
     return np.clip(m.v / unsure, -1, 1) if unsure > 0 else np.sign(m.v)
 
 
 def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray[np.bool_]:
-    """The rows of gaps, and beside them as far as the filters reach."""
+    """The rows of gaps, and as far beside them as the filters reach."""
     out, reach = np.zeros_like(unused), round(SET.border / band * rate)
     for a, b in runs_of(unused):
         if b - a >= SET.axis_gap - 1:
@@ -87,28 +91,28 @@ def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray
     return out
 
 
-def _still(m: AxisMotion, place: float, band: float) -> NDArray[np.bool_]:
+def _still(m: AxisMotion, std: float, band: float) -> NDArray[np.bool_]:
     fast = np.abs(m.v)
-    out = fast < 2 * _unsure(m, place, band)
-    for a, b in runs_of(fast < max(SET.axis_rest * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
+    out = fast < 2 * _unsure(m, std, band)
+    for a, b in runs_of(fast < max(SET.axis_rest * float(np.percentile(fast, 99)), 4 * _unsure(m, std, band))):
         out[a:b] |= (b - a) > SET.axis_rest_s * m.rate
     return out
 
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """Standard deviations: `force` of the filtered force (None: nothing tells it), `speed` of a logged speed before the
-    filter, `weight` of the filtered force error of a right model; `inertia` is what a noisy acceleration shakes.
+    """Standard deviations: `force` of the filtered force (NaN: unknown), `speed` of a logged speed before the filter,
+    `weight` of the filtered force error of a right model; `inertia` multiplies the noise of the acceleration.
     """
 
-    force: float | None
+    force: float
     speed: float
     inertia: float
     weight: float
 
 
-def told_force(force: Array, position: Array, rate: float, band: float, stated: float | None) -> float | None:
-    """Noise of the filtered force: as stated, else of repeats, else its roughness; None where it may be a command."""
+def filtered_noise(force: Array, position: Array, rate: float, band: float, stated: float | None) -> float:
+    """Noise of the filtered force: as stated, else of repeats, else its roughness; NaN where it may be a command."""
     if stated is not None:
         return stated * passed(rate, band)
     filtered = decimate(force, rate)
@@ -116,18 +120,18 @@ def told_force(force: Array, position: Array, rate: float, band: float, stated: 
     lag = repeat_lag(position, rate)
     if lag is not None:
         std = float(np.std(decimate(force[lag:] - force[:-lag], rate, band))) / np.sqrt(2)
-        return std if std > least else None
+        return std if std > least else np.nan
     std, finer = (quiet_roughness(filtered, order=k) / _shown(rate, k) for k in (2, 4))
     if std < least or finer < SET.axis_white * std:
-        return None
-    if finer < SET.quite * std or std < SET.quite * finer:  # not quite white: what shows is all that can be claimed
+        return np.nan
+    if finer < SET.quite * std or std < SET.quite * finer:  # not quite white: no more is claimed than shows
         std *= _shown(rate, 2)
     return std * passed(rate, band) / passed(rate)
 
 
 @lru_cache(maxsize=64)
 def _shown(rate: float, order: int) -> float:
-    """What `quiet_roughness` shows of filtered white noise, over its standard deviation."""
+    """`quiet_roughness` of filtered white noise over its standard deviation."""
     white = decimate(np.random.default_rng(0).standard_normal(SET.axis_rows), rate)
     return quiet_roughness(white, order=order) / float(np.std(white))
 
@@ -142,7 +146,7 @@ def white_part(signal: Array) -> float:
 
 @lru_cache(maxsize=32)
 def through(rate: float, band: float, logged: bool) -> tuple[float, float]:
-    """Standard deviations that unit white noise on the position (or a `logged` speed) leaves on speed, acceleration."""
+    """Standard deviations of speed and acceleration under unit white noise on the position (or a `logged` speed)."""
     white = np.random.default_rng(0).standard_normal(SET.axis_rows)
     t = np.arange(SET.axis_rows) / rate
     m = motion(t, np.zeros(SET.axis_rows), white, band) if logged else motion(t, white, band=band)
@@ -150,22 +154,22 @@ def through(rate: float, band: float, logged: bool) -> tuple[float, float]:
 
 
 def band_of(t: Array, position: Array, stated: float | None) -> float:
-    """The widest band in Hz, 20 Hz and halves of it, in which the noise of the position (as `stated`, else as it shows)
-    leaves the acceleration clear; a noisy acceleration would draw the inertia down.
+    """The widest band in Hz, 20 Hz and halves of it, in which the acceleration exceeds the noise of the position (as
+    `stated`, else estimated); a noisy acceleration would draw the inertia down.
     """
-    place, rate = stated or white_part(position), round(sampling_rate(t), 3)
+    std, rate = stated or white_part(position), round(sampling_rate(t), 3)
     bands: list[float] = [SET.band_hz / 2**k for k in range(SET.axis_halvings)]
     clear = (
         band
         for band in bands
-        if place * through(rate, band, False)[1]
+        if std * through(rate, band, False)[1]
         < SET.axis_clear * float(np.std(decimate(motion(t, position, band=band).a, rate, band)))
     )
     return next(clear, bands[-1])
 
 
 def inertia_of(force: Array, m: AxisMotion, band: float) -> float:
-    """Mass (inertia) that a line through the force gives: enough to tell what a noisy acceleration makes of it."""
+    """Mass (inertia) by linear regression of the force, for the effect of a noisy acceleration."""
     rows = np.column_stack([m.a, m.v, np.sign(m.v), m.x, np.ones_like(m.a)])
     filtered = np.column_stack([decimate(column, m.rate, band) for column in rows.T])
     scale = np.maximum(np.std(filtered, axis=0), 1e-300)

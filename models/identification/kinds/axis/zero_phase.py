@@ -6,7 +6,7 @@ from functools import cache, cached_property, lru_cache
 from math import comb
 
 import numpy as np
-from scipy.signal import butter, cheby1, filtfilt, freqz
+import scipy
 
 from models.identification.kind import Array
 from models.identification.settings import SET
@@ -15,7 +15,7 @@ from models.records.record import USED, Record
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """Time in s, position in m (rad), speed and acceleration of one record, all of its length."""
+    """Time in s, position in m (rad), speed and acceleration of one record, each (n,)."""
 
     t: Array
     x: Array
@@ -24,18 +24,16 @@ class AxisMotion:
 
     @cached_property
     def rate(self) -> float:
-        """Samples per second."""
         return sampling_rate(self.t)
 
     @cached_property
     def even(self) -> bool:
-        """Whether its steps in time are even within 5 %."""
         return _unevenness(self.t) <= SET.even
 
 
 @cache
 def _low_pass(factor: int) -> tuple[Array, Array]:
-    b, a = cheby1(8, 0.05, 0.8 / factor)
+    b, a = scipy.signal.cheby1(8, 0.05, 0.8 / factor)
     return np.asarray(b), np.asarray(a)
 
 
@@ -45,10 +43,9 @@ def sampling_rate(t: Array) -> float:
 
 
 def evened(record: Record, columns: Sequence[str]) -> Record:
-    """`record` itself where its steps in time are even within 5 %, else its `columns` straight between samples at even
-    times, as many a second as it has; over a gap of more than five usual steps no sample counts.
-
-    Raises ValueError where speed and acceleration would be guessed in half of it or more.
+    """`record` itself where its steps in time are even within 5 %, else its `columns` interpolated to even times of the
+    same rate; samples in a gap of more than five usual steps do not count. Raises ValueError where half of the record
+    or more lies in or beside gaps.
     """
     t = record["t_s"]
     if _unevenness(t) <= SET.even:
@@ -75,7 +72,7 @@ def evened(record: Record, columns: Sequence[str]) -> Record:
 
 
 def _unevenness(t: Array) -> float:
-    """By what share of the usual step the one that is furthest from it differs."""
+    """Largest deviation of a step in time over the median step."""
     steps = np.diff(t)
     usual = float(np.median(steps))
     return float(np.max(np.abs(steps - usual))) / usual
@@ -84,12 +81,12 @@ def _unevenness(t: Array) -> float:
 def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> AxisMotion:
     """Butterworth of order 4, both ways, at five times the `band` in Hz, then differences; or the logged `velocity`."""
     rate = sampling_rate(t)
-    b, a = butter(4, min(5 * band / (rate / 2), 0.8))
-    x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))
+    b, a = scipy.signal.butter(4, min(5 * band / (rate / 2), 0.8))
+    x = scipy.signal.filtfilt(b, a, position, padlen=min(12, len(position) - 1))
     if velocity is None:
         v = np.gradient(x, 1 / rate)
     else:
-        v = np.asarray(filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
+        v = np.asarray(scipy.signal.filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
     return AxisMotion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
@@ -99,16 +96,14 @@ def reduction(rate: float, band: float = SET.band_hz) -> int:
 
 
 def decimate(signal: Array, rate: float, band: float = SET.band_hz) -> Array:
-    """The authors' parallel filter, along the last axis: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both
-    ways, at twice the `band` in Hz), down-sample.
+    """The authors' parallel filter along the last axis: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both
+    ways, at twice the `band` in Hz), down-sample. Raises ValueError for a record that is too short.
     """
     factor = reduction(rate, band)
     border = round(SET.border / band * rate)
     if signal.shape[-1] < 2 * border + 3 * factor:
-        least = (2 * border + 3 * factor) / rate
-        raise ValueError(
-            f"an axis record must last at least {least:g} s to be filtered; got {signal.shape[-1] / rate:g} s"
-        )
+        least, got = (2 * border + 3 * factor) / rate, signal.shape[-1] / rate
+        raise ValueError(f"an axis record must last at least {least:g} s to be filtered; got {got:g} s")
     inner = signal[..., border:-border] if border else signal
     if factor == 1:
         return inner
@@ -117,7 +112,7 @@ def decimate(signal: Array, rate: float, band: float = SET.band_hz) -> Array:
 
 def _passed_down(inner: Array, factor: int) -> Array:
     b, a = _low_pass(factor)
-    return np.asarray(filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
+    return np.asarray(scipy.signal.filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
 
 
 @lru_cache(maxsize=16)
@@ -131,7 +126,7 @@ def passed(rate: float, band: float = SET.band_hz) -> float:
     factor = reduction(rate, band)
     if factor == 1:
         return 1.0
-    _, gain = freqz(*_low_pass(factor), 4096)
+    _, gain = scipy.signal.freqz(*_low_pass(factor), 4096)
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 
@@ -143,7 +138,7 @@ def quiet_roughness(signal: Array, window: int = 25, order: int = 2) -> float:
 
 
 def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | None:
-    """Samples after which the motion repeats to 1e-4 of its range over a third of the record; None: it does not."""
+    """Samples after which the motion repeats to 1e-4 of its range over a third of the record, else None."""
     n = len(position)
     limit = 1e-4 * float(np.ptp(position))
 

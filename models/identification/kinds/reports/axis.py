@@ -1,8 +1,9 @@
-"""What the report says about a stage: its equations, what its data cannot tell, what to measure next."""
+"""What the report says about an axis: its equations, what its data cannot show, what to measure next."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,15 +14,17 @@ from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
+from models.words.sentences import Quantity, Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """Amplitude in N (N m), wavelength in m (rad), phase in rad at x = 0, share of the residual's power, its chance."""
+    """Amplitude in N (N m), wavelength in m (rad), share of the residual's power, chance of as large a share."""
 
     amplitude: float
     wavelength: float
-    phase_rad: float
     share: float
     p: float
 
@@ -43,95 +46,60 @@ def equations(kind: AxisKind, theta: Theta) -> list[Line]:
 
 
 def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-    """Sentences on what these data cannot tell and what remains."""
     theta = theta_by_stage.get("augmented") or theta_by_stage["calibrated"]
-    out = [_what_is_left(kind, theta, records), _where_it_remains(kind, theta, records)]
+    out = [_size_of_residual(kind, theta, records), _accelerating(kind, theta, records)]
     if ("directional_asymmetry", "asymmetry") in theta:
         out.append(_asymmetry(kind, theta))
-    ripples = [found for r in records if (found := find_ripple(kind, r, theta)) is not None]
-    if ripples:
-        out.append(_ripples(kind, ripples))
+    ripples = (find_ripple(kind, record, theta) for record in records)
+    ripple = next((found for found in ripples if found is not None), None)
+    if ripple is not None:
+        c = kind.coordinates
+        amplitude, wave = Quantity(ripple.amplitude, c.force_unit), Quantity(ripple.wavelength, c.length_unit)
+        said = TEXT("axis_ripple", force=c.names[3], amplitude=amplitude, wave=wave, share=ripple.share, p=ripple.p)
+        out.append(said)
     if ("sensor_delay", "delay_s") in theta:
-        late = 1e3 * theta["sensor_delay", "delay_s"]
-        out.append(
-            f"A position read {late:.2f} ms late and a drive that lags by {late:.2f} ms (actuator_lag) are the same "
-            f"below 40 Hz to {100 * (2 * np.pi * 40 * late * 1e-3) ** 2 / 2:.1f} %."
-        )
+        late = theta["sensor_delay", "delay_s"]
+        out.append(TEXT("axis_late", delay=late, share=(2 * np.pi * 40 * late) ** 2 / 2))
     if theta.get(("viscous_drag", "exponent"), 1.0) < SET.sublinear:
-        out.append(
-            "The extra drag grows ever slower with speed, as a lubricant that thins with shear does: near rest the "
-            "stage resists less, not more, the opposite of Stribeck."
-        )
+        out.append(TEXT("axis_sublinear"))
     return out
 
 
 def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What to measure to tell equivalents apart."""
-    wishes = []
-    if ("directional_asymmetry", "asymmetry") in theta:
-        wishes.append(
-            "hold the stage still at several places in both directions (a constant offset stays, an asymmetry does not)"
-        )
-    if ("sensor_delay", "delay_s") in theta:
-        wishes.append(
-            "log the motor current with the position (a lag of the drive shows there, a late reading does not)"
-        )
-    if ("viscous_drag", "exponent") in theta:
-        wishes.append(
-            f"sweep slowly from 0.1 to 20 m{kind.coordinates.length_unit}/s at constant speeds (film friction or an"
-            " elastic start of sliding)"
-        )
-    return "; ".join(wishes) or None
+    wishes = {
+        ("directional_asymmetry", "asymmetry"): TEXT("axis_hold"),
+        ("sensor_delay", "delay_s"): TEXT("axis_current"),
+        ("viscous_drag", "exponent"): TEXT("axis_sweep", unit=f"m{kind.coordinates.length_unit}/s"),
+    }
+    return "; ".join(wish for name, wish in wishes.items() if name in theta) or None
 
 
-def _where_it_remains(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:
-    squares = {"accelerating": 0.0, "cruising": 0.0}
+def _accelerating(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:
+    accelerating = total = 0.0
     for record in records:
-        rate = sampling_rate(record["t_s"])
-        error = kind.residual(record, theta)
-        moving = np.abs(decimate(kind.signals(record)[kind.coordinates.names[2]], rate, kind.band))
-        fast = moving > SET.axis_moves * np.max(moving)
-        squares["accelerating"] += float(np.sum(error[fast] ** 2))
-        squares["cruising"] += float(np.sum(error[~fast] ** 2))
-    share = 100 * squares["accelerating"] / max(sum(squares.values()), 1e-300)
-    return f"{share:.0f} % of what remains (mean square) lies where the stage accelerates, the rest where it cruises."
+        squares = kind.residual(record, theta) ** 2
+        acceleration = kind.signals(record)[kind.coordinates.names[2]]
+        size = np.abs(decimate(acceleration, sampling_rate(record["t_s"]), kind.band))
+        accelerating += float(np.sum(squares[size > SET.axis_moves * np.max(size)]))
+        total += float(np.sum(squares))
+    return TEXT("axis_accelerating", share=accelerating / max(total, 1e-300))
 
 
-def _what_is_left(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:
-    word, left = kind.coordinates.names[3], kind.error(records, [kind.predict(r, theta) for r in records])
+def _size_of_residual(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:
+    force, left = kind.coordinates.names[3], kind.error(records, [kind.predict(r, theta) for r in records])
     floor = kind.noise_floor(records)
     if np.isnan(floor):
-        return (
-            f"Nothing tells the noise of the {word} (no repeats that differ, no noise of its own, none stated): it may"
-            f" be the command. No floor is claimed; the model leaves {left:.3g} %, and what is below"
-            f" {100 * SET.axis_untold:g} % is not looked for."
-        )
-    return f"Noise and repeats of the same motion leave {floor:.2f} % of the {word}; the model leaves {left:.2f} %."
-
-
-def _ripples(kind: AxisKind, found: Sequence[Ripple]) -> str:
-    first, c = found[0], kind.coordinates
-    wave = f"{first.wavelength:.4g} rad" if c.turns else f"{1e3 * first.wavelength:.3f} mm"
-    return (
-        f"A {c.names[3]} of {first.amplitude:.3g} {c.force_unit} periodic in position, {wave}, the same sign"
-        f" going and coming back, makes {100 * first.share:.0f} % of what remains (p = {first.p:.0e}): cogging of the"
-        " motor or ripple of the screw. Its phase belongs to where the position was zeroed, which another record need"
-        " not share, so it stays out of the model."
-    )
+        return TEXT("axis_no_floor", force=force, left=left, least=SET.axis_untold)
+    return TEXT("axis_floor", force=force, floor=floor, left=left)
 
 
 def _asymmetry(kind: AxisKind, theta: Theta) -> str:
     c = kind.coordinates
     _, viscous, coulomb, offset = (theta[name] for name in c.base)
     share = theta["directional_asymmetry", "asymmetry"]
-    constant = offset + share * coulomb
-    unit = c.units[1]
-    return (
-        f"A constant offset and a direction-dependent Coulomb friction are the same {c.names[3]} while the axis moves:"
-        f" only their sum, {constant:+.3g} {c.force_unit}, is identifiable. What differs between the directions is the"
-        f" friction that grows with speed: {viscous * (1 + share):.3g} {unit} forward,"
-        f" {viscous * (1 - share):.3g} {unit} backward."
-    )
+    forward, backward = (Quantity(viscous * (1 + side * share), c.units[1]) for side in (1, -1))
+    constant = Quantity(offset + share * coulomb, c.force_unit)
+    return TEXT("axis_asymmetry", force=c.names[3], sum=constant, forward=forward, backward=backward)
 
 
 def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
@@ -159,5 +127,5 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     p = min(1.0, len(waves) * (1 - best) ** (len(e) / 6))
     if found is None or p > SET.significant:
         return None
-    wave, (sine, cosine) = found
-    return Ripple(math.hypot(sine, cosine), float(1 / wave), math.atan2(cosine, sine), best, p)
+    wave, weights = found
+    return Ripple(math.hypot(*weights), float(1 / wave), best, p)

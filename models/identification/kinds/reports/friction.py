@@ -1,15 +1,20 @@
-"""What the report says about a table of friction: its law, what the table cannot tell, what to measure next."""
+"""What the report says about a table of friction: its law, what the table cannot show, what to measure next."""
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
+from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.formula import Line, equal, symbols
-from models.identification.kinds.friction import FORCE, SPEED, FrictionKind, cannot_show
+from models.identification.kinds.friction import FORCE, LOAD, SPEED, FrictionKind, cannot_show
 from models.records.record import Record
 from models.rigs.benches import FRICTION
 from models.theta import Theta
+from models.words.sentences import Quantity, Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 def equations(kind: FrictionKind, theta: Theta) -> list[Line]:
@@ -26,33 +31,31 @@ def equations(kind: FrictionKind, theta: Theta) -> list[Line]:
 
 
 def statements(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-    """Sentences on how the noise is known, on where the friction is least, and on what the table cannot show."""
+    """On the noise, on the least friction, and on effects that the table cannot show."""
     repeats = sum(len(r) - len(kind.conditions(r)[0]) for r in records)
     if kind.std is not None:
-        noise = f"A reading's standard deviation is {kind.std:.3g} N, as stated."
+        noise = TEXT("friction_stated", std=kind.std)
     else:
-        how = "from its repeats" if repeats >= 3 else "from neighbouring speeds, for want of repeats"
-        noise = f"A reading's standard deviation is {100 * kind.relative:.2g} % of it, {how}."
+        noise = TEXT("friction_repeats" if repeats >= 3 else "friction_neighbours", share=kind.relative)
     lacking = cannot_show(kind.extent, kind.catalogue) if kind.extent is not None else {}
-    told = [f"These records cannot show {effect}: {why}." for effect, why in lacking.items()]
-    return [noise, *_least(kind, theta_by_stage, records), *told]
+    words = {effect_words(effect, kind.catalogue): why for effect, why in lacking.items()}
+    hidden = [TEXT("friction_cannot", effect=effect, why=why) for effect, why in words.items()]
+    return [noise, *_least(kind, theta_by_stage, records), *hidden]
 
 
 def _least(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-    """Where the augmented model has its least friction between the slowest and the fastest speed, if within them."""
+    """Where the augmented model has its least friction, if between the slowest and the fastest speed."""
     theta, x = theta_by_stage.get("augmented"), kind.extent
     if theta is None or x is None or x.fast <= x.slow:
         return []
     v = np.geomspace(x.slow, x.fast, 200)
     usual = float(np.median(np.concatenate([kind.conditions(r)[0][:, 1] for r in records])))
-    curve = Record("curve", FRICTION.id, {SPEED: v, "load_N": np.full(len(v), usual), kind.quantity: np.ones(len(v))})
+    curve = Record("curve", FRICTION.id, {SPEED: v, LOAD: np.full(len(v), usual), kind.quantity: np.ones(len(v))})
     friction = kind.predict(curve, theta)
     k = int(np.argmin(friction))
     if not 0 < k < len(v) - 1:
         return []
-    return [
-        f"Friction is least at {v[k]:.3g} m/s, {friction[k]:.3g} {kind.unit if kind.unit != '1' else ''}".strip() + "."
-    ]
+    return [TEXT("friction_least", speed=float(v[k]), friction=Quantity(float(friction[k]), kind.unit))]
 
 
 def next_experiment(kind: FrictionKind, theta: Theta, records: Sequence[Record]) -> str | None:
@@ -60,13 +63,12 @@ def next_experiment(kind: FrictionKind, theta: Theta, records: Sequence[Record])
     x = kind.extent
     if x is None:
         return None
-    lacks, wanted = x.lacks, list[str]()
-    if "speeds" in lacks:
-        wanted.append(f"ten speeds from {x.slow / 10:.2g} to {x.fast * 10:.2g} m/s")
-    if "load" in lacks:
-        wanted.append(f"the same speeds under loads of {x.light / 3:.2g} and {x.heavy * 3:.2g} N")
-    if "both_ways" in lacks:
-        wanted.append("the same backwards")
-    if all(len(r) == len(kind.conditions(r)[0]) for r in records):
-        wanted.append("each condition three times")
-    return "measure " + ", ".join(wanted) if wanted else None
+    wanted = {
+        "speeds": TEXT("friction_speeds", low=x.slow / 10, high=x.fast * 10),
+        "load": TEXT("friction_loads", light=x.light / 3, heavy=x.heavy * 3),
+        "both_ways": TEXT("friction_backwards"),
+        "repeats": TEXT("friction_thrice"),
+    }
+    repeats = any(len(r) > len(kind.conditions(r)[0]) for r in records)
+    lacks = {*x.lacks, *(() if repeats else ("repeats",))}
+    return TEXT("friction_measure", wanted=[wish for what, wish in wanted.items() if what in lacks]) if lacks else None

@@ -1,23 +1,24 @@
-"""What a report says of a capsule's time series: equations, sentences, the experiment that tells effects apart."""
+"""What a report says of a capsule's time series: equations, sentences, the experiment that separates effects."""
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
 from models.drives.drive import Drive
+from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.effects.refinements import LevelAtOnset
 from models.formula import Line
 from models.identification.kinds.series.series import SeriesKind
 from models.records.record import Record
 from models.theta import Theta
+from models.words.sentences import Quantity, Sentences
 
-_FORESIGHTS = (  # memory of the observer in s, and what it makes of an error
-    (0.03, "one step ahead of an observer that forgets within 0.03 s"),
-    (0.5, "ahead of an observer that forgets within half a second"),
-    (None, "in a free run"),
-)
-_SPARED = (LevelAtOnset.id, "spared")
+TEXT: Final = Sentences(__file__)
+_MEMORY_S: Final = {"series_step": 0.03, "series_observed": 0.5, "series_free": None}
+"""Time constant of the observer by the sentence on the error under it; None runs free."""
+_SPARED: Final = (LevelAtOnset.id, "spared")
 
 
 def equations(kind: SeriesKind, theta: Theta) -> list[Line]:
@@ -28,52 +29,43 @@ def equations(kind: SeriesKind, theta: Theta) -> list[Line]:
 
 
 def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-    """Sentences for the report: about the sensor and the drive, and the error over short, middle and unlimited
-    foresight. Short ones tell nothing of a measured place: an observer that follows its noise is thrown out of step.
+    """On sensor and drive, and the error over short, middle and unlimited foresight; not over a short one where a
+    position is measured: an observer that follows its noise loses step.
     """
     said = about_the_rig(kind.drive, kind.noise_std, kind.unit, theta_by_stage["augmented"])
-    for memory, words in _FORESIGHTS if kind.drive.imposed else _FORESIGHTS[1:]:
-        rms = (
-            f"{kind.foresight_rms(records, theta, memory):.3g} {kind.unit} {stage}"
-            for stage, theta in theta_by_stage.items()
-        )
-        said.append(f"Rms on the training records, {words}: {', '.join(rms)}.")
+    for key, memory in _MEMORY_S.items():
+        if kind.drive.imposed or key != "series_step":
+            rms = {stage: kind.foresight_rms(records, theta, memory) for stage, theta in theta_by_stage.items()}
+            errors = [TEXT("series_error", error=Quantity(e, kind.unit), stage=stage) for stage, e in rms.items()]
+            said.append(TEXT(key, errors=errors))
     return said
 
 
 def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> list[str]:
-    """Sentences on the sensor and on what records under this drive cannot identify."""
-    said = [f"Noise of the sensor: {noise_std:.3g} {unit}."]
+    """On the sensor, and on what records under this drive leave open."""
+    said = [TEXT("series_noise", noise=Quantity(noise_std, unit))]
     if _SPARED in theta:
-        nose, pressed = (f"{100 * min(max(1 + side * theta[_SPARED], 0.0), 1.0):.0f} %" for side in (1, -1))
-        said.append(
-            f"Of the changed resistance the nose feels {nose} (F_e), what the wall presses on the slip limit {pressed}"
-            " (f_c)."
-        )
-    said += drive.unidentifiable()
-    return said
+        nose, pressed = (min(max(1 + side * theta[_SPARED], 0.0), 1.0) for side in (1, -1))
+        said.append(TEXT("series_spared", nose=nose, pressed=pressed))
+    return said + drive.unidentifiable()
 
 
 def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
     """What would separate each effect from those confounded with it, beside the records that there are."""
-    told = [
-        f"to tell {name} from {' and '.join(kind.catalogue[name].confounders)}: {kind.catalogue[name].separated_by}"
-        for name in sorted(theta.effects)
-    ]
-    return "; ".join([*told, f"there are so far {_there(records)}"]) if told else None
+    wishes = []
+    for name in sorted(theta.effects):
+        effect = kind.catalogue[name]
+        one, *others = (effect_words(each, kind.catalogue) for each in (name, *effect.confounders))
+        wishes.append(TEXT("series_separate", effect=one, others=others, how=effect.separated_by))
+    there = TEXT("series_there", records=[_contents(record) for record in records])
+    return "; ".join([*wishes, there]) if wishes else None
 
 
-def _there(records: Sequence[Record]) -> str:
-    """What the records hold already, each by its name."""
-    return ", ".join(f"{record.name} ({np.ptp(record['t_s']):.0f} s{_travels(record)})" for record in records)
-
-
-def _travels(record: Record) -> str:
-    """Between which places each position lies, to 0.1 % of the way between them."""
-    told = []
-    for name, x in record.columns.items():
-        if name.endswith("position_m"):
-            places = 2 - int(np.floor(np.log10(max(1e3 * np.ptp(x), 1e-9))))
-            low, high = (round(1e3 * float(end), places) + 0.0 for end in (x.min(), x.max()))
-            told.append(f", {name.removesuffix('_m').replace('_', ' ')} {low:g} to {high:g} mm")
-    return "".join(told)
+def _contents(record: Record) -> str:
+    """Length of `record` and the range of each position."""
+    ranges = "".join(
+        TEXT("series_range", column=name.removesuffix("_m").replace("_", " "), low=float(x.min()), high=float(x.max()))
+        for name, x in record.columns.items()
+        if name.endswith("position_m")
+    )
+    return TEXT("series_record", name=record.name, length=float(np.ptp(record["t_s"])), ranges=ranges)

@@ -1,19 +1,26 @@
-"""What the report says about a table of mean speeds: its equations, what the data cannot tell, what to measure next."""
+"""What the report says about a table of mean speeds: its equations, what the data leave open, what to measure next."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
+from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.formula import Line, called, equal, symbols
 from models.identification.fitting.fit import Problem
-from models.identification.kind import Array
+from models.identification.kinds.table import distinct
 from models.identification.kinds.vibro_table.solver import GRAVITY
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.benches import VIBRO_TABLE
 from models.theta import Theta
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+_LAGS: Final = (("coil_lag", "time_s"), ("actuator_lag", "time_s"))
+_REACH: Final = ("coil_reach", "gain_per_m")
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[Line]:
@@ -35,10 +42,49 @@ def equations(kind: VibroTableKind, theta: Theta) -> list[Line]:
     ]
 
 
+def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
+    """On what was found, what these data cannot identify, and the residual."""
+    theta, nominal = theta_by_stage.get("augmented") or theta_by_stage["calibrated"], kind.nominal()
+    out = [TEXT("vibro_sign", direction="along" if nominal["mirror"] > 0 else "against")]
+    for stage, values in theta_by_stage.items():
+        at = {duty: reversal(kind, values, duty) for duty in SET.duties}
+        turns = [TEXT("vibro_turn_at", period=t, duty=d) if t else TEXT("vibro_never", duty=d) for d, t in at.items()]
+        out.append(TEXT("vibro_turn", stage=stage, turns=turns))
+    scale = theta.get("load_scale", 1.0)
+    force, friction = (scale * theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
+    if min(force, friction) > SET.both_off or max(force, friction) < 1 / SET.both_off:
+        out.append(TEXT("vibro_scale", force=force, friction=friction))
+    if _REACH in theta:
+        rest, near, far = (scale * theta["force_N"] * np.exp(theta[_REACH] * xi) for xi in (0.0, 0.01, 0.02))
+        out.append(TEXT("vibro_reach", rest=rest, near=near, far=far, nominal=nominal["force_N"]))
+    if any(lag in theta for lag in _LAGS):
+        out.append(TEXT("vibro_lag"))
+    ends = [
+        TEXT("vibro_parameter", name=p.name, value=theta[p.name])
+        for p in kind.base
+        if p.fit
+        and p.name in theta
+        and min(theta[p.name] - p.lower, p.upper - theta[p.name]) < SET.at_bound * (p.upper - p.lower)
+    ]
+    if ends:
+        out.append(TEXT("vibro_bounds", parameters=ends))
+    return [*out, *_validation(kind, theta, records), *_runs(kind, theta, records)]
+
+
+def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str | None:
+    wishes = []
+    if ("spring_damping", "damping_N_s_per_m") in theta or ("guide_friction", "friction_N") in theta:
+        wishes.append(TEXT("vibro_ring_down"))
+    if any(name in theta for name in (*_LAGS, _REACH)):
+        wishes.append(TEXT("vibro_coil"))
+    return "; ".join([*wishes, TEXT("vibro_balance")]) if wishes else None
+
+
 def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | None:
     """The period in s, in 0.05 to 0.1, at which the mean velocity at `duty` changes sign; None where none does."""
     periods = np.arange(0.05, 0.1001, 0.0005)
-    speeds = kind.predict(_runs(periods, duty), theta)
+    columns = {"period_s": periods, "duty": np.full(len(periods), duty), "cycles": np.full(len(periods), 50.0)}
+    speeds = kind.predict(Record("runs", VIBRO_TABLE.id, columns), theta)
     at = np.flatnonzero(speeds[:-1] * speeds[1:] < 0)
     if len(at) == 0:
         return None
@@ -46,126 +92,31 @@ def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | N
     return float(periods[i] + 0.0005 * speeds[i] / (speeds[i] - speeds[i + 1]))
 
 
-def _runs(periods: Array, duty: float) -> Record:
-    columns = {"period_s": periods, "duty": np.full(len(periods), duty), "cycles": np.full(len(periods), 50.0)}
-    return Record("runs", VIBRO_TABLE.id, columns)
-
-
-def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-    """Sentences on what was found, what these data cannot tell, and what remains."""
-    theta = theta_by_stage.get("augmented") or theta_by_stage["calibrated"]
-    nominal = kind.nominal()
-    out = [
-        (
-            f"The record counts velocities {'along' if nominal['mirror'] > 0 else 'against'} the coil's push on the"
-            " inner mass."
-        ),
-        *(_turn(kind, stage, values) for stage, values in theta_by_stage.items()),
-    ]
-    scale = theta.get("load_scale", 1.0)
-    force, friction = (scale * theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
-    if min(force, friction) > SET.both_off or max(force, friction) < 1 / SET.both_off:
-        out.append(
-            f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both,"
-            " load_scale, scales every speed by it and little else, so these data hardly tell it from a scale error of"
-            " the displacement; the ratio of force to friction is what they fix."
-        )
-    if ("coil_reach", "gain_per_m") in theta:
-        at = [scale * theta["force_N"] * np.exp(theta["coil_reach", "gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
-        out.append(
-            f"The coil pushes with {at[0]:.2f} N on the inner mass at rest, with {at[1]:.2f} N at 10 mm and {at[2]:.2f}"
-            f" N at 20 mm; the nominal {nominal['force_N']:.3g} N must not be compared with the first of these alone."
-        )
-    if ("coil_lag", "time_s") in theta or ("actuator_lag", "time_s") in theta:
-        out.append(
-            "The measured speeds at duty D and 1 - D are not mirrored: the drive acts for less time than it is switched"
-            " on. A lagging current whose square makes the force does this; a lagging force by itself does not."
-        )
-    return [
-        *out,
-        *_at_bounds(kind, theta),
-        *_validation(kind, theta, records),
-        _worst(kind, theta, records),
-        _sessions(records),
-    ]
-
-
-def _at_bounds(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """Which fitted base values lie at the end of what was believed, so that they are not measured."""
-    ends = [
-        f"{p.name} = {theta[p.name]:.3g}"
-        for p in kind.base
-        if p.fit
-        and p.name in theta
-        and min(theta[p.name] - p.lower, p.upper - theta[p.name]) < SET.at_bound * (p.upper - p.lower)
-    ]
-    return [f"At the end of their believed range, so not measured by these data: {', '.join(ends)}."] if ends else []
-
-
-def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> list[str]:
+def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> Iterator[str]:
     errors = cross_validated(kind, theta, records)
-    if not errors:
-        return []
-    said = (
-        "Cross-validated by whole conditions (eight parts, repeats of a condition never split) the model is off by "
-        f"{1e3 * errors.pop(''):.2f} mm/s rms"
-    )
-    without = ", ".join(f"{1e3 * error:.2f} without {name}" for name, error in errors.items())
-    return [f"{said}; refitted with one effect less: {without} (mm/s)." if without else f"{said}."]
+    if errors:
+        yield TEXT("vibro_validated", error=errors.pop(""))
+    if errors:
+        words = {effect_words(name, kind.catalogue): error for name, error in errors.items()}
+        yield TEXT("vibro_without", errors=[TEXT("vibro_error_without", error=e, effect=n) for n, e in words.items()])
 
 
-def _turn(kind: VibroTableKind, stage: str, theta: Theta) -> str:
-    turns = [reversal(kind, theta, duty) for duty in SET.duties]
-    said = ", ".join(
-        f"{1e3 * t:.1f} ms at duty {d:g}" if t else f"never at duty {d:g}"
-        for t, d in zip(turns, SET.duties, strict=True)
-    )
-    return f"The {stage} model reverses direction between 50 and 100 ms: {said}."
-
-
-def _worst(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str:
-    rows = [
-        (abs(e), r["period_s"][i], r["duty"][i], e)
-        for r in records
-        for i, e in enumerate(kind.predict(r, theta) - r[kind.quantity])
-    ]
-    _, period, duty, error = max(rows)
-    return (
-        f"The largest error of a single run is {1e3 * error:+.1f} mm/s, at a period of {1e3 * period:.0f} ms and duty"
-        f" {duty:g}."
-    )
-
-
-def _sessions(records: Sequence[Record]) -> str:
+def _runs(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> Iterator[str]:
+    """The worst run, and by how much repeats differ."""
+    columns = ("period_s", "duty", kind.quantity)
+    period, duty, speed = (np.concatenate([record[name] for record in records]) for name in columns)
+    error = np.concatenate([kind.predict(record, theta) for record in records]) - speed
+    k = int(np.argmax(np.abs(error)))
+    yield TEXT("vibro_worst", error=float(error[k]), period=float(period[k]), duty=float(duty[k]))
     spread = []
     for r in records:
-        _, index = np.unique(np.column_stack((r["period_s"], r["duty"])), axis=0, return_inverse=True)
-        spread += [float(np.ptp(r["mean_velocity_m_s"][index.ravel() == i])) for i in range(int(index.max()) + 1)]
-    return (
-        f"Repeats of one condition differ by up to {1e3 * max(spread):.1f} mm/s, so more than that is not the model's"
-        " to explain."
-    )
-
-
-def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What to measure to tell equivalents apart."""
-    wishes = []
-    if ("spring_damping", "damping_N_s_per_m") in theta or ("guide_friction", "friction_N") in theta:
-        wishes.append(
-            "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction of its"
-            " guide"
-        )
-    if ("coil_lag", "time_s") in theta or ("actuator_lag", "time_s") in theta or ("coil_reach", "gain_per_m") in theta:
-        wishes.append("the coil's current on an oscilloscope and its static force over the inner mass's displacement")
-    if wishes:
-        wishes.append(
-            "a pull with a spring balance for the friction, which with the force fixes the scale of all speeds"
-        )
-    return "; ".join(wishes) or None
+        _, index = distinct(np.column_stack((r["period_s"], r["duty"])))
+        spread += [float(np.ptp(r[kind.quantity][index == i])) for i in range(int(index.max()) + 1)]
+    yield TEXT("vibro_repeats", spread=max(spread))
 
 
 def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> dict[str, float]:
-    """Rms error in m/s over conditions, each predicted by a fit to the parts (`kind.folds`) that do not hold it.
+    """Rms error in m/s over conditions, each predicted by a fit to the parts (`kind.splits`) that do not hold it.
 
     Keys: "" for the model with every effect of `theta`, and each effect's id for the model refitted without it. Every
     fit starts from `theta`; which effects there are is not chosen anew in each part. Empty where there are fewer than
@@ -177,19 +128,12 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
         return {}
     out = {}
     for left_out in ("", *theta.effects):
-        start = theta.without(left_out)
-        secants = (0.3, 0.1) if left_out else (0.1,)
-        squares = [_squared(kind, held, _fitted(kind, training, start, secants)) for training, held in splits]
+        squares = []
+        for training, held in splits:
+            fitted = theta.without(left_out)
+            for secant in (0.3, 0.1) if left_out else (0.1,):
+                problem = Problem.of(kind, training, list(fitted.effects), 0)
+                fitted = problem.descend(fitted, secant, SET.table_steps).theta
+            squares += [kind.errors(r, kind.predict(r, fitted)) ** 2 for r in held]
         out[left_out] = float(np.sqrt(np.mean(np.concatenate(squares))))
     return out
-
-
-def _fitted(kind: VibroTableKind, records: Sequence[Record], theta: Theta, secants: Sequence[float]) -> Theta:
-    for secant in secants:
-        theta = Problem.of(kind, records, list(theta.effects), 0).descend(theta, secant, SET.table_steps).theta
-    return theta
-
-
-def _squared(kind: VibroTableKind, held: Sequence[Record], theta: Theta) -> Array:
-    """Squared errors of the conditions of `held`."""
-    return np.concatenate([kind.errors(r, kind.predict(r, theta)) ** 2 for r in held])

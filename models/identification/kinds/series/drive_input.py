@@ -1,4 +1,4 @@
-"""What a record commands in a model's steps: straight lines between samples, or a switch that holds between edges."""
+"""A record's command in a model's steps: straight lines between samples, or a switch that holds between edges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,22 +17,18 @@ from models.rigs.tables import ClockTable
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
 OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
-"""Parameters of how a record was logged: no part of the rig that a controller drives."""
+"""Parameters of the logging, not of the rig that a controller drives."""
 
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
-    """The column that drives `records`, of a kind's alternatives the first that all of them have.
-
-    Raises ValueError where no alternative stands in every record: a series is driven in one way.
-    """
+    """The first of a kind's alternative driven columns that all `records` have. Raises ValueError without any."""
     alternatives = KINDS[kind].layout.driven[0]
     for name in alternatives:
         if all(name in record.columns for record in records):
             return name
     got = ", ".join(f"{r.name}: {next((n for n in alternatives if n in r.columns), 'neither')}" for r in records)
-    raise ValueError(
-        f"records of one series must have one driven column, {' or '.join(alternatives)}, in common; got {got}"
-    )
+    known = " or ".join(alternatives)
+    raise ValueError(f"records of one series must have one driven column, {known}, in common; got {got}")
 
 
 def interval(record: Record) -> float:
@@ -53,7 +49,7 @@ def evenly(record: Record, columns: Sequence[str]) -> Record:
 
 @dataclass(frozen=True)
 class Feed:
-    """A loop's `commands` every `dt` s in `substeps`; every `every`-th output from `first` on belongs to a sample."""
+    """A loop's `commands` every `dt` s in `substeps`; each `every`-th output from `first` on belongs to a sample."""
 
     commands: Array
     dt: float
@@ -74,12 +70,12 @@ class Feed:
 
 
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
-    """Longest step in s of a model; `rigid`: the motion is imposed; `fine` ones tell which slip event is first."""
+    """Longest step in s of a model; `rigid`: the motion is imposed; `fine` steps keep the order of slip events."""
     if drive.held:  # a body that its drive shakes to and fro
         return 5e-5 if fine else 1e-4
-    if rigid:  # sampled more slowly than that: when a wall slips
+    if rigid:  # samples that are further apart miss when a wall slips
         return 4e-3
-    if not drive.anchored:  # what a step does wrong stays
+    if not drive.anchored:  # the error of a step lasts
         return 2e-4
     if drive.imposed:  # behind an elastic link, solved implicitly; half of 1e-4's time, predictions 0.2 mN rms apart
         return 2e-4 if fine else 5e-4
@@ -87,15 +83,14 @@ def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
 
 
 def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = True) -> Feed:
-    """The loop's input for `record`. `rigid`: an imposed motion that needs no steps within a sample; `delay` in s of a
-    switch that is logged as on or off alone; `fine` steps take longer and lose fewer slip events.
+    """The loop's input for `record`; `delay` in s of a switch that is logged as on or off alone, `rigid` and `fine` as
+    in `internal_step`.
     """
     command, dt = record[drive.commanded], interval(record)
-    step = internal_step(drive, rigid, fine)
-    pieces = max(1, round(dt / step))
+    pieces = max(1, round(dt / internal_step(drive, rigid, fine)))
     if not drive.held:
         return Feed(command, dt, pieces)
-    mean = held(command, dt, pieces, delay if logged_whole(command) else 0.0)
+    mean = switched(command, dt, pieces, delay if logged_whole(command) else 0.0)
     return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
 
 
@@ -107,17 +102,17 @@ def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def logged_whole(command: Array) -> bool:
-    """Whether a switch's column knows only two values: it does not say when between two samples the switch went."""
+    """Whether a switch's column has only two values, which do not show when between two samples the switch went."""
     off, on = _ends(command)
     return bool(np.all(off | on))
 
 
-def held(command: Array, dt: float, pieces: int, delay: float) -> Array:
+def switched(command: Array, dt: float, pieces: int, delay: float) -> Array:
     """Mean of a switched command over each of `pieces` equal parts of every sampling interval `dt` in s, shape ((n - 1)
-    pieces,).
+    pieces,), `delay` s late.
 
-    A sample is the command's mean over the interval before it. Where a neighbour is fully on or off, an edge is placed
-    inside the interval so that the mean is right; elsewhere the mean holds throughout. All of it comes `delay` s later.
+    A sample is the command's mean over the interval before it. Where a neighbour is fully on or off, an edge inside the
+    interval gives that mean; elsewhere the mean holds throughout.
     """
     off, on = (np.append(where, False) for where in _ends(command))
     partial = ~(off | on)[1:-1]
@@ -137,19 +132,18 @@ def held(command: Array, dt: float, pieces: int, delay: float) -> Array:
 
 
 def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ...]:
-    """What a switch logged as on or off leaves open, to be fitted: where in the sampling interval it acts."""
+    """When in the sampling interval a switch acts that is logged as on or off, to be fitted."""
     if not drive.held:
         return ()
     dt = max((interval(record) for record in records), default=1.0)
     whole = bool(records) and all(logged_whole(record[drive.commanded]) for record in records)
-    why = "a sample of a switch tells the interval before it (0), or the one after it (one sampling interval)"
+    why = "a sample of a switch is the mean over the interval before it (0) or after it (one sampling interval)"
     return (Parameter(SWITCH_DELAY, 0.5 * dt, "s", 0.0, dt, why, fit=whole),)
 
 
 def clock_offset(clock: ClockTable | None) -> tuple[Parameter, ...]:
-    """By how much the measured columns are stamped late, where the rig file states it, held to that value."""
+    """The time by which the measured columns are stamped late, fitted with the rig file's value as prior."""
     if clock is None:
         return ()
-    value, std = clock.offset_s, clock.offset_std_s
-    source = "[clock] of the rig file"
+    value, std, source = clock.offset_s, clock.offset_std_s, "[clock] of the rig file"
     return (Parameter(CLOCK_OFFSET, value, "s", value - 4 * std, value + 4 * std, source, fit=True, spread=std),)

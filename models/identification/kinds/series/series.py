@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+import scipy
 
 from models.checks.estimators import estimated_noise, grid_step
 from models.checks.noise import noise_used
@@ -34,17 +34,17 @@ _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
 def low_passed(signal: Array, dt: float) -> Array:
-    """`signal` without what is faster than 2 Hz: Butterworth, second order, forward and back, so without phase."""
+    """`signal` below 2 Hz: Butterworth, second order, forward and back, so without phase."""
     if len(signal) < 16 or SET.low_pass_hz * 2 * dt >= 1:
         return signal
-    return np.asarray(sosfiltfilt(butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
+    return np.asarray(scipy.signal.sosfiltfilt(scipy.signal.butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
 
 
 @dataclass(frozen=True)
 class SeriesKind(Kind):
-    """A rig whose records are time series of a capsule. `noise_std` of the sensor; residuals of `averaged` neighbours
-    count as one, their mean in units of its own noise, so that a structure below the noise of a single sample is seen.
-    `resolution` is the step of the sensor's scale where that is coarse, 0 elsewhere.
+    """A rig whose records are time series of a capsule. `noise_std` is the sensor's; residuals of `averaged` neighbours
+    count as one, their mean in units of its own noise, which shows structure below the noise of a sample. `resolution`
+    is the step of a coarse sensor, else 0.
     """
 
     surface: Surface
@@ -59,7 +59,7 @@ class SeriesKind(Kind):
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
     final: ClassVar[int] = 3  # the free run at fine steps
-    judges: ClassVar[tuple[int, ...]] = (0, 1)  # the observer forgives slip events out of step, but little else
+    judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little
     slow_view: ClassVar[bool] = True
     next_share: ClassVar[float] = 0.6
     least_gain: ClassVar[float] = 0.4
@@ -67,9 +67,8 @@ class SeriesKind(Kind):
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
-        """The kind that a rig file describes under the drive of `records`; the noise is estimated where not given.
-
-        Raises ValueError for another kind of rig, and for records that are driven in different ways.
+        """The kind that a rig file describes under the drive of `records`; the noise is estimated where not stated.
+        Raises ValueError for another kind of rig, and for records with different driven columns.
         """
         drive = drive_of(rig, driven_column(rig.kind, records))
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
@@ -87,9 +86,11 @@ class SeriesKind(Kind):
         records: Sequence[Record] = (),
         catalogue: Catalogue = CATALOGUE,
     ) -> SeriesKind:
-        """The kind for a surface and a drive; `records` tell how a switch was logged."""
+        """The kind for a surface and a drive; `records` show how a switch was logged."""
         base = surface.parameters() + drive.parameters() + switch_delay(drive, records)
-        effects = tuple(e for e in catalogue.acting_on(drive.name) if surface.dragged or not _acts_on_the_wall(e))
+        effects = tuple(
+            e for e in catalogue.acting_on(drive.name) if surface.dragged or not any(map(e.answers, _WALL_HOOKS))
+        )
         averaged = averaged_samples(drive.measured, noise_std, records)
         return cls(surface, drive, noise_std, base, effects, averaged, catalogue=catalogue)
 
@@ -112,7 +113,6 @@ class SeriesKind(Kind):
 
     @property
     def beginnings_s(self) -> tuple[float, ...]:
-        """A shaken body strikes many times a second."""
         return SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s
 
     @property
@@ -120,7 +120,7 @@ class SeriesKind(Kind):
         return Runner(self.surface, self.drive, self.catalogue).runs
 
     def _from_the_start(self, record: Record, output: Array) -> Array:
-        """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
+        """`output` moved to where the record starts: the noise of one sample at the start would last to the end."""
         if self.drive.anchored or self.quantity not in record.columns:
             return output
         first = slice(0, max(1, round(SET.start_s / interval(record))))
@@ -132,7 +132,7 @@ class SeriesKind(Kind):
         return self._from_the_start(record, self._runs(record, [theta], None, seen)[0])
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """Differences in units of the noise, those in the jump of a slip event counting less; see `Kind.residual`."""
+        """Differences in units of the noise, with less weight in the jump of a slip event; see `Kind.residual`."""
         return self.residuals(record, [theta], criterion)[0]
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
@@ -150,7 +150,7 @@ class SeriesKind(Kind):
         return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), SET.tail))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples that count; straight between."""
+        """Rms of the prediction error low-passed at 2 Hz, over the samples that count, interpolated between them."""
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
             good, t = counted(record), record["t_s"]
@@ -174,14 +174,13 @@ class SeriesKind(Kind):
         return filled(record.with_column(self.quantity, output), self.quantity)
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
-        """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
+        """The beginnings of a shaken body, which strikes in every period of its drive; all of others."""
         return [record.beginning(SET.shaken_s) if self.drive.held else record for record in records]
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
-        is the only one, the second halves of all records validate the first ones. The state of a wall that is pulled,
-        of a shaken mass and of a body that drifts follows from what came before: such a second half is run from the
-        record's start.
+        """The last record validates the others; where it is the only one with a speed, a direction or a position, the
+        second halves of all records validate the first. A second half runs from the record's start where its state
+        depends on the first: of a pulled wall, a shaken mass, a body that drifts.
         """
         if len(records) > 1 and may_be_left_out(records[-1], records[:-1]):
             return [(list(records[:-1]), [records[-1]])]
@@ -203,7 +202,7 @@ class SeriesKind(Kind):
         return out | {"gap_m": record[self.drive.commanded] - x}
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
-        """Of a measured force what was predicted beyond it; of a place how much less a magnet pulls there."""
+        """What was predicted beyond a measured force; at a measured position, how much less a magnet pulls there."""
         predicted, measured = self.predict(record, theta), record[self.quantity]
         if self.drive.imposed:
             return predicted - measured, measured
@@ -224,12 +223,8 @@ class SeriesKind(Kind):
         return {"t_s": record["t_s"], self.quantity: predicted}
 
 
-def _acts_on_the_wall(effect: type[Effect]) -> bool:
-    return any(effect.answers(hook) for hook in _WALL_HOOKS)
-
-
 def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:
-    """Neighbouring samples that make a noisy `column` as good as a fine one, within the time of a change of motion."""
+    """Neighbours whose mean is as good as a sample of a fine sensor, within the time of a change of motion."""
     fine, longest_s = (SET.fine_force_N, SET.tooth_s) if column == "force_N" else (SET.fine_place_m, SET.swing_s)
     if not records or noise_std <= SET.noisy * fine:
         return 1
@@ -238,7 +233,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 
 
 def averages(r: Array, count: int) -> Array:
-    """Means of `count` neighbours of `r` (n,) times its root, shape (n // count,): white noise keeps its variance."""
+    """Means of `count` neighbours of `r` (n,) times root `count`, so that white noise keeps its variance."""
     if count == 1 or len(r) < 2 * count:
         return r
     rows = r[: len(r) // count * count].reshape(-1, count)
@@ -252,12 +247,12 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     if not values:
         return stated or SET.no_noise
     vibrates = KINDS[measured[0].kind].vibrates
-    told = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
-    step = resolution(records, column)
-    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), SET.no_noise)
+    estimated = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
+    span, step = float(np.ptp(np.concatenate(values))), resolution(records, column)
+    return max(noise_used(stated, estimated, span, step), SET.no_noise)
 
 
 def resolution(records: Sequence[Record], column: str) -> float:
-    """The step of the scale on which the used values of `column` lie; 0 where none can be told."""
+    """The step of the scale on which the used values of `column` lie; 0 for none."""
     steps = [grid_step(record[column][used(record)]) for record in records if column in record.columns]
     return float(np.median(steps)) if steps else 0.0

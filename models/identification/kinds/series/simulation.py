@@ -1,4 +1,4 @@
-"""A model run over a record: compiled once, eight sets of numbers side by side, free or kept in step by an observer."""
+"""A model run over a record: compiled once, eight parameter sets side by side, free or with an observer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from models.assembly.model import Assembly, assemble, followed_by
 from models.checks.usable import gone
-from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
+from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
@@ -16,7 +16,6 @@ from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
     SWITCH_DELAY,
-    Feed,
     evenly,
     feed,
     interval,
@@ -30,15 +29,11 @@ from models.theta import Theta
 @cache
 def _model(surface: Surface, drive: Drive, effects: tuple[type[Effect], ...]) -> tuple[Assembly, Kernel]:
     assembly = assemble(surface, drive, effects)
-    return assembly, lower(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
-
-
-def _each_lane(values: Array) -> Array:
-    return np.repeat(values[:, None], LANES, axis=1)
+    return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
 
 
 def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
-    """Time in s by which the clock and the `effects` make the measurement late."""
+    """Delay of the measurement in s by the clock and the `effects`."""
     delays = (float(e().delay(theta.effects[e.id])) for e in effects)
     return theta.get(CLOCK_OFFSET, 0.0) + sum(delays)
 
@@ -54,7 +49,7 @@ class Runner:
     def runs(
         self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
     ) -> list[Array]:
-        """The output at each of `thetas`, those side by side that have the same effects and switch at the same time."""
+        """The output at each of `thetas`; those with the same effects and switch delay run side by side."""
         alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
         for i, theta in enumerate(thetas):
             alike.setdefault((tuple(sorted(theta.effects)), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
@@ -78,27 +73,28 @@ class Runner:
         shown = np.empty((len(fed.commands), LANES))
         filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
         parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()
-        states = _each_lane(self._start(assembly, even, measured))
+        states = np.repeat(self._start(assembly, even, measured)[:, None], LANES, axis=1)
         seen = shown
         if measured is not None and memory:
             spread = fed.spread(np.where(gone(even), np.nan, measured))
             at, late = np.arange(len(spread)), [_late(assembly.effects, theta) / fed.dt for theta in filled]
-            seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
+            seen = np.stack([np.interp(at + n, at, spread) for n in late] if any(late) else [spread] * LANES, axis=1)
         if not self.drive.anchored and measured is not None and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
-            if there.any():  # one sample's noise in the place would last
+            if there.any():  # the noise of one sample's position would last
                 states[0] += np.mean((seen[:n] - shown[:n])[there], axis=0)
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         rows = shown.T.copy()
         late = [_late(assembly.effects, theta) for theta in thetas]
-        return [self._at_samples(record, even, fed, row, delay) for row, delay in zip(rows, late, strict=False)]
-
-    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, delay: float) -> Array:
-        output = fed.samples(shown)
-        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output
+        return [
+            np.interp(record["t_s"] - delay, even["t_s"], fed.samples(row))
+            if delay or even is not record
+            else fed.samples(row)
+            for row, delay in zip(rows, late, strict=False)
+        ]
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
         state = assembly.start()

@@ -1,4 +1,4 @@
-"""From the parameters of a fit to the numbers of the compiled vibro drive: base values and effects onto its fields."""
+"""The effects on a table of mean speeds in their own ranges, and the fields of the compiled drive that hold them."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -14,8 +14,6 @@ from models.parameter import Name
 from models.rigs.benches import VIBRO_TABLE
 from models.theta import Theta, spelled
 
-_LEVEL = "directional friction of dry contacts: tens of percent"
-
 
 class SwitchLag(ActuatorLag):
     """`actuator_lag` of a coil that is switched on and off, milliseconds."""
@@ -27,7 +25,7 @@ class SwitchLag(ActuatorLag):
 
 
 class SoftStop(EndStopImpact):
-    """`end_stop_impact` of elastic rubber: mean speeds tell little of a short impact."""
+    """`end_stop_impact` of elastic rubber: mean speeds hardly show a short impact."""
 
     grid = by_name(gap_m=(0.005, 0.01, 0.015))
     stiffness_N_per_m = number(0.0, "N/m", 0.0, 3000.0, "rubber stops")
@@ -36,13 +34,13 @@ class SoftStop(EndStopImpact):
 
 
 class Duffing(SpringHardening):
-    """`spring_hardening` with the third power: mean speeds tell no other."""
+    """`spring_hardening` with the third power, the only one that mean speeds identify."""
 
     power = number(3.0, "1", 1.5, 5.0, fit=False)
 
 
 class PlateDrag(ViscousDrag):
-    """`viscous_drag` of a plate, which never pushes: a body would run away."""
+    """`viscous_drag` of a plate, never negative: a body would run away."""
 
     coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
 
@@ -59,7 +57,7 @@ class PlateStribeck(Stribeck):
 class PlateAsymmetry(DirectionalAsymmetry):
     """`directional_asymmetry` of a plate."""
 
-    asymmetry = number(0.0, "1", -0.4, 0.4, _LEVEL)
+    asymmetry = number(0.0, "1", -0.4, 0.4, "directional friction of dry contacts: tens of percent")
 
 
 VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)
@@ -85,25 +83,22 @@ FIELDS: Final[Mapping[Name, str]] = MappingProxyType(
         ("incline_gravity", "force_N"): "incline_N",
     }
 )
-"""Field of `VibroCycle` that carries an effect's parameter."""
+"""Field of `VibroCycle` for each parameter of an effect."""
 
 
 def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
-    """The drive at `theta`: base values `body_mass_kg`, `inner_mass_kg`, `spring_stiffness_N_per_m`, `force_N`,
-    `friction_coefficient`, `load_scale` (of force and friction alike), and whatever effects have entries. Raises
-    ValueError for an entry that belongs to neither.
+    """The drive at `theta`, the base values with `load_scale` (of force and friction alike) and effects. Raises
+    ValueError for another effect.
     """
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
-    extra: dict[str, float] = {"reaction": 1.0 if reaction_on_body else 0.0}
-    for name, value in Theta(effects=theta.effects).items():
-        if name not in FIELDS:
-            raise ValueError(
-                f"effect must be one that acts on a body with an inner mass; got {spelled(name)!r}; known:"
-                f" {', '.join(map(spelled, FIELDS))}"
-            )
-        extra[FIELDS[name]] = float(value)
+    given = Theta(effects=theta.effects)
+    if unknown := [spelled(name) for name in given if name not in FIELDS]:
+        known = ", ".join(map(spelled, FIELDS))
+        raise ValueError(
+            f"effect must be one that acts on a body with an inner mass; got {unknown[0]!r}; known: {known}"
+        )
+    extra = {FIELDS[name]: float(value) for name, value in given.items()}
     scale = theta.get("load_scale", 1.0)
     coulomb = theta["friction_coefficient"] * (body + inner) * GRAVITY
-    return VibroCycle(
-        body, inner, theta["spring_stiffness_N_per_m"], scale * theta["force_N"], scale * coulomb, **extra
-    )
+    stiffness, reaction = theta["spring_stiffness_N_per_m"], 1.0 if reaction_on_body else 0.0
+    return VibroCycle(body, inner, stiffness, scale * theta["force_N"], scale * coulomb, reaction, **extra)

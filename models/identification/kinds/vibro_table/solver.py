@@ -1,6 +1,6 @@
 """Body and inner mass on a plate under a periodic on/off drive, compiled: forces, exact stick and slip, mean velocity.
 
-All of it is one file on purpose: code that was compiled once is found again by this file's hash.
+All of it is one file: compiled code is found again by the file's hash.
 """
 
 import hashlib
@@ -66,7 +66,7 @@ class VibroCycle(NamedTuple):
 
 
 class BodyState(NamedTuple):
-    """Path x in m and speed v of the body, place and speed of the inner mass on it; `mode` 0 rests, +1, -1 slides."""
+    """Path x in m and speed v of the body, position and speed of the inner mass on it; `mode` 0 rests, +1, -1 slide."""
 
     x: float
     v: float
@@ -76,11 +76,12 @@ class BodyState(NamedTuple):
 
 
 class PulseShare(NamedTuple):
-    """The drive's share of its full force over one step: at its begin, its mean, at its end."""
+    """The drive's share of its full force over one step of `h` s: at its begin, its mean, at its end."""
 
     begin: float
     mean: float
     end: float
+    h: float
 
 
 @_inlined
@@ -141,16 +142,14 @@ def _accelerations(mode: int, v: float, stretch: float, rate: float, on: float, 
 
 @_inlined
 def _on_body(s: BodyState, on: float, q: VibroCycle) -> float:
-    """What moves a resting body, against its Coulomb friction, in N."""
+    """Force in N on a resting body, against its Coulomb friction."""
     return suspension_force(s.stretch, s.rate, q) - q.reaction * drive_force(on, s.stretch, q) + q.incline_N
 
 
 @_compiled
-def _runge_kutta(
-    s: BodyState, on: PulseShare, begin: float, end: float, h: float, q: VibroCycle
-) -> tuple[BodyState, float]:
+def _runge_kutta(s: BodyState, on: PulseShare, begin: float, end: float, q: VibroCycle) -> tuple[BodyState, float]:
     """The step's share from `begin` to `end` in one mode, fourth order, and the body's acceleration at its begin."""
-    k = (end - begin) * h
+    k = (end - begin) * on.h
     on0, on1, on2 = _push(on, begin), _push(on, 0.5 * (begin + end)), _push(on, end)
     a0, b0 = _accelerations(s.mode, s.v, s.stretch, s.rate, on0, q)
     v, w = s.v + 0.5 * k * a0, s.rate + 0.5 * k * b0
@@ -182,10 +181,10 @@ def _break_away(force: float, q: VibroCycle) -> int:
 
 @_compiled
 def _stop(
-    s: BodyState, new: BodyState, a0: float, on: PulseShare, begin: float, until: float, h: float, q: VibroCycle
+    s: BodyState, new: BodyState, a0: float, on: PulseShare, begin: float, until: float, q: VibroCycle
 ) -> tuple[BodyState, float]:
-    """Where in the rest of the step a sliding body comes to rest, and when: a parabola, then one step of Newton."""
-    k = (until - begin) * h
+    """State and time in the step at which a sliding body comes to rest: a parabola, then one step of Newton."""
+    k = (until - begin) * on.h
     bend = new.v - s.v - a0 * k
     root = math.sqrt(max(a0 * a0 * k * k - 4.0 * bend * s.v, 0.0))
     at = 1.0
@@ -195,33 +194,25 @@ def _stop(
     if s.v == 0.0:
         at = min(max(-a0 * k / bend, 0.0), 1.0) if bend != 0.0 else 0.0
     end = begin + at * (until - begin)
-    new, _ = _runge_kutta(s, on, begin, end, h, q)
+    new, _ = _runge_kutta(s, on, begin, end, q)
     slope, _ = _accelerations(s.mode, new.v, new.stretch, new.rate, _push(on, end), q)
     if slope * s.mode < 0.0:
-        end = min(max(end - new.v / (slope * h), begin), until)
-        new, _ = _runge_kutta(s, on, begin, end, h, q)
+        end = min(max(end - new.v / (slope * on.h), begin), until)
+        new, _ = _runge_kutta(s, on, begin, end, q)
     return BodyState(new.x, 0.0, new.stretch, new.rate, 0), end
 
 
 @_compiled
 def _start(
-    s: BodyState,
-    mode: int,
-    before: float,
-    after: float,
-    on: PulseShare,
-    begin: float,
-    until: float,
-    h: float,
-    q: VibroCycle,
+    s: BodyState, mode: int, before: float, after: float, on: PulseShare, begin: float, until: float, q: VibroCycle
 ) -> tuple[BodyState, float]:
-    """Where in the rest of the step a resting body starts to slide as `mode`, and when: two steps of regula falsi."""
+    """State and time in the step at which a resting body starts to slide as `mode`: two steps of regula falsi."""
     limit = mode * friction(0.0, mode, q)
     low, high, below, above = begin, until, before - limit, after - limit
     new = s
     for _ in range(2):
         end = low + (high - low) * below / (below - above) if above != below else low
-        new, _ = _runge_kutta(s, on, begin, end, h, q)
+        new, _ = _runge_kutta(s, on, begin, end, q)
         force = _on_body(new, _push(on, end), q) - limit
         if force * mode > 0.0:
             high, above = end, force
@@ -231,33 +222,34 @@ def _start(
 
 
 @_compiled
-def _share(s: BodyState, on: PulseShare, begin: float, until: float, h: float, q: VibroCycle) -> BodyState:
+def _share(s: BodyState, on: PulseShare, begin: float, until: float, q: VibroCycle) -> BodyState:
     """The step's share from `begin` to `until` with its changes between stick and slip located in it."""
     for _ in range(_EVENTS):
         before = 0.0
         if s.mode == 0:
             before = _on_body(s, _push(on, begin), q)
             s = BodyState(s.x, 0.0, s.stretch, s.rate, _break_away(before, q))
-        new, a0 = _runge_kutta(s, on, begin, until, h, q)
+        new, a0 = _runge_kutta(s, on, begin, until, q)
         if s.mode != 0:
             if new.v * s.mode >= 0.0:
                 return new
-            s, begin = _stop(s, new, a0, on, begin, until, h, q)
+            s, begin = _stop(s, new, a0, on, begin, until, q)
         else:
             after = _on_body(new, _push(on, until), q)
             mode = _break_away(after, q)
             if mode == 0:
                 return new
-            s, begin = _start(s, mode, before, after, on, begin, until, h, q)
+            s, begin = _start(s, mode, before, after, on, begin, until, q)
         if begin > until - 1e-9:
             return s
-    new, _ = _runge_kutta(BodyState(s.x, 0.0, s.stretch, s.rate, 0), on, begin, until, h, q)
+    new, _ = _runge_kutta(BodyState(s.x, 0.0, s.stretch, s.rate, 0), on, begin, until, q)
     return new
 
 
 @_compiled
-def _step(s: BodyState, on: PulseShare, h: float, q: VibroCycle) -> BodyState:
-    """One step, in equal parts where dry friction turns round or a stop is near."""
+def _step(s: BodyState, on: PulseShare, q: VibroCycle) -> BodyState:
+    """One step, in equal parts where dry friction reverses or a stop is near."""
+    h = on.h
     fine = h
     if q.drag_N > 0.0 and s.mode != 0:
         gain, _ = _accelerations(s.mode, s.v, s.stretch, s.rate, on.mean, q)
@@ -272,7 +264,7 @@ def _step(s: BodyState, on: PulseShare, h: float, q: VibroCycle) -> BodyState:
             fine = min(fine, 0.2 * math.sqrt(mass / q.stop_stiffness))
     parts = max(math.ceil(min(h / fine, 200.0)), 1)
     for i in range(parts):
-        s = _share(s, on, i / parts, (i + 1) / parts, h, q)
+        s = _share(s, on, i / parts, (i + 1) / parts, q)
     return s
 
 
@@ -301,22 +293,8 @@ def _phase(
     for _ in range(n):
         begin, mean = on + a1 + a2 + a3, on + a1 * m1 + a2 * m2 + a3 * m3
         a1, a2, a3 = a1 * f1, a2 * f2, a3 * f3
-        s = _step(s, PulseShare(begin, mean, on + a1 + a2 + a3), h, q)
+        s = _step(s, PulseShare(begin, mean, on + a1 + a2 + a3, h), q)
     return s, on + (current - on) * f1**n, on + a1 + a2 + a3
-
-
-@_compiled
-def _longest(step: float, q: VibroCycle) -> float:
-    """The step that the drive's lags allow, in s."""
-    for lag in (q.current_lag_s, q.force_lag_s):
-        if lag > 0.0:
-            step = min(step, max(lag, _SHORTEST_LAG_S))
-    return step
-
-
-@_compiled
-def _change(a: BodyState, b: BodyState) -> float:
-    return max(abs(a.v - b.v), abs(a.stretch - b.stretch), abs(a.rate - b.rate))
 
 
 @_compiled
@@ -328,7 +306,9 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
     """
     s = BodyState(0.0, 0.0, 0.0, 0.0, 0)
     current, pull, begin = 0.0, 0.0, 0.0
-    step = _longest(step, q)
+    for lag in (q.current_lag_s, q.force_lag_s):
+        if lag > 0.0:
+            step = min(step, max(lag, _SHORTEST_LAG_S))
     for cycle in range(settle + cycles):
         if cycle == settle:
             begin = s.x
@@ -337,7 +317,8 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
             s, current, pull = _phase(s, current, pull, 1.0, duty * period_s, step, q)
         if duty < 1.0:
             s, current, pull = _phase(s, current, pull, 0.0, (1.0 - duty) * period_s, step, q)
-        if _change(s, last) < _PERIODIC and abs(pull - last_pull) < _PERIODIC and s.mode == last.mode:
+        change = max(abs(s.v - last.v), abs(s.stretch - last.stretch), abs(s.rate - last.rate), abs(pull - last_pull))
+        if change < _PERIODIC and s.mode == last.mode:
             advance = s.x - last.x
             if cycle < settle:
                 return advance / period_s
@@ -365,12 +346,13 @@ def mean_velocities(
     duties outside [0, 1] or cycles below 1.
     """
     period, share, count = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (period_s, duty, cycles)))
-    if not np.all(period > 0):
-        raise ValueError(f"period_s must be above 0; got {float(np.min(period)):g}")
-    if not np.all((share >= 0) & (share <= 1)):
-        raise ValueError(f"duty must lie in [0, 1]; got {float(share[(share < 0) | (share > 1)][0]):g}")
-    if not np.all(count >= 1):
-        raise ValueError(f"cycles must be at least 1; got {float(np.min(count)):g}")
+    for good, values, rule in (
+        (period > 0, period, "period_s must be above 0"),
+        ((share >= 0) & (share <= 1), share, "duty must lie in [0, 1]"),
+        (count >= 1, count, "cycles must be at least 1"),
+    ):
+        if not good.all():
+            raise ValueError(f"{rule}; got {values[~good][0]:g}")
     p, d, c = (np.ascontiguousarray(a, dtype=float).ravel() for a in (period, share, count))
     speeds: Array = table(p, d, c, settle, step, q)
     return speeds.reshape(period.shape)

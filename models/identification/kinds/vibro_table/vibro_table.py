@@ -34,8 +34,8 @@ class VibroTableKind(TableKind):
     xi`.
 
     One residual a condition (period, duty, cycles): the mean of its repeats against the model, in units of `sqrt(s^2/n
-    + model_error_m_s^2)`, with the repeats' scatter s, and softened where it is outlying. The mirror is +1 or -1: which
-    way round the record counts velocities; `settled` chooses it from records, once.
+    + model_error_m_s^2)` with the repeats' scatter s, softened for outliers. The mirror, +1 or -1, is the sign with
+    which the record counts velocities; `settled` chooses it from records, once.
     """
 
     base: tuple[Parameter, ...]
@@ -51,7 +51,7 @@ class VibroTableKind(TableKind):
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> VibroTableKind:
-        """Of a rig file with [capsule], [drive] and a plate, `settled` by `records`; ValueError for another rig."""
+        """The kind of a rig with a drive and a plate, `settled` by `records`. Raises ValueError for another rig."""
         drive, surface = rig.drive, rig.surface
         if drive is None or surface is None or surface.kind != "plate" or surface.friction_coefficient is None:
             raise ValueError(
@@ -75,11 +75,10 @@ class VibroTableKind(TableKind):
         return made.settled(records) if records and made.quantity in records[0].columns else made
 
     def keys(self, record: Record) -> Array:
-        """Period in s, duty and cycles."""
         return np.column_stack((record["period_s"], record["duty"], record["cycles"]))
 
     def settled(self, records: Sequence[Record]) -> VibroTableKind:
-        """The same kind with the mirror under which models with some damping come nearest to the records."""
+        """The same kind with the mirror for which models with some damping fit the records best."""
         ratios = (0.02, 0.05, 0.1, 0.2)
         scale = 2 * float(np.sqrt(self.nominal()["spring_stiffness_N_per_m"] * self.nominal()["inner_mass_kg"]))
         lost = {}
@@ -93,9 +92,8 @@ class VibroTableKind(TableKind):
         """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""
         values = self.nominal() | theta
         runs, index = self.conditions(record)
-        speeds = mean_velocities(
-            runs[:, 0], runs[:, 1], runs[:, 2], vibro_cycle(values, self.reaction_on_body), step=self.step_s
-        )
+        period, duty, cycles = runs.T
+        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body), step=self.step_s)
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
@@ -105,7 +103,7 @@ class VibroTableKind(TableKind):
         return np.asarray(less_in_the_tail(misfit, SET.outlying))
 
     def scatter(self, record: Record) -> Array:
-        """Standard deviation in m/s of a run: reading of the displacement, and a share of the speed as repeats show."""
+        """Standard deviation in m/s of a run: of reading the displacement, and a share of the speed by the repeats."""
         _, index = self.conditions(record)
         mean = self.means(record, record[self.quantity])[index]
         counts = np.bincount(index)
@@ -115,14 +113,14 @@ class VibroTableKind(TableKind):
         return np.asarray(np.sqrt(reading**2 + share * mean**2), dtype=float)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same runs on the model: scatter for each run, what differs between set-ups for each condition."""
+        """The same runs on the model, with scatter for each run and an error of the set-up for each condition."""
         runs, index = self.conditions(record)
         setup = self.model_error_m_s * rng.standard_normal(len(runs))[index]
         scatter = self.scatter(record) * rng.standard_normal(len(record))
         return record.with_column(self.quantity, self.predict(record, theta) + setup + scatter)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """Eight parts by whole (period, duty), drawn once and for all, never by repeats."""
+        """Eight random parts of whole conditions (period, duty)."""
         keys = [np.column_stack((r["period_s"], r["duty"])) for r in records]
         conditions, index = distinct(np.concatenate(keys))
         part = np.random.default_rng(0).permutation(len(conditions)) % min(SET.folds, len(conditions))

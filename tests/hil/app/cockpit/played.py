@@ -15,7 +15,7 @@ from hil.log.reader import read_frames
 
 def frames_of(path: Path) -> list[Logged]:
     """The frames of a log, without its notes."""
-    return [frame for frame in read_frames(path) if frame.way != NOTED]
+    return [frame for frame in read_frames(path) if frame.direction != NOTED]
 
 
 @contextmanager

@@ -11,8 +11,8 @@ from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
 from hil.bus.protection import Receiver, Sender
-from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS
+from hil.nodes.operator import OperatorLimits
 from tests.hil.app.cockpit.story import CATALOGUE
 from tests.hil.scripted_bus import ScriptedBus
 

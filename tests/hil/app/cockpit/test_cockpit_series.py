@@ -23,8 +23,8 @@ def say(x: float) -> dict[str, dict[str, float]]:
 
 
 def test_every_kind_of_drive_has_panels_of_frames_that_there_are() -> None:
-    for wiring in FRAME_MAPS.values():
-        for panel in panels_of(wiring, CATALOGUE):
+    for frame_map in FRAME_MAPS.values():
+        for panel in panels_of(frame_map, CATALOGUE):
             assert panel.document()["lines"]
             assert all(line.frame in CATALOGUE.frames for line in panel.lines)
 

@@ -22,8 +22,8 @@ from hil.app.cockpit.server import OPERATORS, WATCHERS, Cockpit, bind  # noqa: E
 from hil.app.cockpit.source import BusSource, LogSource  # noqa: E402
 from hil.app.run.clock import Clock, ClockedBus  # noqa: E402
 from hil.bus.local import LocalBus  # noqa: E402
-from hil.nodes.controller.operator import OperatorLimits  # noqa: E402
 from hil.nodes.frame_map import FRAME_MAPS  # noqa: E402
+from hil.nodes.operator import OperatorLimits  # noqa: E402
 from tests.hil.app.cockpit.played import played  # noqa: E402
 from tests.hil.app.cockpit.story import CATALOGUE, story  # noqa: E402
 

@@ -14,7 +14,7 @@ from hil.app.console import json_text, notes, printable
 from hil.app.main import run
 from hil.app.write import table_text
 from hil.formats.channels import Channel, Heading
-from hil.formats.table import write_channels
+from hil.formats.reading import write_channels
 from models.files.csv_reader import read_table
 from models.files.csv_text import guarded, unguarded
 

@@ -11,8 +11,8 @@ from hil.app.scenario.model_use import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.drives.makers import ACTUATORS
-from hil.formats.table import FORMATS
-from hil.nodes.controller.operator import OperatorLimits
+from hil.formats.reading import FORMATS
+from hil.nodes.operator import OperatorLimits
 from models.rigs.columns import RANGES, TIME, Columns
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head

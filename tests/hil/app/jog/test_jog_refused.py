@@ -10,12 +10,12 @@ from pathlib import Path
 import can
 import pytest
 
-from controller.move import rest
+from controller.reference import rest
 from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
-from hil.nodes.controller.operator import SETPOINT, STATUS, Operator, OperatorLimits
+from hil.nodes.operator import SETPOINT, STATUS, Operator, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from tests.hil.app.run.deployments import deployment, rig_file
 

@@ -15,6 +15,7 @@ from hil.app.learn.background import CLOSED_S, Background
 from hil.app.learn.identify import LearningAnswer, LearningQuestion
 from models.theta import Theta
 from tests.controller.loops import believed
+from tests.hil.app.run.forked import SERVER
 
 QUESTION = LearningQuestion(believed("magnetic"), {}, 0, Theta())
 UNUSABLE = "nothing could be identified: "
@@ -22,8 +23,11 @@ UNUSABLE = "nothing could be identified: "
 LONGEST_S = 60.0
 
 
-@pytest.fixture
-def learner() -> Iterator[Background]:
+@pytest.fixture(params=["forked"])
+def learner(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Background]:
+    """Forked from a server that has loaded the program, or "new": started as in a run."""
+    if request.param == "forked":
+        monkeypatch.setattr(module, "_SPAWN", SERVER)
     with Background() as found:
         found.begin()
         yield found
@@ -45,6 +49,7 @@ def asked(learner: Background) -> LearningAnswer:
     return learner(QUESTION).result(LONGEST_S)
 
 
+@pytest.mark.parametrize("learner", ["new"], indirect=True)
 def test_killed_before_the_first_question_and_between_two(learner: Background) -> None:
     """Another one is begun, and answers."""
     hit(learner, signal.SIGKILL)
@@ -92,8 +97,9 @@ def test_one_that_cannot_be_started_again(learner: Background, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("asks", [False, True])
-def test_a_stopped_one_ends_with_the_run(asks: bool) -> None:
+def test_a_stopped_one_ends_with_the_run(asks: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Within the bound, whether it was asked or not; also where the question is longer than the pipe."""
+    monkeypatch.setattr(module, "_SPAWN", SERVER)
     learner = Background()
     learner.begin()
     process = process_of(learner)

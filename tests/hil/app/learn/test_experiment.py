@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.excursion import Experiment
+from controller.reference import Experiment
 from hil.app.learn.learner import experiment_of
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import parse_sil_scenario
@@ -19,8 +19,8 @@ from hil.app.sil.loop import SilTrace, judged_loop, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.log.log import LockstepLog
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import frames
+from hil.nodes.node import ControllerNode
 from models.files.toml import parse_toml
 from models.theta import Theta
 from plant import layout as at
@@ -109,8 +109,8 @@ def test_an_experiment_stays_within_its_pace(reach: float, speed: float, longest
     learning = LearningTable(experiment_mm=reach, experiment_mm_s=speed, experiment_s=longest)
     experiment = experiment_of(motion, learning, 3.0)
     assert experiment is not None
-    assert np.max(np.abs(experiment.path.places)) <= 1e-3 * reach * (1 + 1e-9)
-    assert experiment.path.places[-1] == pytest.approx(0.0, abs=1e-9)
+    assert np.max(np.abs(experiment.path.positions)) <= 1e-3 * reach * (1 + 1e-9)
+    assert experiment.path.positions[-1] == pytest.approx(0.0, abs=1e-9)
     assert experiment.at_s == 3.0
 
 

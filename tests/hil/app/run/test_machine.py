@@ -81,7 +81,7 @@ def test_priority_is_tried_and_given_back(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_system_without_such_sockets_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(socket, "SOCK_SEQPACKET")
-    with pytest.raises(can.CanInitializationError, match="which this system lacks; take interface udp_multicast"):
+    with pytest.raises(can.CanInitializationError, match="which this system lacks; use interface udp_multicast"):
         LocalBus("none")
 
 

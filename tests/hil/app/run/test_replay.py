@@ -60,7 +60,7 @@ def test_the_same_frames_come_out_to_the_last_bit(
     found = json.loads(capsys.readouterr().out)
     assert found["identical"]
     assert found["ticks"] >= 600
-    assert found["frames"] == sum(frame.way == SENT for frame in read_frames(log))
+    assert found["frames"] == sum(frame.direction == SENT for frame in read_frames(log))
 
 
 def test_a_predictive_controller_too(tmp_path: Path) -> None:
@@ -175,7 +175,9 @@ def test_times_are_kept_to_the_last_bit(tmp_path: Path) -> None:
     assert (first.time_s, first.solved, first.sent) == (time_s, False, [(SYNC, b"1")])
     assert [m.timestamp for m in first.heard] == [time_s]
     assert (second.time_s, second.solved) == (2.5, True)
-    assert {START, UNSOLVED, EXACT} == {f.id for f in read_frames(tmp_path / "a.blf") if f.way not in (SENT, RECEIVED)}
+    assert {START, UNSOLVED, EXACT} == {
+        f.id for f in read_frames(tmp_path / "a.blf") if f.direction not in (SENT, RECEIVED)
+    }
 
 
 def test_logs_without_a_task_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,8 +8,8 @@ import can
 
 from hil.app.run.loop import StopSignals
 from hil.bus.protection import Sender
-from hil.nodes.controller.receive import FrameReceiver, Twins
 from hil.nodes.frame_map import frame_map_of, frames
+from hil.nodes.receive import FrameReceiver, Twins
 from hil.simulated.medium import SimulatedBus
 from hil.simulated.plant_node import SLOT_S, PlantNode
 from plant.session import Session
@@ -42,8 +42,8 @@ class Second:
         session = Session(loop.truth, replace(loop.instruments, feedback=None), 7)
         bus = SimulatedBus(bench.medium, "second")
         plant = PlantNode(session, loop.limits, node.tick_s, bus, bus)
-        say, speaks = plant._localiser._mouth.say, lambda: self.clock >= self.since
-        plant._localiser._mouth.say = lambda *said: say(*said) if speaks() else None  # type: ignore[method-assign]
+        say, speaks = plant._localiser._transmitter.say, lambda: self.clock >= self.since
+        plant._localiser._transmitter.say = lambda *said: say(*said) if speaks() else None  # type: ignore[method-assign]
         plant.drive.transmitter.say = lambda *_: None  # type: ignore[attr-defined]
         return plant
 
@@ -81,7 +81,7 @@ def test_a_second_localiser_is_named_while_leading(tmp_path: Path) -> None:
     """A stop, whatever was seen of it first. Two drives collide on a wire: those are tried on the local bus."""
     during, node = led(tmp_path, each=Second(1.0).each, seconds=2.0)
     assert (during.end, during.led, RUN_ENDS[during.end].status) == ("stopped", True, 1)
-    assert during.ended.startswith("two localisers are on the bus (LocaliserHeartbeat tells the uptimes of two)")
+    assert during.ended.startswith("two localisers are on the bus (LocaliserHeartbeat has the uptimes of two)")
     assert node.bench.plant.drive.safe
 
 
@@ -98,7 +98,7 @@ def test_two_of_a_kind_are_named_before_anything_is_led() -> None:
             messages.append(can.Message(0.01 * k, heartbeat.id, False, data=data, is_rx=True))
         receiver = FrameReceiver(ScriptedBus(*messages), frame_map_of("magnetic"), 2e-3)
         receiver.listen(0.4)
-        assert receiver.doubt(0.4) == f"{words} are on the bus ({name} tells the uptimes of two)"
+        assert receiver.doubt(0.4) == f"{words} are on the bus ({name} has the uptimes of two)"
 
 
 def test_a_localisation_that_is_told_as_too_old_is_named(tmp_path: Path) -> None:

@@ -27,9 +27,9 @@ from hil.log.blf_file import NOTED, SENT
 from hil.log.log import LockstepLog
 from hil.log.reader import read_frames
 from hil.log.recorder import Recorder
-from hil.nodes.controller.node import ControllerNode, Tick
-from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
+from hil.nodes.node import ControllerNode, Tick
+from hil.nodes.operator import OperatorLimits
 from plant import layout as at
 from tests.hil.app.docs.ends import RUN_ENDS
 from tests.hil.app.run.deployments import deployment, rig_file
@@ -128,7 +128,7 @@ def test_a_localisation_that_comes_late_finds_the_reference_waiting(tmp_path: Pa
     speed = np.abs(np.gradient(x, t))
     assert np.max(np.convolve(speed, np.full(50, 0.02), "same")) < 0.05
     assert x[-1] - x[0] == pytest.approx(2.5e-3, abs=2e-3)
-    commands = [f for f in read_frames(tmp_path / "run.blf") if f.way == SENT and f.id == 0x100]
+    commands = [f for f in read_frames(tmp_path / "run.blf") if f.direction == SENT and f.id == 0x100]
     values = [int.from_bytes(f.data, "little") for f in commands]
     enabled = [k for k, v in enumerate(values) if v >> 58 & 3 == 2]
     places = [(v >> 12 & 0xFFFFFF) - ((v >> 35 & 1) << 24) for v in values]
@@ -174,7 +174,7 @@ def test_a_fault_is_not_led_and_reset_only_resets(tmp_path: Path) -> None:
         assert (healthy.end, healthy.ended) == ("reset", "the drive has no fault to acknowledge")
         assert lead(node, clock, 0.2, recorder, StopSignals()).end == "done"
         node.bench.plant.drive.stage = type(node.bench.plant.drive.stage)(FAULT, node.bench.time_s, 4)
-        node.bench.plant.drive._tell = 2
+        node.bench.plant.drive._reports = 2
         refused = lead(node, clock, 0.2, recorder, StopSignals())
         assert (refused.end, refused.led) == ("drive_fault", False)
         assert refused.ended == "nothing to lead: drive fault 4; 'capsule run RIG.toml reset' acknowledges it"
@@ -240,7 +240,7 @@ def test_a_log_says_when_frames_are_missing(tmp_path: Path) -> None:
     """Notes of a log name what a replay needs; one of missing frames refuses it."""
     led(tmp_path)
     frames = list(read_frames(tmp_path / "run.blf"))
-    assert [f for f in frames if f.way == NOTED]
-    starts = [f for f in frames if f.way == NOTED and f.id == 1]
+    assert [f for f in frames if f.direction == NOTED]
+    starts = [f for f in frames if f.direction == NOTED and f.id == 1]
     assert len(starts) == 1
     assert math.isnan(np.frombuffer(starts[0].data)[0])

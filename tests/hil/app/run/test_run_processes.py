@@ -134,7 +134,7 @@ def test_a_second_plant_on_the_bus_is_the_reason_of_the_stop(tmp_path: Path, cha
     """Whatever its feedback made of the run first; and nothing is led then."""
     child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
     (tmp_path / "second").mkdir()
-    words = "two drives of the same kind are on the bus (CarriageHeartbeat tells the uptimes of two)"
+    words = "two drives of the same kind are on the bus (CarriageHeartbeat has the uptimes of two)"
     with plant_on(tmp_path / "second", channel):
         found = json.loads(child.ended()[1])
         again = json.loads(Forked(tmp_path, "run", str(tmp_path / "rig.toml"), "--json").ended()[1])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controller.estimator.base import Estimator
-from controller.monitor.monitor import Monitor
+from controller.monitor import Monitor
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.main import run

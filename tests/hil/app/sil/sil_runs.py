@@ -17,7 +17,7 @@ from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.sil.fault_outcomes import FaultOutcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
-from hil.simulated.faults.table import KEY, OPERATOR, Fault
+from hil.simulated.faults import KEY, OPERATOR, Fault
 from models.theta import Theta
 
 RIGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from hil.bus.codec import Codec
-from hil.nodes.controller.node import RUNNING
 from hil.nodes.frame_map import frames
-from hil.simulated.sync_clock import SyncClock
+from hil.nodes.node import RUNNING
+from hil.simulated.state_machine import SyncClock
 from tests.hil.app.sil.sil_benches import Full, bench_of, go
 from tests.hil.app.sil.sil_runs import RIGS, run
 

@@ -10,7 +10,7 @@ import pytest
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
 from hil.app.sil.testbed import Bench
-from plant.drives.kinds import TrueCoil, TrueVibro
+from plant.drives import TrueCoil, TrueVibro
 from tests.hil.app.sil.sil_runs import RIGS, model_of, scenario_of
 from tests.places import SCENARIOS
 

@@ -3,8 +3,8 @@
 import can
 import pytest
 
-from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode, Task
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY
+from hil.nodes.node import FAULTY, RUNNING, ControllerNode, Task
 from tests.hil.app.sil.sil_benches import bench_of, go
 from tests.hil.app.sil.sil_runs import RIGS, model_of
 

@@ -5,8 +5,8 @@ stopped.
 import numpy as np
 import pytest
 
-from hil.nodes.controller.node import FAULTY, RUNNING
 from hil.nodes.frame_map import ENABLED, QUICK_STOP_M_S2
+from hil.nodes.node import FAULTY, RUNNING
 from plant import layout as at
 from tests.hil.app.sil.sil_benches import Full, bench_of, go, pause
 
@@ -100,10 +100,10 @@ def test_a_late_tick_is_still_its_own(late_s: float) -> None:
 
 def test_a_fast_carriage_s_command_lives_shorter_by_the_time_to_brake() -> None:
     """The whole way to rest takes 18 ms at most, whatever the speed; what the node rides through follows."""
-    wiring = bench_of("magnetic").frame_map
+    frame_map = bench_of("magnetic").frame_map
     for speed in np.linspace(-0.25, 0.25, 21):
-        assert wiring.life_ms(speed) + 1e3 * abs(speed) / QUICK_STOP_M_S2 <= 18
-    assert (wiring.life_ms(0.0), wiring.life_ms(0.25)) == (18, 8)
+        assert frame_map.life_ms(speed) + 1e3 * abs(speed) / QUICK_STOP_M_S2 <= 18
+    assert (frame_map.life_ms(0.0), frame_map.life_ms(0.25)) == (18, 8)
     bench = bench_of("magnetic")
     bench.node.supervisor = Full()  # type: ignore[assignment]
     bench.node.start(0.0, 0.0)

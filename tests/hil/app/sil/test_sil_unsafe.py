@@ -11,8 +11,8 @@ import pytest
 from controller.signals import Action
 from hil.app.sil.testbed import PHASE_S
 from hil.bus.protection import Reception
-from hil.nodes.controller.node import FAULTY, RUNNING
 from hil.nodes.frame_map import ENABLE, frames
+from hil.nodes.node import FAULTY, RUNNING
 from hil.simulated.plant_node import SLOT_S
 from hil.simulated.power_stage import CarriagePower
 from plant import layout as at

@@ -12,7 +12,8 @@ from models.checks.usable import used
 from models.effects.effect import Effect
 from models.formula import line_text
 from models.identification.kinds import ready
-from models.identification.kinds.axis.axis import NOISES, AxisKind
+from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.axis.moved import CARRIED
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.kinds.reports import axis as report
 from models.identification.kinds.reports.axis import find_ripple
@@ -152,7 +153,7 @@ def test_folds_leave_out_every_repeat_of_a_place_together() -> None:
         assert sum(map(len, training)) + sum(map(len, validation)) == len(record)
         phases = [np.unique((r["t_s"] * 1000).round().astype(int) % 3000 // 750) for r in validation]
         assert all(np.array_equal(p, phases[0]) for p in phases)
-        assert NOISES[-1] in validation[0].columns
+        assert CARRIED[-1] in validation[0].columns
     assert len(KIND.splits([record, record.with_column("force_N", record["force_N"])])) == 2
 
 

@@ -89,7 +89,7 @@ def test_a_torque_that_is_the_command_claims_no_floor() -> None:
     repeating = command.with_column("angle_rad", np.sin(np.pi * t)).with_column("torque_N_m", np.cos(np.pi * t))
     for record in (command, repeating):
         kind = AxisKind.from_rig(RIG, [record])
-        assert kind.noise(record).force is None
+        assert np.isnan(kind.noise(record).force)
         assert np.isnan(kind.noise_floor([record]))
         said = report.statements(kind, {"calibrated": kind.nominal()}, [record])
         assert "No floor is claimed" in said[0]

@@ -77,8 +77,8 @@ def test_what_a_table_does_not_hold_is_no_candidate_and_is_said() -> None:
     finding = found(record)
     assert [effect.id for effect in finding.effects] == ["stribeck"]
     said = " ".join(finding.statements)
-    assert "cannot show adhesive_contact: its loads lie between 0.2 and 0.2 N" in said
-    assert "cannot show directional_asymmetry: it slides one way only" in said
+    assert "cannot show an adhesive contact: the loads lie between 200 mN and 200 mN" in said
+    assert "cannot show a directional asymmetry: the contact slides in one direction only" in said
     assert finding.next_experiment is not None
     assert "loads" in finding.next_experiment
 

@@ -14,20 +14,25 @@ from models.formula import line_text
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.kinds.reports import series as report
-from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, driven_column, feed, held, logged_whole
+from models.identification.kinds.series.drive_input import (
+    SWITCH_DELAY,
+    Feed,
+    driven_column,
+    feed,
+    logged_whole,
+    switched,
+)
 from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.surfaces.surface import Plate
 from models.theta import Theta
-from plant.drives.kinds import TrueCoil, TrueVibro
-from plant.experiments.excitation import pulse_width
-from plant.experiments.profile import RandomPulses
-from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import RunTable, Scenario
+from plant.drives import TrueCoil, TrueVibro
+from plant.experiments.profile import RandomPulses, pulse_width
+from plant.experiments.scenario import RunTable, Scenario, record_scenario
 from plant.rig import TruePlate, Truth
-from plant.sensing.sensors import Sensor
+from plant.sensing import Sensor
 from tests.bench.bench_drives import believed, series
 
 FINE_S = 2e-5
@@ -44,7 +49,7 @@ def test_edges_between_samples_are_put_back(period_s: float, duty: float) -> Non
     an edge.
     """
     drive = pulse_width(period_s, duty, 1.0, FINE_S)[:50_000]
-    got, true = held(sampled(drive, 100), 2e-3, 40, 0.0), drive[:50_000].reshape(-1, 5)[: 500 * 20].mean(axis=1)
+    got, true = switched(sampled(drive, 100), 2e-3, 40, 0.0), drive[:50_000].reshape(-1, 5)[: 500 * 20].mean(axis=1)
     halves = got.reshape(-1, 2).mean(axis=1)
     assert halves.mean() == pytest.approx(true.mean(), abs=1e-9)
     apart = (halves - true)[:-20]  # what follows the last sample is unknown, so an edge before it too
@@ -53,17 +58,17 @@ def test_edges_between_samples_are_put_back(period_s: float, duty: float) -> Non
 
 
 def test_a_level_between_on_and_off_is_held_as_it_is() -> None:
-    np.testing.assert_allclose(held(np.full(20, 0.4), 2e-3, 10, 0.0), 0.4)
+    np.testing.assert_allclose(switched(np.full(20, 0.4), 2e-3, 10, 0.0), 0.4)
     level = np.r_[np.zeros(5), np.full(10, 0.4), np.ones(5)]
-    assert held(level, 2e-3, 4, 0.0).reshape(-1, 4)[8] == pytest.approx(0.4)
+    assert switched(level, 2e-3, 4, 0.0).reshape(-1, 4)[8] == pytest.approx(0.4)
 
 
 def test_a_switch_logged_as_on_or_off_may_act_later() -> None:
     command = np.r_[0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     assert logged_whole(command)
-    np.testing.assert_allclose(held(command, 2e-3, 2, 0.0), [0, 0, 1, 1, 1, 1, 0, 0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(held(command, 2e-3, 2, 1e-3), [0, 0, 0, 1, 1, 1, 1, 0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(held(command, 2e-3, 2, 2e-3), [0, 0, 0, 0, 1, 1, 1, 1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(switched(command, 2e-3, 2, 0.0), [0, 0, 1, 1, 1, 1, 0, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(switched(command, 2e-3, 2, 1e-3), [0, 0, 0, 1, 1, 1, 1, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(switched(command, 2e-3, 2, 2e-3), [0, 0, 0, 0, 1, 1, 1, 1, 0, 0], atol=1e-12)
 
 
 def test_the_loop_s_own_intervals_meet_the_samples() -> None:

@@ -275,7 +275,7 @@ def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
     assert "reverses direction" in said
     assert "scale error" in said
     assert "3.16 N on the inner mass at rest, with 2.59 N at 10 mm" in said
-    assert "differ by up to 1.0 mm/s" in said
+    assert "differ by up to 1 mm/s" in said
     equations = " ".join(map(line_text, report.equations(kind, theta)))
     assert "a lagging coil current: u = i^2; 0.002788 i' = sqrt(u_cmd) - i" in equations
     assert "coil scale = exp(-20 xi)" in equations

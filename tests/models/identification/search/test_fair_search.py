@@ -14,7 +14,7 @@ from models.identification.search.refit import step_on
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 SECONDS = 12.0
 LATE_S = 0.05

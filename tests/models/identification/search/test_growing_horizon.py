@@ -16,7 +16,7 @@ from models.identification.search.refit import whole
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig, read_rig
 from models.theta import Theta
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 
 def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:

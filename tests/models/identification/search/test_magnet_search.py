@@ -17,10 +17,10 @@ from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
-from plant.drives.kinds import TrueMagnet
-from plant.experiments.series import make_series
+from plant.drives import TrueMagnet
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from tests.models.identification.search.test_vibro_search import read_series
+from tests.plant.series import make_series
 
 
 def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:

@@ -15,7 +15,7 @@ from models.records.record import Record, read_record
 from models.rigs.reader import Noise, read_rig
 from models.rigs.rig import Rig
 from models.theta import Theta
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 
 class Hanging(SeriesKind):

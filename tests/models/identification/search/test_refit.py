@@ -9,7 +9,7 @@ from models.identification.kinds import kind_for, ready
 from models.identification.search.refit import refit
 from models.records.record import read_record
 from models.rigs.reader import read_rig
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 
 @pytest.mark.parametrize("seed", [602381001])

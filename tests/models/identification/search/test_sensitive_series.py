@@ -13,7 +13,7 @@ from models.identification.search.growing_horizon import predictable, sensitivit
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 CALM = (None, {}, 15.0)
 FALLING = ("stribeck", Theta.of({("stribeck", "excess"): 0.56, ("stribeck", "speed_m_s"): 0.003}), 45.0)

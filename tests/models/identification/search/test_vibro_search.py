@@ -21,7 +21,7 @@ from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
-from plant.experiments.series import make_series
+from tests.plant.series import make_series
 
 CANDIDATES = ("spring_damping", "stribeck", "incline_gravity")
 

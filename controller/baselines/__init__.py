@@ -1,1 +1,0 @@
-"""Classical controllers to compare with."""

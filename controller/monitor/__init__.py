@@ -1,1 +1,0 @@
-"""Whether the model in use still holds, watched while it leads."""

@@ -1,1 +1,0 @@
-"""A carriage that is a CiA 402 drive: protocol, set-up, homing, and how it is led."""

@@ -1,1 +1,0 @@
-"""A carriage that is a moteus controller: protocol, set-up, and how it is led."""

@@ -1,1 +1,0 @@
-"""A carriage that is an ODrive: protocol, set-up, and how it is led."""

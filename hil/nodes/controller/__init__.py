@@ -1,1 +1,0 @@
-"""The controller as a node: receive, estimate, command, guard."""

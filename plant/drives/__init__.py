@@ -1,1 +1,0 @@
-"""How force reaches the capsule: imposed position, one driven body, or a body with an inner mass."""

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from controller.registry import use_controllers
-from hil.app.effects.effects import described
-from hil.app.identify.close_loop import result_files
+from hil.app.close_loop import result_files
+from hil.app.effects import described
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.scenario.model_use import values_of
 from hil.app.scenario.scenario import load_track_scenario

@@ -5,11 +5,11 @@ from typing import Final
 
 from rich.console import Console
 
+from hil.app.close_loop import read_series
 from hil.app.console import print_json, say, summary
-from hil.app.identify.close_loop import read_series
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
-from hil.report.words import grouped, tidy
+from hil.report.words import grouped
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
@@ -40,7 +40,7 @@ def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, 
     for alike in grouped(findings):
         first = alike[0]
         console.print(f"{first.severity}: {first.id.replace('_', ' ')}", style="bold")
-        lines = [f"{finding.file}, {finding.where}: {tidy(finding.sentence)}" for finding in alike]
+        lines = [f"{finding.file}, {finding.where}: {finding.sentence}" for finding in alike]
         for line in (*lines, TEXT("check.how", how=first.how), TEXT("check.remedy", remedy=first.remedy)):
             console.print(f"  {line}", soft_wrap=True)
     if hidden:

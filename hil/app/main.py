@@ -28,15 +28,15 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
     "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
     "init": ("hil.app.init:init", "magnetic my_rig"),
     "close-loop": (
-        "hil.app.identify.close_loop:close_loop",
+        "hil.app.close_loop:close_loop",
         "run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
     ),
     "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
-    "effects": ("hil.app.effects.effects:effects", "check my_effect.py"),
+    "effects": ("hil.app.effects:effects", "check my_effect.py"),
     "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
     "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
     "predict": (
-        "hil.app.identify.predict:predict",
+        "hil.app.predict:predict",
         "run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv",
     ),
     "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
+from hil.app.close_loop import read_series
 from hil.app.console import answer
-from hil.app.identify.close_loop import read_series
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, Records, option
 from hil.app.write import check_file, check_targets, write_files
@@ -68,7 +68,7 @@ def page(records: Sequence[Record]) -> str:
             line(figure, record[over][there], record[name][there], record.name, look | {"width": None}, row, **more)
     title = listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
     eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
-    return builder.page("plot.html.j2", title=title, eyebrow=eyebrow, story="", heading="Columns", drawn=figure)
+    return builder.page("plot.html.j2", title=title, eyebrow=eyebrow, lead="", heading="Columns", drawn=figure)
 
 
 def _title(column: str) -> str:

@@ -1,8 +1,9 @@
-"""The builder of every page: a template puts a header, sections and figures on one self-contained file with its style,
-and plotly packed to under a MB.
+"""The builder of every page: a template puts a header, sections and figures on one self-contained file, with the style
+and a packed plotly of less than a MB.
 """
 
 import base64
+import math
 import re
 from collections.abc import Callable
 from functools import cache
@@ -21,14 +22,14 @@ from models.words import quantities, sentences
 
 TEMPLATES = Path(__file__).with_name("templates")
 PLOTLY = Path(__file__).parent / "plotly" / "plotly-cartesian.min.js.gz"
-"""The file of npm's plotly.js-cartesian-dist-min as it is published, gzipped: bars, boxes, heat maps, lines and points,
-a third of the whole library, which a browser takes over a second to read.
+"""The file of npm's plotly.js-cartesian-dist-min as it is published, gzipped: bars, boxes, heat maps, lines and
+points. It is a third of the whole library, which a browser takes over a second to read.
 """
 
 
 @cache
 def environment(folder: Path = TEMPLATES) -> Environment:
-    """What makes text of the templates in `folder`, with the words and quantities of all pages."""
+    """The templates in `folder`, with filters for words and quantities."""
     made = Environment(
         loader=FileSystemLoader(folder),
         autoescape=lambda name: name is None or ".html" in name,
@@ -38,18 +39,18 @@ def environment(folder: Path = TEMPLATES) -> Environment:
     )
     for room, names in (
         (quantities, ("number", "fixed", "percent", "amount", "quantity", "unit_words")),
-        (words, ("column_words", "parameter_words", "signed", "tidy")),
+        (words, ("column_words", "parameter_words")),
         (effects, ("effect_words",)),
         (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}
-    made.filters |= {"indexed": _indexed, "equations": equations_html}
+    made.filters |= {"indexed": _indexed, "equations": equations_html, "exp": math.exp}
     made.globals |= {"DASH": quantities.DASH, "library": cache(lambda: base64.b64encode(PLOTLY.read_bytes()).decode())}
     return made
 
 
 def _indexed(text: str) -> Markup:
-    """A sentence whose letters with an index are written as such."""
+    """A sentence with its indexed letters, as in F_e, typeset."""
     return Markup(re.sub(r"\b([A-Za-z])_([A-Za-z])\b", r"<i>\1</i><sub>\2</sub>", str(escape(text))))
 
 
@@ -62,22 +63,22 @@ class _Parts:
         self.figures = 0
 
     def header(
-        self, title: str, eyebrow: str, story: str = "", kind: str = "", style: str = "", caller: Any = None
+        self, title: str, eyebrow: str, lead: str = "", kind: str = "", style: str = "", caller: Any = None
     ) -> str:
-        """The header: what the page is, its headline, a sentence; HTML below; a further style."""
-        self.head = {"title": title, "eyebrow": eyebrow, "story": story, "kind": kind, "style": style}
+        """The header: eyebrow, title and a sentence, the caller's HTML below; `style` names a further style sheet."""
+        self.head = {"title": title, "eyebrow": eyebrow, "lead": lead, "kind": kind, "style": style}
         self.head["more"] = "" if caller is None else caller()
         return ""
 
     def section(self, key: str, title: str, caller: Callable[[], str]) -> str:
-        """A section, which is left out where it is empty; `key` names its link at the top."""
+        """A section, omitted where it is empty; `key` names its link at the top."""
         content = caller()
         if content.strip():
             self.sections.append((key, title, content))
         return ""
 
     def figure(self, figure: go.Figure | None) -> str:
-        """A figure, drawn once it comes into view; one with panels side by side has a least width."""
+        """A figure, drawn once it comes into view; panels side by side have a least width."""
         if figure is None:
             return ""
         self.figures += 1

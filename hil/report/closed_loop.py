@@ -1,37 +1,35 @@
 """The report of a closed loop as one self-contained page: what its template needs."""
 
-import math
-from collections.abc import Collection
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from hil.report.builder import page
-from hil.report.dependence import curves_figure, story, surface_figure
-from hil.report.figure_map import agreement_figure, speed_map
-from hil.report.figure_residuals import residual_figure
+from hil.report.dependence import curves_figure, dependence_words, surface_figure
+from hil.report.figure_residuals import agreement_figure, residual_figure, speed_map
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html, symbol_html
+from hil.report.numbers import error_rows, parameters, smallest_rows
 from hil.report.panels import Panel, closer, panels
-from hil.report.tables import error_rows, limit_share, parameters, record_rows, smallest_rows
-from hil.report.words import PARTS, effect_summary, error_story, grouped, headline, interpolation, quantities_words
-from models.effects.effect import Effect
+from hil.report.words import (
+    PARTS,
+    TEXT,
+    column_words,
+    confidence_words,
+    error_words,
+    grouped,
+    headline,
+    interpolation,
+)  # fmt: skip
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
 from models.identification.residual_term import law_of
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
-from models.words.quantities import number
 
 POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
-VERDICTS: Final = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}
-SEVERITIES: Final = {"stops": "stops a fit", "weakens": "weakens the verdict", "note": "note"}
-_MOST: Final = math.log(1000)
-_MARKS: Final = ((0.0, "1"), (math.log(2), "1/2"), (math.log(10), "1/10"), (math.log(100), "1/100"), (_MOST, "1/1000"))
-"""Places on a logarithmic axis, and what stands there."""
 
 
 def report_html(finding: Finding) -> str:
@@ -47,7 +45,7 @@ def report_html(finding: Finding) -> str:
         "motion": finding.proposal and motion_figure(finding.proposal),
         "next_csv": NEXT_CSV,
         "next_toml": NEXT_TOML,
-        "quantities": quantities_words(finding),
+        "quantities": [column_words(column)[0] for column in finding.columns],
         "interpolation": interpolation(finding),
         "errors": error_figure(finding),
         "stages": [*STAGES],
@@ -56,12 +54,10 @@ def report_html(finding: Finding) -> str:
         "confidence_origin": confidence_map().origin,
         "smallest": smallest_rows(finding),
         "record_findings": [*grouped(finding.findings)],
-        "severities": SEVERITIES,
-        "cannot_show": _by_reason(finding.cannot_show),
+        "part_words": PARTS,
         **_records(finding, drawn, after),
         **_depends(finding.dependence),
         "residual": residual_figure([p for p in drawn if {before, after} <= set(p.predicted)], before, after),
-        "checks": [{"check": check, "share": limit_share(check)} for check in finding.checks],
         "candidates": candidate_figure(finding),
         "equations": equations_html(lines) if lines else "",
         "legend": {symbol_html(symbol) or symbol: meaning for symbol, meaning in legend(lines).items()},
@@ -72,94 +68,79 @@ def report_html(finding: Finding) -> str:
 
 
 def _head(finding: Finding) -> dict[str, Any]:
-    """Headline and story; what keeps the report from a verdict, or checks that fail, as a warning."""
+    """Headline and lead; a warning where the report allows no verdict or checks fail."""
     train = sum(trace.role != "holdout" for trace in finding.traces)
-    counts = f"{train} training, {len(finding.traces) - train} held out" if finding.traces else ""
-    failed = [
-        f"{check.name}: {number(check.value, 3)}, at most {number(check.limit, 3)} allowed ({check.meaning})"
-        for check in finding.checks
-        if not check.ok
+    failed = [check for check in finding.checks if not check.ok]
+    doubts = [*finding.reasons] or [
+        TEXT("doubt.check", name=check.name, value=check.value, limit=check.limit, meaning=check.meaning)
+        for check in failed
     ]
-    doubts = [*finding.reasons] or [*failed]
     doubts += [found.sentence for found in finding.findings if found.id == WORSE and found.sentence not in doubts]
-    no_verdict = "The records allow no verdict" if finding.verdict == "unknown" else "A stage of the model is worse"
+    doubt = "failed" if failed else "unknown" if finding.verdict == "unknown" else "worse"
     return {
         "headline": headline(finding),
-        "eyebrow": f"Closed loop · {finding.kind.replace('_', ' ')} rig · {counts}",
-        "story": error_story(finding),
-        "chip": VERDICTS.get(finding.verdict, finding.verdict),
+        "train": train,
+        "held_out": len(finding.traces) - train,
+        "lead": f"{error_words(finding)} {confidence_words(finding)}".strip(),
+        "chip": TEXT(f"verdict.{finding.verdict}"),
         "failed": len(failed),
         "doubts": doubts,
-        "doubt": f"{len(failed)} of {len(finding.checks)} checks fail" if failed else no_verdict,
+        "doubt": TEXT(f"doubt.{doubt}", failed=len(failed), n=len(finding.checks)),
     }
 
 
 def _card(effect: FoundEffect, finding: Finding) -> dict[str, Any]:
     """A found effect with its equations, its numbers, its curves and how sure it is."""
-    evidence = max(effect.evidence, 0.0)
-    left = math.exp(-evidence)
-    marks = [(f"{500 * at / _MOST:.1f}", words) for at, words in _MARKS]
+    declared = finding.effect(effect.id)
+    own = {effect.id: effect.parameters, **effect.curves}
     return {
         "effect": effect,
-        "separated": effect_summary(effect.id)[1],
-        "parts": [_part(effect.id, effect.parameters, finding)]
-        + [_part(name, estimates, finding) for name, estimates in effect.curves.items()],
-        "remains": number(left, 2) if left >= 1e-4 else "less than 0.0001",
-        "x": f"{500 * min(evidence, _MOST) / _MOST:.1f}",
-        "marks": marks,
+        "separated": declared.separated_by if declared else "",
+        "parts": [_part(name, estimates, finding) for name, estimates in own.items()],
     }
 
 
 def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str, Any]:
-    """What an effect or an added curve of it is: its equations, and its numbers."""
+    """An effect or an added curve of it: its equations with the symbols of what was fitted, and its numbers; what
+    stayed at its default is a number in the equations.
+    """
     effect = finding.effect(name)
+    if effect is None:
+        return {"name": name, "summary": "", "equations": "", "parameters": parameters(estimates, symbols={})}
+    fixed = {p.name: p.value for p in effect.parameters() if p.name not in estimates}
+    formulas = equations_of(effect, fixed, turns=finding.unit == "N m")
     return {
         "name": name,
-        "summary": effect_summary(name)[0],
-        "equations": _equations(effect, estimates, finding),
-        "parameters": parameters(estimates, symbols=effect.letters() if effect else {}),
+        "summary": effect.summary,
+        "equations": equations_html([[formula] for formula in formulas]),
+        "parameters": parameters(estimates, symbols=effect.letters()),
     }
 
 
-def _equations(effect: type[Effect] | None, fitted: Collection[str], finding: Finding) -> Markup:
-    """The equations of an effect with the symbols of what was fitted; what stayed at its default is a number."""
-    if effect is None:
-        return Markup("")
-    fixed = {p.name: p.value for p in effect.parameters() if p.name not in fitted}
-    return equations_html([[formula] for formula in equations_of(effect, fixed, turns=finding.unit == "N m")])
-
-
-def _by_reason(cannot_show: dict[str, str]) -> dict[str, list[str]]:
-    reasons: dict[str, list[str]] = {}
-    for name, why in cannot_show.items():
-        reasons.setdefault(why, []).append(name)
-    return reasons
-
-
 def _records(finding: Finding, drawn: list[Panel], last: str) -> dict[str, Any]:
-    """The records and what is drawn of them: held-out ones first, and not all of many."""
-    found: dict[str, Any] = {"record_rows": record_rows(finding), "maps": [], "shown": [], "left_out": 0}
+    """The figures of the records, held-out ones first, at most `MOST_PANELS` of them."""
+    found: dict[str, Any] = {"maps": [], "shown": [], "left_out": 0}
     if KINDS[finding.kind].runs:
         return found | {"maps": [speed_map(drawn, last), agreement_figure(drawn, last)]}
     shown = sorted(drawn, key=lambda panel: panel.role != "holdout")[:MOST_PANELS]
     points = max(400, POINTS // (6 * max(len(shown), 1)))
-    for place, panel in enumerate(shown):
-        closely = place == 0 and panel.dense
+    for number, panel in enumerate(shown):
+        closely = number == 0 and panel.dense
         one = {
             "title": f"{panel.record}: {panel.quantity} ({PARTS.get(panel.role, PARTS['train'])})",
             "figure": trace_figure(panel, points),
             "near": trace_figure(closer(panel), points, residual=False) if closely else None,
-            "opened": place == 0 or panel.role == "holdout" or len(shown) <= 3,
+            "opened": number == 0 or panel.role == "holdout" or len(shown) <= 3,
         }
         found["shown"].append(one)
     return found | {"left_out": len(drawn) - len(shown)}
 
 
 def _depends(found: Dependence | None) -> dict[str, Any]:
-    """What the residual of an `unknown` depends on, and the term that is proposed for it."""
+    """What the residual of an `unknown` depends on, and the proposed term."""
     if found is None:
         return {}
-    shown = {"dependence": story(found), "curves": curves_figure(found), "surface": surface_figure(found)}
+    shown = {"dependence": dependence_words(found), "curves": curves_figure(found), "surface": surface_figure(found)}
     term = found.term
     if term is None:
         return shown

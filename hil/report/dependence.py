@@ -5,55 +5,37 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.report.theme import STAGE_COLOURS, styled
-from hil.report.words import column_words
+from hil.report.words import SHOWN_SHARE, TEXT, column_words
 from models.identification.finding import Dependence, ResidualCurve
-from models.words.quantities import number, percent, scale
-from models.words.sentences import listed
+from models.words.quantities import scale
 
 _SHOWN = 4  # curves in the list
-_TELLS = 0.01  # share of the residual from which a curve is in it
+_OVER = {"+x": "over", "-v": "resistance"}
 _BAND = "rgba(14, 110, 115, 0.18)"
-_FORMS = {
-    "line": "a straight line",
-    "parabola": "a parabola",
-    "decay": "an exponential",
-    "step": "a step with rounded edges",
-    "bump": "a bump",
-    "wave": "a wave",
-    "line_and_decay": "a straight line and an exponential",
-    "knots": "no short form: straight lines between knots",
-}
 
 
-def story(found: Dependence) -> list[str]:
+def dependence_words(found: Dependence) -> list[str]:
     """What the residual depends on, in sentences for page and terminal."""
-    said, surface, term = [_best(found)], found.surface, found.term
+    best, surface, tone, term = _best(found), found.surface, found.tone, found.term
+    over = [TEXT(f"depends.{_OVER[c.along]}", share=c.share, variable=column_words(c.variable)[0]) for c in best]
+    said = [TEXT("depends.curves", curves=over) if over else TEXT("depends.none")]
     if surface is not None:
-        names = listed(column_words(name)[0] for name in surface.variables)
-        said.append(f"Two signals matter together: a surface over {names} foretells {percent(surface.share)}.")
-    if found.tone is not None:
-        said.append(f"{percent(found.tone.share)} of its power is a tone of {number(found.tone.frequency_Hz, 3)} Hz.")
+        names = [column_words(name)[0] for name in surface.variables]
+        said.append(TEXT("depends.surface", variables=names, share=surface.share))
+    if tone is not None:
+        said.append(TEXT("depends.tone", share=tone.share, frequency=tone.frequency_Hz))
     if term is not None:
-        said.append(f"Proposed term, {_FORMS[term.form]}: {term.text}, in {term.amplitude.unit} and SI units.")
+        said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text, unit=term.amplitude.unit))
     return said
 
 
-def _best(found: Dependence) -> str:
-    told = [c for c in found.curves if c.share >= _TELLS]
-    if not told:
-        return "No curve over one signal predicts the residual on stretches that it was not made on."
-    rows = [f"{_over(c)} {percent(c.share)}" for c in told[:_SHOWN]]
-    return f"Of the residual a curve predicts, on stretches it was not made on: {listed(rows)}."
-
-
-def _over(curve: ResidualCurve) -> str:
-    words, _ = column_words(curve.variable)
-    return f"over {words}{', as a resistance,' if curve.along == '-v' else ''}"
+def _best(found: Dependence) -> list[ResidualCurve]:
+    return [curve for curve in found.curves if curve.share >= SHOWN_SHARE][:_SHOWN]
 
 
 def curves_figure(found: Dependence) -> go.Figure | None:
-    """The curves that foretell most, each with its 95 % interval."""
-    shown = [c for c in found.curves if c.share >= _TELLS][:_SHOWN]
+    """The curves that predict most, each with its 95 % interval."""
+    shown = _best(found)
     if not shown:
         return None
     factor, unit = scale(np.concatenate([c.values for c in shown]), found.unit)
@@ -70,9 +52,8 @@ def curves_figure(found: Dependence) -> go.Figure | None:
         figure.add_scatter(y=factor * curve.values, mode="lines+markers", line=line, marker={"size": 4}, **here)
         size = "size of " if curve.sized else ""
         figure.update_xaxes(title=f"{size}{words} in {prefixed}", row=1, col=col)
-    resisting = all(curve.along == "-v" for curve in shown)
-    styled(figure, 320)
-    return figure.update_yaxes(title=f"{'resistance left' if resisting else found.quantity} in {unit}", row=1, col=1)
+    name = "residual resistance" if all(curve.along == "-v" for curve in shown) else found.quantity
+    return styled(figure, 320).update_yaxes(title=f"{name} in {unit}", row=1, col=1)
 
 
 def surface_figure(found: Dependence) -> go.Figure | None:

@@ -1,4 +1,4 @@
-"""Figure of the residual against whatever it may depend on, before and after."""
+"""Figures over signals: the residual before and after; of a table of runs, measured and predicted speed."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil.report.panels import Panel, binned, pooled
-from hil.report.theme import STAGE_COLOURS, Array, line_colour, styled
+from hil.report.theme import INK, MUTED, STAGE_COLOURS, Array, axes, line_colour, styled
 from hil.report.words import column_words
 from models.words.quantities import scale
 
@@ -40,7 +40,7 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
         cols=2,
         shared_yaxes=True,
         horizontal_spacing=0.03,
-        vertical_spacing=58 / (60 + 225 * len(names)),
+        vertical_spacing=72 / (60 + 240 * len(names)),
         column_titles=[f"before: {before} model", f"after: {after} model"],
     )
     for row, name in enumerate(names, start=1):
@@ -51,8 +51,8 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
             for number, (pool, rest) in enumerate(zip(pools, rests[stage], strict=True)):
                 colour = line_colour(number) if several else STAGE_COLOURS[stage]
                 _cloud(figure, along * pool.signals[name], factor * rest, colour, pool.quantity, **here)
-                for k, (way, dash) in enumerate(_ways(pool, name)):
-                    centres, means = binned(along * pool.signals[name][way], factor * rest[way])
+                for k, (part, dash) in enumerate(_directions(pool, name)):
+                    centres, means = binned(along * pool.signals[name][part], factor * rest[part])
                     look: dict[str, Any] = {"line": {"color": colour, "width": 2, "dash": dash}, "marker": {"size": 4}}
                     look |= {"name": pool.quantity, "showlegend": several and (row, column, k) == (1, 1, 0)}
                     figure.add_scatter(x=centres, y=means, mode="lines+markers", **look, **here)
@@ -60,7 +60,7 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
         figure.update_yaxes(title=f"residual in {unit}", row=row, col=1)
     limit = 1.15 * factor * float(np.nanquantile(everything, 0.995))
     figure.update_yaxes(range=[-limit, limit])
-    return styled(figure, 60 + 225 * len(names), legend={"orientation": "h", "x": 0, "y": 1.05, "yanchor": "bottom"})
+    return styled(figure, 60 + 240 * len(names), legend={"orientation": "h", "x": 0, "y": 1.05, "yanchor": "bottom"})
 
 
 def _cloud(figure: go.Figure, signal: Array, rest: Array, colour: str, name: str, **here: int) -> None:
@@ -74,14 +74,67 @@ def _cloud(figure: go.Figure, signal: Array, rest: Array, colour: str, name: str
     figure.add_scatter(**points, mode="markers", name=name, showlegend=False, hoverinfo="skip", **here)
 
 
-def _ways(pool: Panel, name: str) -> list[tuple[NDArray[np.bool_], str]]:
-    """The samples that share a local mean, with the line's dash: forward and backward motion apart where the record
-    tells.
+def _directions(pool: Panel, name: str) -> list[tuple[NDArray[np.bool_], str]]:
+    """The samples that share a local mean, with the line's dash; forward and backward motion apart where the speed is
+    known.
     """
     all_of_them = [(np.ones(len(pool.measured), dtype=bool), "solid")]
     if SPEED not in pool.signals or name in (SPEED, "t_s"):
         return all_of_them
     speed = pool.signals[SPEED]
     least = 0.02 * float(np.nanmax(np.abs(speed)))
-    ways = ((speed > least, "solid"), (speed < -least, "dot"))
-    return [(way, dash) for way, dash in ways if np.count_nonzero(way) > 50] or all_of_them
+    parts = ((speed > least, "solid"), (speed < -least, "dot"))
+    return [(part, dash) for part, dash in parts if np.count_nonzero(part) > 50] or all_of_them
+
+
+def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
+    """Maps of the measurement, the nominal model and the stage `last`: a dot a condition, coloured by speed."""
+    drawn = [panel for panel in drawn if {"period_s", "duty"} <= set(panel.signals)]
+    if not drawn:
+        return None
+    pool = pooled(drawn)
+    columns = {"measured": pool.measured} | {stage: pool.predicted[stage] for stage in ("nominal", last)}
+    unique, index = np.unique(
+        np.column_stack((pool.signals["period_s"], pool.signals["duty"])).round(9), axis=0, return_inverse=True
+    )
+    counts = np.bincount(index.ravel())
+    means = {name: np.bincount(index.ravel(), weights=values) / counts for name, values in columns.items()}
+    factor, unit = scale(columns["measured"], drawn[0].unit)
+    limit = factor * float(np.nanmax(np.abs(means["measured"])))
+    titles = [name if name == "measured" else f"{name} model" for name in means]
+    figure = make_subplots(rows=1, cols=len(means), shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=titles)
+    edge = {"color": INK, "width": 0.7}
+    for column, values in enumerate(means.values(), start=1):
+        figure.add_scatter(
+            x=1e3 * unique[:, 0],
+            y=unique[:, 1],
+            mode="markers",
+            marker={"color": factor * values, "coloraxis": "coloraxis", "size": 11, "line": edge},
+            hovertemplate=f"T %{{x:.3g}} ms, duty %{{y:.2f}}: %{{marker.color:.3g}} {unit}<extra></extra>",
+            **{"showlegend": False, "row": 1, "col": column},
+        )
+        figure.update_xaxes(title="drive period in ms", row=1, col=column)
+    figure.update_yaxes(title="duty", row=1, col=1)
+    bar = {"title": {"text": f"speed in {unit}", "side": "right"}, "thickness": 14, "outlinewidth": 0}
+    return styled(
+        figure, 400, coloraxis={"colorscale": "RdBu", "cmin": -limit, "cmax": limit, "colorbar": bar}, margin={"r": 90}
+    )
+
+
+def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
+    """Predicted against measured for the nominal model and the stage `last`; a right model lies on the line."""
+    measured = pooled(drawn).measured
+    factor, unit = scale(measured, drawn[0].unit)
+    figure = axes(f"measured {drawn[0].quantity} in {unit}", f"predicted in {unit}", 420)
+    ends = factor * np.array([measured.min(), measured.max()])
+    line = {"color": MUTED, "dash": "dash", "width": 1}
+    figure.add_scatter(x=ends, y=ends, mode="lines", line=line, showlegend=False, hoverinfo="skip")
+    for stage in dict.fromkeys(("nominal", last)):
+        for role, symbol in (("train", "circle"), ("holdout", "diamond-open")):
+            some = [panel for panel in drawn if (panel.role == "holdout") == (role == "holdout")]
+            if some:
+                pool, name = pooled(some), stage + (", held out" if role == "holdout" else "")
+                marker = {"color": STAGE_COLOURS[stage], "symbol": symbol, "size": 8, "opacity": 0.85}
+                x, y = factor * pool.measured, factor * pool.predicted[stage]
+                figure.add_scatter(x=x, y=y, mode="markers", name=name, marker=marker)
+    return figure

@@ -45,7 +45,7 @@ def stage_bar(stage: str, heights: list[float]) -> dict[str, Any]:
 
 
 def candidate_figure(finding: Finding) -> go.Figure | None:
-    """For each round: what a candidate explains when screened, and what it gains on data left out once fitted."""
+    """For each round the share that a candidate explains when screened, and the gain of a fitted one on new data."""
     rounds = sorted({row.round for row in finding.candidates})[:MOST_ROUNDS]
     if not rounds:
         return None
@@ -60,15 +60,15 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
         row_heights=[max(size, 3) for size in sizes],
         subplot_titles=[t for k in rounds for t in (f"round {k}: share of the residual, screened", _GAIN)],
     )
-    for place, rows in enumerate(shown.values(), start=1):
+    for panel, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
         colours = [_colour(finding, row.id) for row in rows]
         notes = [row.note for row in rows]
         for column, values in enumerate(([100 * row.screened for row in rows], [row.gain for row in rows]), start=1):
-            here = {"orientation": "h", "showlegend": False, "row": place, "col": column}
+            here = {"orientation": "h", "showlegend": False, "row": panel, "col": column}
             hover = {"customdata": notes, "hovertemplate": "%{y}: %{x:.3g}<br>%{customdata}<extra></extra>"}
             figure.add_bar(x=values, y=names, marker={"color": colours, "cornerradius": 2}, **hover, **here)
-        figure.update_xaxes(ticksuffix=" %", rangemode="tozero", row=place, col=1)
+        figure.update_xaxes(ticksuffix=" %", rangemode="tozero", row=panel, col=1)
     styled(figure, _height(sizes), bargap=0.28, margin={"l": 165, "r": 20, "t": 34, "b": 40})
     return figure.update_yaxes(autorange="reversed", tickfont={"color": MUTED}, ticklabelstandoff=6)
 

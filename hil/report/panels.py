@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.report.words import column_words, quantity_columns
+from hil.report.words import column_words
 from models.identification.finding import STAGES, Finding, Trace
 
 Array = NDArray[np.float64]
@@ -32,35 +33,23 @@ class Panel:
         return len(self.measured) > 200 and bool(np.all(np.diff(self.abscissa) >= 0))
 
 
-def quantities(finding: Finding) -> list[tuple[str, str]]:
-    """Name and unit of each measured quantity of a finding."""
-    return [(name, unit or finding.unit) for name, unit in map(column_words, quantity_columns(finding))]
-
-
 def panels(finding: Finding, trace: Trace) -> list[Panel]:
-    """A trace's quantities one by one; columns of a two-dimensional measurement are different quantities."""
-    names = quantities(finding)
-    measured = np.asarray(trace.measured, dtype=float)
-    if measured.ndim == 1:
-        measured = measured[:, None]
-    if len(names) < measured.shape[1]:
-        names = [(f"{finding.quantity} {i + 1}", finding.unit) for i in range(measured.shape[1])]
-    predicted = {
-        stage: np.asarray(trace.predicted[stage], dtype=float).reshape(measured.shape)
-        for stage in stages(finding, trace)
-    }
-    abscissa, drawn = np.asarray(trace.abscissa, dtype=float), []
-    for k in range(measured.shape[1]):
-        name, unit = names[k] if measured.shape[1] > 1 or len(names) == 1 else (trace.name, names[0][1])
-        values = measured[:, k], {stage: values[:, k] for stage, values in predicted.items()}
-        drawn.append(Panel(trace.name, trace.role, name, unit, trace.axis, abscissa, *values, trace.signals))
+    """A panel for each measured column of a trace; the augmented model only where there is an effect."""
+    measured = _columns(trace.measured)
+    stages = [stage for stage in STAGES if stage in trace.predicted and (finding.effects or stage != "augmented")]
+    predicted = {stage: _columns(trace.predicted[stage]) for stage in stages}
+    known = {"record": trace.name, "role": trace.role, "axis": trace.axis, "signals": trace.signals}
+    abscissa, drawn = np.asarray(trace.abscissa, dtype=float), list[Panel]()
+    for k, (name, unit) in enumerate(map(column_words, finding.columns[: len(measured)])):
+        values = {stage: columns[k] for stage, columns in predicted.items()}
+        own: dict[str, Any] = {**known, "quantity": name, "unit": unit or finding.unit}
+        drawn.append(Panel(**own, abscissa=abscissa, measured=measured[k], predicted=values))
     return drawn
 
 
-def stages(finding: Finding, trace: Trace) -> list[str]:
-    """The stages worth drawing: the augmented model only where it has something that the calibrated one has not."""
-    drawn = [stage for stage in STAGES if stage in trace.predicted]
-    return drawn if finding.effects else [stage for stage in drawn if stage != "augmented"]
+def _columns(values: Array) -> Array:
+    """The columns (c, n) of (n,) or (n, c) values."""
+    return np.atleast_2d(np.asarray(values, dtype=float).T)
 
 
 def pooled(drawn: Sequence[Panel]) -> Panel:

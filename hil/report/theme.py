@@ -15,7 +15,7 @@ POINTS = 4000  # of a line
 INK, MUTED, GRID, FLOOR = "#1d2733", "#66727f", "#e6eaee", "#8792a0"
 STAGE_COLOURS = MappingProxyType({"nominal": "#a9b4c2", "calibrated": "#e0913a", "augmented": "#0b7a84"})
 QUANTITY_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7d1a")
-"""Okabe and Ito's colours, which people of every colour vision tell apart; the yellow one darker, for white paper."""
+"""Okabe and Ito's colours, distinguishable in every colour vision; the yellow one is darker, for white paper."""
 DASHES = ("solid", "dash", "dot", "dashdot")
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "x", "star")
 FONT = "Inter, 'Segoe UI', system-ui, -apple-system, 'Helvetica Neue', Arial, sans-serif"
@@ -73,7 +73,8 @@ def line(figure: go.Figure, x: Array, y: Array, name: str, look: Mapping[str, An
     """A line of the panel `row` with one entry for all panels in the legend; drawn in at most `points`."""
     x, y = thinned(x, y, more.pop("points", POINTS))
     shown = {"mode": "lines", "legendgroup": name, "showlegend": row == 1, "col": 1, **more}
-    figure.add_scatter(x=x, y=y, name=name, line={"width": 1.5, **look}, row=row, **shown)
+    points = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
+    figure.add_scatter(**points, name=name, line={"width": 1.5, **look}, row=row, **shown)
 
 
 def thinned(abscissa: Array, values: Array, points: int) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from models.checks.finding import RecordFinding
+from models.effects import CATALOGUE
 from models.effects.effect import Effect
 from models.formula import Line
 from models.identification.kind import Array
@@ -182,14 +183,17 @@ class Dependence:
 
 @dataclass(frozen=True)
 class Finding:
-    """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
-    names; `declared` are the effects by id, those that were tried as this kind has them.
+    """The whole answer of `close-loop`: the measured `columns` and their `unit`, the `error` in `error_unit`, which is
+    empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
+    are the effects by id, those that were tried as this kind has them.
     """
 
     kind: str
     quantity: str
     unit: str
     measure: str
+    columns: tuple[str, ...]
+    error_unit: str
     verdict: str
     effects: tuple[FoundEffect, ...]
     calibration: dict[str, Fitted]
@@ -215,4 +219,4 @@ class Finding:
 
     def effect(self, name: str) -> type[Effect] | None:
         """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""
-        return self.declared.get(name)
+        return self.declared.get(name) or CATALOGUE.get(name)

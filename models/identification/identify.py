@@ -86,7 +86,7 @@ def close(
     near = [drawn(kind, fit, found.model, rng, sure) for _ in range(SET.draws)]
     residuals = residual_checks(kind, train, fit, near, effects=found.effects)
     chance, floor = chance_error(kind, holdout, fit, likely), kind.noise_floor(holdout or train)
-    worse = setbacks(held, floor, "%" if "%" in kind.measure else kind.unit)
+    worse = setbacks(held, floor, kind.error_unit)
     last = "augmented" if found.effects else "calibrated"
     of_stages = {stage: said for stage, said in worse.items() if found.effects or stage != "augmented"}
     weakened = None if by_chance(held.get(last, np.nan), chance) else last
@@ -114,6 +114,8 @@ def close(
         quantity=kind.quantity,
         unit=kind.unit,
         measure=kind.measure,
+        columns=kind.quantities,
+        error_unit=kind.error_unit,
         verdict=verdict,
         effects=tuple(_effect(kind, name, found, spread, verdict) for name in found.effects),
         calibration={name: estimate for name, estimate in spread.items() if isinstance(name, str)},

@@ -61,12 +61,22 @@ class Kind(ABC):
     @property
     @abstractmethod
     def quantity(self) -> str:
-        """The measured column."""
+        """The measured column; several are listed in words."""
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Each measured column."""
+        return (self.quantity,)
 
     @property
     @abstractmethod
     def unit(self) -> str:
         """Its unit."""
+
+    @property
+    def error_unit(self) -> str:
+        """The unit of `error`, per cent where it is relative; empty for a pure number."""
+        return self.unit.removeprefix("1")
 
     @property
     @abstractmethod

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.export.fmu.model_unit import model_unit
-from hil.app.export.fmu.package import fmu
-from hil.app.export.fmu.plant_unit import plant_unit, read_truth
+from hil.app.export.fmu_archive import fmu
+from hil.app.export.fmu_model import model_unit
+from hil.app.export.fmu_plant import plant_unit, read_truth
 from hil.app.export.found import read_found
 from models.identification.model import Model
 from models.records.record import record_of

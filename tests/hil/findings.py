@@ -76,6 +76,8 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         quantity="force_N",
         unit="N",
         measure="rms of the free-running prediction, low-passed at 2 Hz",
+        columns=("force_N",),
+        error_unit="N",
         verdict=verdict,
         effects=(folds,) if verdict == "named" else (),
         calibration={
@@ -127,8 +129,8 @@ def table_finding() -> Finding:
     signals = {"period_s": period, "duty": duty}
     part = Trace("mean_velocity", "train", "row", np.arange(len(speed), dtype=float), measured, predicted, signals)
     base = pull_finding(seconds=2.0)
-    fields = {**base.__dict__, "kind": "vibro_table", "quantity": "mean_velocity_m_s", "unit": "m/s", "traces": (part,)}
-    return Finding(**fields)
+    speed_of = {"quantity": "mean_velocity_m_s", "columns": ("mean_velocity_m_s",), "unit": "m/s", "error_unit": "m/s"}
+    return Finding(**{**base.__dict__, "kind": "vibro_table", **speed_of, "traces": (part,)})
 
 
 def spectrum_finding() -> Finding:
@@ -146,6 +148,8 @@ def spectrum_finding() -> Finding:
         "quantity": "storage_modulus_Pa and loss_modulus_Pa",
         "unit": "Pa",
         "measure": "norm of the error of the complex modulus over its norm in %",
+        "columns": ("storage_modulus_Pa", "loss_modulus_Pa"),
+        "error_unit": "%",
         "error": {"train": numbers, "holdout": {}},
         "noise_floor": float("nan"),
         "traces": (part,),

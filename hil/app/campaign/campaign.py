@@ -1,6 +1,4 @@
-"""`capsule campaign`: thousands of closed loops, or `close-loop` on many series; resumed where it was cut off, and what
-came of it.
-"""
+"""`capsule campaign`: thousands of closed loops, or `close-loop` on many series, resumed after an interruption."""
 
 import shlex
 from collections.abc import Sequence
@@ -11,25 +9,26 @@ import typer
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
-from hil.app.campaign.folders.answers import SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
-from hil.app.campaign.folders.answers import document as answers_document
-from hil.app.campaign.folders.page import page_html as answers_html
-from hil.app.campaign.folders.series import find_series
 from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
 from hil.app.campaign.running import Results, Workers, run_missing
+from hil.app.campaign.series import find_series
+from hil.app.campaign.series_answers import TEXT, SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
+from hil.app.campaign.series_answers import document as answers_document
+from hil.app.campaign.series_page import page_html as answers_html
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
 from hil.app.write import own_folder, write_files
+from hil.report.words import column_words
 from models.effects import Catalogue
-from models.words.quantities import number
+from models.words.quantities import quantity
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5  # worst cases that the terminal shows
 _MARK: Final = "close-loop over folders"
-"""What the results of series are known by; a series is known by a hash of its own."""
+"""Marks the results of series; each series has a hash of its own."""
 Outcome = tuple[str, dict[str, Any], Sequence[str | Table], bool]
-"""The page, the numbers, what is said, and whether a run failed."""
+"""The page, the numbers, the lines for the terminal, and whether a run failed."""
 
 
 def campaign(
@@ -53,8 +52,8 @@ def campaign(
     ] = 0,
     own: OwnEffects,
 ) -> int:
-    """Do the runs of a campaign file that are not done yet, or close the loop on each series in the folders; write
-    `campaign.html` and `campaign.json`, and each series' report below `series`. 1 where a run failed, else 0.
+    """Do the open runs of a campaign file, or close the loop on each series in the folders. Write `campaign.html` and
+    `campaign.json`, and each series' report below `series`. Status 1 where a run failed, else 0.
     """
     over_series = len(paths) > 1 or paths[0].is_dir()
     if not over_series and (own or seed):
@@ -75,7 +74,7 @@ def campaign(
     if json_output:
         print_json(found)
     else:
-        for line in (*lines, f"report: {found['report']}"):
+        for line in (*lines, TEXT("report", path=found["report"])):
             summary().print(line, soft_wrap=isinstance(line, str))
     return int(failed)
 
@@ -87,12 +86,14 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers) -> Outcome:
         rows = run_missing(plan.name, jobs, results, plan.head.chunk, on)
     metric = plan.head.metric
     found = document(plan, rows, repeat) | {"resumed": resumed}
-    heads = ("", "runs", "failed", "unsafe", "hard_violations", "median", "p95", "max")
-    table = text_table("", heads, bare=True)
+    words, unit = column_words(metric)
+    counts, sizes = ("runs", "failed", "unsafe", "hard_violations"), ("median", "p95", "max")
+    table = text_table("", ("", *(head.replace("_", " ") for head in counts), *sizes), bare=True)
     for name, numbers in found["groups"].items():
-        table.add_row(name, *(number(numbers[head]) for head in heads[1:]))
-    worst = [f"worst: {number(one['value'])}  {one['repeat']}" for one in found["worst"][:_SHOWN]]
-    head = f"{plan.name}: {len(plan)} runs, {resumed} of them done before; {metric}"
+        cells = (quantity(numbers[head], unit) for head in sizes)
+        table.add_row(name, *(str(numbers[head]) for head in counts), *cells)
+    worst = [TEXT("worst", value=quantity(one["value"], unit), repeat=one["repeat"]) for one in found["worst"][:_SHOWN]]
+    head = TEXT("head", name=plan.name, runs=len(plan), resumed=resumed, metric=words)
     page = page_html(plan.name, metric, rows, list(plan.draws), repeat)
     return page, found, [head, table, *worst], any("error" in row for row in rows)
 
@@ -125,7 +126,7 @@ def _one(plan: Campaign, number: int) -> int:
 
 
 def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers) -> Outcome:
-    Catalogue.read(effects)  # refused before any series is begun
+    Catalogue.read(effects)  # before any series begins
     jobs = find_series(paths, out / REPORTS, effects, seed)
     with Results(out / RESULTS, _MARK) as results:
         for job in jobs:
@@ -141,18 +142,18 @@ def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int
 
 
 def _said(row: Row) -> str:
-    told = "refused" if "error" in row else row["result"]["verdict"]
-    return f"{row['point']['series']}: {told}"
+    verdict = "refused" if "error" in row else row["result"]["verdict"]
+    return f"{row['point']['series']}: {verdict}"
 
 
 def _lines(answers: Sequence[SeriesAnswer], resumed: int) -> list[str | Table]:
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts(answers).items() if count)
-    lines: list[str | Table] = [f"{len(answers)} series, {resumed} of them done before: {counts}"]
-    table = text_table("", ("", "named by", "a part in"), bare=True)
+    lines: list[str | Table] = [TEXT("series_head", count=len(answers), resumed=resumed, counts=counts)]
+    table = text_table("", ("", "named in", "partly in"), bare=True)
     for effect, named, part in lacking(answers):
         table.add_row(effect, str(named), str(part))
     lines += [table] * bool(table.row_count)
     for answer in answers:
-        lines += [f"{answer.name} disagrees with {sentence}" for sentence in answer.disagrees]
-        lines += [f"{answer.name} refused: {answer.error}"] * bool(answer.error)
+        lines += [TEXT("disagrees", series=answer.name, sentence=sentence) for sentence in answer.disagrees]
+        lines += [TEXT("refused", series=answer.name, error=answer.error)] * bool(answer.error)
     return lines

@@ -14,35 +14,35 @@ from hil.app.campaign.worker import Job, Row, lost, run_jobs
 
 ANSWER_S: Final = 5.0  # in which a scheduler must answer
 LOOK_S: Final = 1.0  # between two looks at the cluster
-PATIENCE_S: Final = 60.0  # without a worker, after which a campaign ends
+TIMEOUT_S: Final = 60.0  # without a worker, after which a campaign ends
 RETRIES: Final = 3  # of a run whose worker is lost
 AHEAD: Final = 4  # jobs for each worker that are sent at once
 _ONE: Final = Lock()
-_KEPT: Final = "what has ended is on file, and the same command goes on from there"
+_KEPT: Final = "finished runs are on file, and the same command goes on from there"
 
 
-def scheduled(parts: Sequence[Sequence[Job]], address: str, patience_s: float = PATIENCE_S) -> Iterator[list[Row]]:
+def scheduled(parts: Sequence[Sequence[Job]], address: str, timeout_s: float = TIMEOUT_S) -> Iterator[list[Row]]:
     """The rows of each chunk as it ends, computed by workers of the scheduler at `address`, which need this program
     installed.
 
-    A chunk whose worker dies goes to another one. One that has cost as many workers as the scheduler allows is done
-    last, run by run and one at a time; a run that still kills its workers becomes a row with `error`. Raises ValueError
-    where Dask, the scheduler, this program on a worker, or for `patience_s` every worker is missing.
+    A chunk whose worker dies goes to another worker. A chunk that has cost as many workers as the scheduler allows is
+    done last, one run at a time; a run that still kills its workers becomes a row with `error`. Raises ValueError where
+    Dask, the scheduler or this program on a worker is missing, and after `timeout_s` without any worker.
     """
     suspects: list[Job] = []
     with _connected(address) as client:
-        for part, rows in _answers(client, parts, address, patience_s):
+        for part, rows in _answers(client, parts, address, timeout_s):
             if isinstance(rows, int):
                 suspects += part
             else:
                 yield rows
         for job in suspects:
-            for _, rows in _answers(client, [[job]], address, patience_s):
+            for _, rows in _answers(client, [[job]], address, timeout_s):
                 yield [lost(job, rows)] if isinstance(rows, int) else rows
 
 
 def _answers(
-    client: Any, parts: Sequence[Sequence[Job]], address: str, patience_s: float
+    client: Any, parts: Sequence[Sequence[Job]], address: str, timeout_s: float
 ) -> Iterator[tuple[Sequence[Job], list[Row] | int]]:
     """Each chunk as it ends, with its rows or how many workers it has killed."""
     from distributed import wait
@@ -51,8 +51,8 @@ def _answers(
     while waiting or flying:
         workers = _workers(client)
         seen = time.monotonic() if workers else seen
-        if time.monotonic() - seen > patience_s:
-            raise ValueError(f"--scheduler must have workers; {address} has named none for {patience_s:g} s; {_KEPT}")
+        if time.monotonic() - seen > timeout_s:
+            raise ValueError(f"--scheduler must have workers; {address} has named none for {timeout_s:g} s; {_KEPT}")
         while waiting and len(flying) < AHEAD * max(workers, 1):
             part = waiting.popleft()
             flying[client.submit(_packed(part), retries=RETRIES, pure=False)] = part
@@ -75,8 +75,8 @@ def run_alone(jobs: Sequence[Job]) -> list[Row]:
 
 
 def _packed(jobs: Sequence[Job]) -> Callable[[], list[Row]]:
-    """A chunk as a function that travels by value and is opened on the worker alone, so the scheduler need not have
-    this program.
+    """A chunk as a function that is sent by value and unpacked on the worker, so the scheduler need not have this
+    program.
     """
     packed = pickle.dumps((jobs, run_alone))
 
@@ -96,7 +96,7 @@ def _connected(address: str) -> Any:
         ) from None
     try:
         kind = asyncio.run(asyncio.wait_for(_kind(address), ANSWER_S))
-    # What an address that is none, or another program there, leads to is of many kinds.
+    # A wrong address, or another program there, raises many kinds of errors.
     except Exception as error:  # noqa: BLE001
         kind = str(error) or f"no answer in {ANSWER_S:g} s"
     if kind != "Scheduler":
@@ -109,7 +109,7 @@ def _connected(address: str) -> Any:
 
 
 async def _kind(address: str) -> str:
-    """What answers there; asked before `Client` does, which would wait for ever for one that says nothing."""
+    """What answers there. `Client` would wait for ever where nothing does."""
     from distributed import Security, rpc
 
     async with rpc(address, timeout=ANSWER_S, connection_args=Security().get_connection_args("client")) as peer:
@@ -117,7 +117,7 @@ async def _kind(address: str) -> str:
 
 
 def _workers(client: Any) -> int:
-    """How many there are; 0 too where the scheduler does not say."""
+    """How many workers there are; 0 where the scheduler does not answer."""
     try:
         return len(client.sync(client.scheduler.ncores, callback_timeout=ANSWER_S))
     except (OSError, TimeoutError):

@@ -24,7 +24,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from hil.app.campaign.loop import Loop, Table
+from hil.app.campaign.worker import Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
@@ -102,8 +102,8 @@ class CampaignTable(NamedTable):
 
 @dataclass(frozen=True)
 class Campaign:
-    """All runs, computed when asked for. Runs of one case follow each other; they share seed and draws, so controllers
-    can be compared.
+    """All runs, computed on demand. Runs of one case follow each other and share seed and draws, so controllers can
+    be compared.
     """
 
     name: str
@@ -131,10 +131,19 @@ class Campaign:
 
     @property
     def fingerprint(self) -> str:
-        """What tells this campaign from another one: all that its runs depend on but the program."""
+        """The hash of everything that the runs depend on, except the program."""
         head = self.head
-        told = [head.engine, head.cases, head.seed, head.stage, self.raw, self.draws, self.combinations, self.values]
-        return hashlib.sha256(json.dumps(told, sort_keys=True, default=dict).encode()).hexdigest()[:16]
+        identity = [
+            head.engine,
+            head.cases,
+            head.seed,
+            head.stage,
+            self.raw,
+            self.draws,
+            self.combinations,
+            self.values,
+        ]
+        return hashlib.sha256(json.dumps(identity, sort_keys=True, default=dict).encode()).hexdigest()[:16]
 
 
 def load_campaign(path: Path) -> Campaign:

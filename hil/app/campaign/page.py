@@ -1,4 +1,4 @@
-"""The report of a campaign: how the metric is distributed, and its worst cases with the command that repeats each."""
+"""The report of a campaign: the distribution of the metric, and the worst cases with the command that repeats each."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -19,13 +19,13 @@ _EACH: Final = 40
 
 
 def value_of(row: Row, metric: str) -> float:
-    """The metric of a run; inf where it has none, for a run that failed is the worst."""
+    """The metric of a run; inf for a run that failed, which is the worst."""
     found = row.get("result", {}).get(metric)
     return float(found) if isinstance(found, int | float) else float("inf")
 
 
 def groups(rows: Sequence[Row], draws: Sequence[str]) -> dict[str, list[Row]]:
-    """Rows by what sets them apart beside case and draws, in words."""
+    """Rows by what distinguishes them beside case and draws, in words."""
     parted: dict[str, list[Row]] = {}
     varied = [key for key in _keys(rows, draws) if key not in draws]
     for row in rows:
@@ -87,7 +87,7 @@ def key_words(key: str) -> tuple[str, str]:
 
 
 def _keys(rows: Sequence[Row], draws: Sequence[str]) -> list[str]:
-    """What is drawn at random, then the other numbers that differ between runs."""
+    """The drawn keys, then the other keys that differ between runs."""
     others = dict.fromkeys(key for row in rows for key in row["point"] if key != "case" and key not in draws)
     varied = [key for key in others if len({str(row["point"].get(key)) for row in rows}) > 1]
     return [*draws, *varied]
@@ -111,27 +111,28 @@ def _finite(rows: Sequence[Row], metric: str) -> list[Row]:
     return [row for row in rows if np.isfinite(value_of(row, metric))]
 
 
+def _drawn(rows: Sequence[Row], metric: str, factor: float) -> tuple[list[float], list[str]]:
+    """The finite values and the names of their runs."""
+    good = _finite(rows, metric)
+    return [factor * value_of(row, metric) for row in good], [f"run {row['run']}" for row in good]
+
+
 def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, factor: float) -> go.Figure:
-    figure = go.Figure()
+    figure = go.Figure().update_xaxes(title_text=title)
     for k, (name, rows) in enumerate(parted.items()):
-        good = _finite(rows, metric)
+        values, runs = _drawn(rows, metric, factor)
         look = {"marker": {"color": line_colour(k), "symbol": symbol(k)}, "showlegend": False}
-        points = {
-            "text": [f"run {row['run']}" for row in good],
-            "boxpoints": "outliers" if len(good) > _EACH else "all",
-        }
-        values = [factor * value_of(row, metric) for row in good]
-        figure.add_box(x=values, name=name.replace(", ", ",<br>"), **points, **look)
-    figure.update_xaxes(title_text=title)
+        shown = "outliers" if len(runs) > _EACH else "all"
+        figure.add_box(x=values, name=name.replace(", ", ",<br>"), text=runs, boxpoints=shown, **look)
     return styled(figure, 160 + 60 * len(parted))
 
 
 def _over(parted: Mapping[str, Sequence[Row]], metric: str, key: str, title: str, factor: float) -> go.Figure:
     figure = axes(" in ".join(filter(None, key_words(key))), title, 420)
     for k, (name, rows) in enumerate(parted.items()):
-        good = _finite(rows, metric)
+        values, runs = _drawn(rows, metric, factor)
         marker = {"size": 6, "color": line_colour(k), "symbol": symbol(k), "opacity": 0.7}
         look = {"mode": "markers", "marker": marker, "showlegend": len(parted) > 1}
-        values, runs = [factor * value_of(row, metric) for row in good], [f"run {row['run']}" for row in good]
-        figure.add_scatter(x=[row["point"][key] for row in good], y=values, name=name, text=runs, **look)
+        x = [row["point"][key] for row in _finite(rows, metric)]
+        figure.add_scatter(x=x, y=values, name=name, text=runs, **look)
     return figure

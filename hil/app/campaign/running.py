@@ -1,4 +1,4 @@
-"""The results of a campaign, a line of JSON a run, whole whenever it is killed, and the runs that are not there yet."""
+"""The results of a campaign, a line of JSON for each run, and the runs that are still missing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Key = int | str
 
 @dataclass(frozen=True)
 class Workers:
-    """What does the runs: so many processes (None: one a core), or the cluster of a scheduler. Raises ValueError."""
+    """The workers: so many processes (None: one a core), or the cluster of a scheduler. Raises ValueError."""
 
     processes: int | None = None
     scheduler: str | None = None
@@ -50,8 +50,8 @@ def run_missing(
     workers: Workers,
     said: Callable[[Row], str] = lambda _: "runs",
 ) -> list[Row]:
-    """Do the jobs that `results` does not hold, `chunk` at a time; the rows of all, in their order. `said` is what
-    progress says of a row that has come. Raises InterruptionError that says what was kept.
+    """Do the jobs that `results` does not hold, `chunk` at a time; the rows of all, in their order. `said` words a new
+    row for the progress. Raises InterruptionError, which says what is on file.
     """
     missing = [which for which, job in enumerate(jobs) if job.number not in results.done]
     over = len(jobs) - len(missing)
@@ -70,10 +70,9 @@ def run_missing(
 
 
 class Results:
-    """The file `path`. What a kill cut off within a line is removed when it is opened again; runs that stand in it are
-    `done`.
+    """The file `path`, whose runs are `done`. A line that a kill cut off is removed when the file is opened again.
 
-    A run is known by what its row says under `run`, a number or a word. One process at a time holds the file. Raises
+    The key `run` of a row, a number or a word, identifies the run. One process at a time holds the file. Raises
     ValueError for the results of another campaign.
     """
 
@@ -115,7 +114,7 @@ class Results:
         return done
 
     def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
-        """Append the rows of a chunk in one write; runs that are there already are left out."""
+        """Append the rows of a chunk in one write, without runs that are there already."""
         fresh = {_key(row): dict(row) for row in rows if _key(row) not in self.done}
         self._append(fresh.values())
         self.done |= fresh
@@ -126,7 +125,7 @@ class Results:
             data = data[os.write(self._file, data) :]
 
     def close(self) -> None:
-        """Let go of the file, as the end of a `with` does."""
+        """Close the file, as the end of a `with` does."""
         os.close(self._file)
 
     def __enter__(self) -> Self:

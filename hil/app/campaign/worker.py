@@ -1,4 +1,4 @@
-"""What a worker of a campaign does: runs, each of which ends in a row, whatever happens in it."""
+"""What a worker of a campaign does: runs, each of which ends in a row, whatever happens in it; a closed loop is one."""
 
 import contextlib
 import io
@@ -7,18 +7,30 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, Final, Protocol
 
+from controller.model.control_model import ControlModel
+from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
+from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
+from hil.app.sil.sil import judged
+from hil.app.sil.testbed import believed_on_bus
+from hil.app.track.loop import believed_model, run_loop
+from hil.app.track.score import document, score
 from hil.app.write import file_trouble
 from hil.own_process import end_with_parent
+from models.theta import Theta
 
 TRIES: Final = 3  # workers that a run may cost
 Row = dict[str, Any]
+Table = Mapping[str, Any]
+_MODELS: dict[Any, ControlModel] = {}
+_MOST_MODELS = 8  # that are kept
 
 
 class Job(Protocol):
-    """One run of a campaign: what it is called in the results, its seed, what sets it apart (`point`)."""
+    """One run of a campaign: its name in the results, its seed, and what distinguishes it (`point`)."""
 
     @property
     def number(self) -> int | str: ...
@@ -28,12 +40,51 @@ class Job(Protocol):
     def point(self) -> Mapping[str, Any]: ...
 
     def result(self) -> Row:
-        """What comes of it, as JSON has it; a ValueError of one sentence where it cannot be done."""
+        """Its result as JSON. Raises ValueError where it cannot be done."""
         ...
 
 
+@dataclass(frozen=True)
+class Loop:
+    """A run of a closed loop: its number, the scenario as tables, its seed, what distinguishes it (`point`), and the
+    stage and values of the controller's model.
+    """
+
+    number: int
+    engine: str
+    raw: Table
+    seed: int
+    point: Table
+    values: Theta
+    stage: str
+
+    def result(self) -> dict[str, Any]:
+        """What the engine prints with --json. Raises ValueError for a scenario that cannot be run."""
+        if self.engine == "sil":
+            over_bus = parse_sil_scenario(self.raw)
+            return judged(over_bus, _model(over_bus, self.values), None, self.seed, self.stage)[0]
+        scenario = parse_track_scenario(self.raw)
+        name = scenario.control.controller
+        trace = run_loop(scenario, _model(scenario, self.values), name, self.seed)
+        return document(scenario, name, self.seed, self.stage, score(scenario, trace))
+
+
+def _model(scenario: TrackScenario | SilScenario, values: Theta) -> ControlModel:
+    """The control model; runs of one belief, tick and learned values share it."""
+    loop = scenario.loop if isinstance(scenario, SilScenario) else scenario
+    key = (type(scenario), repr(loop.belief), loop.control.tick_s, tuple(sorted(values.spelled().items())))
+    if key not in _MODELS:
+        if len(_MODELS) >= _MOST_MODELS:
+            del _MODELS[next(iter(_MODELS))]
+        if isinstance(scenario, SilScenario):
+            _MODELS[key] = believed_on_bus(scenario, values)
+        else:
+            _MODELS[key] = believed_model(scenario, values)
+    return _MODELS[key]
+
+
 def run_jobs(jobs: Sequence[Job]) -> list[Row]:
-    """A chunk of runs, one row each: number, seed, what sets it apart, and the result or an error in words."""
+    """A chunk of runs, one row each: number, seed, point, and the result or an error in words."""
     return [run_job(job) for job in jobs]
 
 

@@ -1,1 +1,1 @@
-"""`capsule demo`: the whole story in one command."""
+"""`capsule demo`: all examples in one command."""

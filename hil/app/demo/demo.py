@@ -1,5 +1,5 @@
 """`capsule demo`: the loop on printed measurements, on a pull whose next record it proposes, and on two rigs that are
-driven over the bus, recorded, learnt from and driven again.
+driven over the bus, recorded, identified and driven again.
 """
 
 import time
@@ -8,25 +8,23 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
 
+from hil.app.close_loop import NUMBERS, REPORT
 from hil.app.console import json_text, print_json, say, summary, text_table
-from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
-from hil.app.demo.next_record import NEXT_RECORD
+from hil.app.demo.example import BEFORE, NEXT_RECORD, PRINTED, TEXT, End, Example, Learned, title_of
+from hil.app.demo.loop import LEARNING, LOOPS, LearningExample, LoopExample
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import BEFORE, PRINTED, End, Learned, Story
-from hil.app.demo.worker import story_bars, told
-from hil.app.identify.close_loop import NUMBERS, REPORT
+from hil.app.demo.worker import example_progress, results_of
 from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.learning_page import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
 from hil.report.numbers import report_json
-from hil.report.words import headline
+from hil.report.words import verdict_words
 from models.effects import effect_words
 from models.identification.finding import STAGES
-from models.words.sentences import listed
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
-STORIES: Final[tuple[Story, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
+EXAMPLES: Final[tuple[Example, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
 
 
 def demo(
@@ -34,22 +32,21 @@ def demo(
     json_output: Json = False,
     seed: Seed = 0,
 ) -> None:
-    """Tell every story, print the errors before and after, and leave the reports: `out`/demo.html and demo.json, and a
-    folder for each story with its own. All of it takes its place at the end or not at all. Raises ValueError of one
-    sentence.
+    """Run every example, print the errors before and after, and write the reports: `out`/demo.html and demo.json, and a
+    folder for each example with its own, all of them or none. Raises ValueError.
     """
     began = time.monotonic()
     with sole_writer(out, "--out"), TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
         work = Path(hidden)
         longest_first = sorted(
-            STORIES, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)
+            EXAMPLES, key=lambda s: (not isinstance(s, LoopExample | LearningExample), s.name != LOOPS[-1].name)
         )
-        with story_bars([story.name for story in STORIES]) as report:
-            found = told(longest_first, work, seed, report)
-        ends = [(story, found[story.name]) for story in STORIES]
+        with example_progress([example.name for example in EXAMPLES]) as report:
+            found = results_of(longest_first, work, seed, report)
+        ends = [(example, found[example.name]) for example in EXAMPLES]
         seconds = time.monotonic() - began
         document = {
-            "stories": [_numbers(story, one, out / story.name) for story, one in ends],
+            "stories": [_numbers(example, one, out / example.name) for example, one in ends],
             "report": str(out / PAGE),
             "seed": seed,
             "seconds": seconds,
@@ -65,12 +62,12 @@ def demo(
         _say(ends, out, seconds)
 
 
-def _numbers(story: Story, one: End, folder: Path) -> dict[str, Any]:
-    """A story as JSON: the numbers of its report, those of the one before the record that it proposed, and of a driven
-    one what the gate said and how well each model tracked; of a run that learned what it came to.
+def _numbers(example: Example, one: End, folder: Path) -> dict[str, Any]:
+    """An example as JSON: the numbers of its report and of the one before the proposed record; of a driven one the
+    acceptance and the tracking of each model; of a run that learned its outcome.
     """
     page, numbers = (LEARNED, LEARNED_NUMBERS) if isinstance(one, Learned) else (REPORT, NUMBERS)
-    document: dict[str, Any] = {"story": story.name, "title": story.title, "report": str(folder / page)}
+    document: dict[str, Any] = {"story": example.name, "title": title_of(example), "report": str(folder / page)}
     document |= {"numbers": str(folder / numbers), "hidden": ", ".join(one.hidden) or None}
     if isinstance(one, Learned):
         document |= {"came_to": one.sentence, "hard_violations": one.found["hard_violations"]}
@@ -89,25 +86,27 @@ def _numbers(story: Story, one: End, folder: Path) -> dict[str, Any]:
     return document
 
 
-def _say(ends: Sequence[tuple[Story, End]], out: Path, seconds: float) -> None:
+def _say(ends: Sequence[tuple[Example, End]], out: Path, seconds: float) -> None:
     console = summary()
-    heads = ("story", "error of", *STAGES, "noise floor", "verdict")
-    table = text_table("Before and after", heads, ("story", "error of", "verdict"))
+    heads = ("example", "error of", *STAGES, "noise floor", "verdict")
+    table = text_table(TEXT("table"), heads, ("example", "error of", "verdict"))
     table.show_lines = True
     lines = []
-    for story, one in ends:
-        folder = out / story.name
+    for example, one in ends:
+        folder = out / example.name
         if isinstance(one, Learned):
-            lines.append(f"{story.name}: {one.sentence}: {folder / LEARNED}")
+            lines.append(TEXT("learned", example=example.name, sentence=one.sentence, page=folder / LEARNED))
             continue
-        table.add_row(story.title, *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
+        table.add_row(title_of(example), *one.errors(), verdict_words(one.finding))
         if one.missions:
-            gate = "; ".join(f"gate, {stage}: {verdict.sentence}" for stage, verdict in one.gate.items())
-            table.add_row("  the same run driven again", "tracking", *one.tracked(), "", gate)
-        lines.append(f"{story.name}: {folder / REPORT}")
+            gate = (TEXT("gate", stage=stage, sentence=verdict.sentence) for stage, verdict in one.gate.items())
+            table.add_row(f"  {TEXT('again')}", TEXT("tracking"), *one.tracked(), "", "; ".join(gate))
+        lines.append(TEXT("report", example=example.name, page=folder / REPORT))
+        if one.caution:
+            lines.append(f"  {one.caution}")
         if one.before is not None:
-            lines.append(f"  before the proposed record: {headline(one.before)} {folder / BEFORE / REPORT}")
+            lines.append(f"  {TEXT('before', verdict=verdict_words(one.before), page=folder / BEFORE / REPORT)}")
         if one.hidden:
-            lines.append(f"  hidden in the simulated rig: {listed(map(effect_words, one.hidden))}")
+            lines.append(f"  {TEXT('hidden', effects=map(effect_words, one.hidden))}")
     console.print(table)
-    say(*lines, f"all: {out / PAGE}", f"{seconds:.0f} s")
+    say(*lines, TEXT("all", page=out / PAGE), TEXT("seconds", seconds=seconds))

@@ -1,19 +1,19 @@
-"""The loops of the demo: drive over the bus, log, find what the model lacks, pass the gate, drive again with the better
-model; and a run that learns while it goes on.
+"""The loops of the demo: drive over the bus, log, find what the model lacks, accept a model, drive again with it; and a
+run that learns.
 """
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
-from hil.app.demo.story import RIG, Learned, Mission, Progress, StoryResult, found_in
+from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, Progress, found_in
 from hil.app.learn.identify import answer_at_once
-from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
+from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.learning_page import NUMBERS, came_to, learning_files
 from hil.app.sil.loop import learning_of
 from hil.app.sil.sil import judged
@@ -31,33 +31,23 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 from plant import layout as at
 
-SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
-MISSION, HOLDOUT = "mission", "holdout"
+MISSION: Final = "mission"
 _DRIVEN, _FOUND = 0.12, 0.75  # shares of the work up to the end of the drives, and of the search
-SEEDS = 1000  # by which seeds of two loops are apart
+_MOST_ROWS: Final = 4000  # of a path that is drawn
 Tables = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class TrainingRun:
-    """A run that is there to be learnt from: the table `[reference]` and how long it takes."""
-
-    reference: Mapping[str, Any]
-    duration_s: float
-
-
-@dataclass(frozen=True)
-class LoopStory:
-    """A rig on the simulated bus. `scenario` is a file as `capsule sil` reads it, with all of [belief]: its run is the
-    mission, driven with the nominal model and with each that passes the gate, under one seed. `training` and `holdout`
-    are driven before, with the nominal model, under seeds of their own.
+class LoopExample:
+    """A rig on the simulated bus. `scenario` is a file of `capsule sil` with all of [belief]. Its run is the mission,
+    driven with the nominal model and with each model that is accepted, under one seed. `training` and `holdout`,
+    each a table [reference] and a `duration_s`, are driven before, with the nominal model, under seeds of their own.
     """
 
     name: str
-    title: str
     scenario: Path
-    training: tuple[TrainingRun, ...]
-    holdout: TrainingRun
+    training: Sequence[Tables]
+    holdout: Tables
 
     def runs(self, seed: int) -> dict[str, Tables]:
         """The scenario's tables by name of the run."""
@@ -66,11 +56,11 @@ class LoopStory:
         driven = {**{f"train_{k}": one for k, one in enumerate(self.training, start=1)}, HOLDOUT: self.holdout}
         runs = {MISSION: {**mission, "scenario": {**mission["scenario"], "seed": first}}}
         for number, (name, one) in enumerate(driven.items(), start=1):
-            run = {"name": f"{self.name} {name}", "duration_s": one.duration_s, "seed": first + number}
-            runs[name] = {**mission, "scenario": run, "reference": dict(one.reference)}
+            run = {"name": f"{self.name} {name}", "duration_s": one["duration_s"], "seed": first + number}
+            runs[name] = {**mission, "scenario": run, "reference": one["reference"]}
         return runs
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
+    def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
         """The whole loop; `folder` gets each run's scenario and log, the rig file and what close-loop writes."""
         runs = self.runs(seed)
         belief = toml_text(runs[MISSION]["belief"])
@@ -89,19 +79,18 @@ class LoopStory:
         finding, model = found_in([logs[name] for name in sorted(logs)], [held], rig, folder, seed, searching)
         gate = dict(admitted(finding, model, rig))
         missions = {}
-        let_in = ["nominal", *(stage for stage, verdict in gate.items() if verdict.passed)]
-        for number, stage in enumerate(let_in):
-            report(f"driving again, {stage} model", _FOUND + (1 - _FOUND) * number / len(let_in))
+        accepted = ["nominal", *(stage for stage, verdict in gate.items() if verdict.passed)]
+        for number, stage in enumerate(accepted):
+            report(f"driving again, {stage} model", _FOUND + (1 - _FOUND) * number / len(accepted))
             missions[stage] = _drive(
                 folder, MISSION, runs[MISSION], model.believed(stage), stage, f"{MISSION}_{stage}"
             )[0]
         report("done", 1.0)
-        truth = runs[MISSION].get("effects", {})
-        return StoryResult(finding, gate, missions, tuple(truth), truth=truth)
+        return ExampleResult(finding, gate, missions, truth=runs[MISSION].get("effects", {}))
 
 
 def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Acceptance]]:
-    """The gate's verdict on each stage against the last accepted one; the nominal model is in use first."""
+    """The acceptance of each stage against the last accepted one; the nominal model is in use first."""
     current = STAGES[0]
     for stage in STAGES[1:]:
         verdict = judge(report_json(finding), model, rig, stage=stage, current=current)
@@ -112,63 +101,34 @@ def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Ac
 def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, log_name: str) -> tuple[Mission, Path]:
     """A run of the scenario `name` over the bus under the model `values`, logged."""
     scenario = parse_sil_scenario(tables)
-    seed, log_path = scenario.loop.seed, folder / f"{log_name}.blf"
+    loop, log_path = scenario.loop, folder / f"{log_name}.blf"
     text = (folder / f"{name}.toml").read_text(encoding="utf-8")
-    record = log_record(
-        {"scenario": text}, scenario.loop.control.controller, values, scenario.loop.limits, frames(), seed=seed
-    )
+    record = log_record({"scenario": text}, loop.control.controller, values, loop.limits, frames(), seed=loop.seed)
     with LockstepLog(log_path, record) as log:
         model = believed_on_bus(scenario, values)
-        numbers, trace = judged(scenario, model, None, seed, stage, recorder=Recorder(log))
-    return (
-        _mission(scenario, numbers | {"log": log_path.name, "stopped_because": trace.stopped_because}, trace.rows),
-        log_path,
-    )
+        numbers, trace = judged(scenario, model, None, loop.seed, stage, recorder=Recorder(log))
+    numbers |= {"log": log_path.name, "stopped_because": trace.stopped_because}
+    rows = trace.rows[:: max(1, len(trace.rows) // _MOST_ROWS)]
+    t = rows[:, at.O_T]
+    return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-def _mission(scenario: SilScenario, numbers: Mapping[str, Any], rows: Any) -> Mission:
-    every = max(1, len(rows) // 4000)
-    t = rows[::every, at.O_T]
-    return Mission(numbers, t, rows[::every, at.O_X], scenario.loop.reference.position(t))
+def _loops() -> Iterator[LoopExample]:
+    for name, table in tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8")).items():
+        yield LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
 
 
-def _waypoints(times_s: list[float], positions_mm: list[float]) -> dict[str, Any]:
-    return {"kind": "waypoints", "times_s": times_s, "positions_mm": positions_mm}
-
-
-LOOPS = (
-    LoopStory(
-        "magnetic",
-        "simulated magnetic rig over the bus",
-        SCENARIOS / "demo_magnetic.toml",
-        (
-            TrainingRun(_waypoints([0.5, 6.0, 7.0, 12.0, 13.0], [0.0, 9.0, 9.0, 22.0, 16.0]), 13.0),
-            TrainingRun(_waypoints([0.5, 4.0, 8.0, 12.0, 13.0], [0.0, 16.0, 6.0, 18.0, 18.0]), 13.0),
-        ),
-        TrainingRun({"kind": "sine", "amplitude_mm": 18.0, "frequency_Hz": 0.09}, 12.0),
-    ),
-    LoopStory(
-        "vibro",
-        "simulated vibro rig over the bus",
-        SCENARIOS / "demo_vibro.toml",
-        (
-            TrainingRun(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, 18.0, -2.0, 4.0, -5.0, 1.0]), 8.0),
-            TrainingRun(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, -16.0, 2.0, -3.0, 8.0, -8.0]), 8.0),
-        ),
-        TrainingRun(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
-    ),
-)
+LOOPS: Final = tuple(_loops())
 
 
 @dataclass(frozen=True)
-class LearningStory:
-    """A scenario as `capsule sil --learn` runs it; the search runs in the story's own process."""
+class LearningExample:
+    """A scenario as `capsule sil --learn` runs it; the search runs in the example's own process."""
 
     name: str
-    title: str
     scenario: Path
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Learned:
+    def run(self, folder: Path, seed: int, report: Progress) -> Learned:
         """The run, its page and its numbers."""
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         number = raw["scenario"].get("seed", 0) + SEEDS * seed
@@ -183,6 +143,4 @@ class LearningStory:
         return Learned(came_to(trace.lessons), numbers, found, tuple(scenario.loop.truth.hidden))
 
 
-LEARNING = LearningStory(
-    "learning", "simulated magnetic rig that learns while it runs", SCENARIOS / "demo_learning.toml"
-)
+LEARNING = LearningExample("learning", SCENARIOS / "demo_learning.toml")

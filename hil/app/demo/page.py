@@ -7,43 +7,48 @@ from typing import Any, Final
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.demo.story import BEFORE, End, Learned, Mission, Story, StoryResult
-from hil.app.identify.close_loop import MODEL, REPORT
+from hil.app.close_loop import MODEL, REPORT
+from hil.app.demo.example import BEFORE, End, Example, ExampleResult, Learned, Mission, title_of
 from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.sil.learning_page import error_figure
 from hil.report.builder import page
 from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import stage_bar
 from hil.report.figure_traces import motion_figure, trace_figure
+from hil.report.numbers import parameters
 from hil.report.panels import panels
 from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
-    classes_words,
     column_words,
+    confidence_words,
     error_scale,
-    error_story,
+    error_words,
     headline,
     parameter_words,
     tested_part,
+    verdict_words,
 )  # fmt: skip
 from models.effects import effect_words
 from models.identification.finding import NEXT_TOML, STAGES, Finding
-from models.words.quantities import DASH, quantity, scale, unit_words, with_interval
+from models.words.quantities import DASH, quantity, scale, unit_words
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
-Line = tuple[Story, StoryResult]
+Line = tuple[Example, ExampleResult]
 
 
-def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
-    """The page for all stories, driven ones first and in full, then those that learned while they ran."""
-    lines = [(story, one) for story, one in ends if isinstance(one, StoryResult)]
-    learned = [(story, one) for story, one in ends if isinstance(one, Learned)]
+def demo_html(ends: Sequence[tuple[Example, End]], seconds: float) -> str:
+    """The page for all examples, driven ones first and in full, then those that learned while they ran."""
+    lines = [(example, one) for example, one in ends if isinstance(one, ExampleResult)]
     loops = [line for line in lines if line[1].missions]
     return page(
         "demo.html.j2",
-        lines=[_line(story, one) for story, one in lines],
-        learned=[{"story": story, "told": one, "error": error_figure(one.numbers)} for story, one in learned],
+        lines=[_line(example, one) for example, one in lines],
+        learned=[
+            {**_head(example), "result": one, "error": error_figure(one.numbers)}
+            for example, one in ends
+            if isinstance(one, Learned)
+        ],
         seconds=seconds,
         improvement=improvement_figure(loops) if loops else None,
         stages=[*STAGES],
@@ -51,68 +56,64 @@ def demo_html(ends: Sequence[tuple[Story, End]], seconds: float) -> str:
     )
 
 
-def _line(story: Story, one: StoryResult) -> dict[str, Any]:
-    """A story's numbers in words, and its figures: of all printed ones none, of driven ones the missions, of one that
-    proposed a record the motion.
-    """
-    finding, shown = one.finding, {"story": story, "told": one, "headline": headline(one.finding)}
+def _head(example: Example) -> dict[str, str]:
+    title = title_of(example)
+    return {"name": example.name, "title": title[:1].upper() + title[1:]}
+
+
+def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
+    """An example's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record."""
+    finding, shown = (
+        one.finding,
+        {
+            **_head(example),
+            "result": one,
+            "headline": f"{headline(one.finding)} {confidence_words(one.finding)}".strip(),
+        },
+    )
+    shown["verdict"] = verdict_words(finding)
     if not one.missions and one.before is None:
         return shown
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    shown |= {"truth": truth_rows(one), "error_story": error_story(finding)}
+    shown |= {"truth": truth_rows(one), "error_words": error_words(finding)}
     shown["held"] = trace_figure(panels(finding, held)[0], POINTS)
     if one.before is not None:
         proposal = one.before.proposal
         shown |= {"motion": proposal and motion_figure(proposal), "before": headline(one.before)}
-        return shown | {"verdicts": [_verdict(one.before), _verdict(finding)]}
+        return shown | {"first_verdict": verdict_words(one.before)}
     driven = [stage for stage in STAGES if stage in one.missions]
-    shown |= {"tracked": {stage: _tracked(mission) for stage, mission in one.missions.items()}, "last": driven[-1]}
-    return shown | {"residual": left_over_figure(finding), "mission": mission_figure(one.missions)}
+    shown |= {"tracked": {stage: mission.numbers for stage, mission in one.missions.items()}, "last": driven[-1]}
+    return shown | {"residual": residuals_figure(finding), "mission": mission_figure(one.missions)}
 
 
-def _verdict(finding: Finding) -> str:
-    return ": ".join(filter(None, (finding.verdict, classes_words(finding))))
-
-
-def _tracked(mission: Mission) -> dict[str, str]:
-    rms, largest = (quantity(mission.numbers[key], "m") for key in ("tracking_rmse_m", "tracking_max_m"))
-    return {"rms": rms, "largest": largest, "stopped": mission.numbers["stopped_because"]}
-
-
-def truth_rows(one: StoryResult) -> list[list[str]]:
-    """What the simulated rig kept to itself beside what was found, a row a number."""
+def truth_rows(one: ExampleResult) -> list[list[str]]:
+    """The numbers that the simulated rig hid beside those that were found."""
     rows: dict[tuple[str, str], list[str]] = {}
     for name, numbers in one.truth.items():
         for key, value in numbers.items():
             truth = quantity(value, column_words(key)[1]) if isinstance(value, int | float) else str(value)
-            place = effect_words(name), parameter_words(key)
-            rows[place] = [*place, truth, DASH, DASH]
+            words = effect_words(name), parameter_words(key)
+            rows[words] = [*words, truth, DASH, DASH]
     for effect in one.finding.effects:
-        for key, estimate in effect.parameters.items():
-            place = effect_words(effect.id), parameter_words(key)
-            row = rows.setdefault(place, [*place, DASH, DASH, DASH])
-            factor, unit = scale([estimate.value, *estimate.ci95], estimate.unit)
-            low, high = (factor * end for end in estimate.ci95)
-            found = with_interval(factor * estimate.value, (low, high))
-            row[3] = f"{found.value} {unit_words(unit)}".rstrip()
-            row[4] = (
-                f"{found.low} … {found.high} {unit_words(unit)}".rstrip()
-                if estimate.identifiable
-                else "not identifiable"
-            )
+        for row in parameters(effect.parameters)["rows"]:
+            words, unit = (effect_words(effect.id), parameter_words(row["name"])), unit_words(row["unit"])
+            found = rows.setdefault(words, [*words, DASH, DASH, DASH])
+            found[3] = f"{row['value']} {unit}".rstrip()
+            interval = f"{row['low']} … {row['high']} {unit}".rstrip()
+            found[4] = interval if row["identifiable"] else "not identifiable"
     return [*rows.values()]
 
 
 def improvement_figure(loops: Sequence[Line]) -> go.Figure:
     """Bars by stage, two panels a loop: error of the prediction and of the tracking."""
     shown: list[tuple[str, dict[str, float]]] = []
-    for story, one in loops:
+    for example, one in loops:
         factor, unit = error_scale(one.finding)
         errors = one.finding.error[tested_part(one.finding)]
-        shown.append((f"{story.name}: prediction, {unit}", {s: factor * errors[s] for s in STAGES if s in errors}))
+        shown.append((f"{example.name}: prediction, {unit}", {s: factor * errors[s] for s in STAGES if s in errors}))
         rms = {stage: mission.numbers["tracking_rmse_m"] for stage, mission in one.missions.items()}
         factor, unit = scale(rms.values(), "m")
-        shown.append((f"{story.name}: tracking, {unit}", {stage: factor * error for stage, error in rms.items()}))
+        shown.append((f"{example.name}: tracking, {unit}", {stage: factor * error for stage, error in rms.items()}))
     titles = [title for title, _ in shown]
     figure = make_subplots(rows=1, cols=len(shown), subplot_titles=titles, horizontal_spacing=0.07)
     for column, (_, errors) in enumerate(shown, start=1):
@@ -124,8 +125,8 @@ def improvement_figure(loops: Sequence[Line]) -> go.Figure:
     return figure.update_xaxes(showticklabels=False)
 
 
-def left_over_figure(finding: Finding) -> go.Figure | None:
-    """Measured minus predicted over place and speed, before and after."""
+def residuals_figure(finding: Finding) -> go.Figure | None:
+    """Measured minus predicted over position and speed, before and after."""
     before, after = ("calibrated", "augmented") if finding.effects else ("nominal", "calibrated")
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     kept = [replace(p, signals={name: values for name, values in p.signals.items() if name in SIGNALS}) for p in drawn]
@@ -133,7 +134,7 @@ def left_over_figure(finding: Finding) -> go.Figure | None:
 
 
 def mission_figure(missions: Mapping[str, Mission]) -> go.Figure:
-    """Where the capsule was to go and went under each model, and by how much it was off."""
+    """The reference, the path under each model, and its error."""
     figure = axes("time in s", ("position in mm", "error in mm"), 560)
     first = next(iter(missions.values()))
     line(figure, first.time_s, 1e3 * first.reference_m, "reference", {"color": MUTED, "width": 3.0}, points=3000)

@@ -12,7 +12,7 @@ from controller.model.control_model import control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, say, summary
 from hil.app.design.page import design_html
-from hil.app.design.tables import balance_lines, command_unit, cycle_table, gains_json, margin_table, words_of
+from hil.app.design.tables import TEXT, balance_lines, command_unit, cycle_table, gains_json, margin_table, words_of
 from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, vibro_tables
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, LearnedModel, Stage, argument, option
@@ -67,7 +67,7 @@ def design(
         console.print(table)
     for line in () if vibrates else balance_lines(found):
         console.print(line)
-    say(f"plots: {page}" if page else "no plots drawn: --out DIR draws them")
+    say(TEXT("plots", page=page) if page else TEXT("no_plots"))
 
 
 def _driven(belief: Rig) -> str:

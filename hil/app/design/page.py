@@ -13,10 +13,9 @@ from controller.design.study import Study
 from controller.design.tuning import Complex, OpenLoop
 from controller.model.control_model import ControlModel
 from controller.signals import Array
-from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
+from hil.app.design.tables import TEXT, balance_lines, cycle_table, margin_table, words_of
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, axes, line, line_colour, line_look, styled
-from hil.report.words import signed
 
 
 @dataclass(frozen=True)
@@ -29,14 +28,10 @@ class Drawn:
     note: str = ""
 
 
-def design_html(found: Study, plant: ControlModel, title: str) -> str:
+def design_html(found: Study, plant: ControlModel, name: str) -> str:
     """The page, complete in itself."""
-    head = f"Design for {title}: sliding at {1e3 * found.speed_m_s:g} mm/s, {1e3 * found.delay_s:g} ms of delay"
-    note = (
-        "The loop of friction and controller at the frequency where its phase is −180°, over the amplitude of a swing"
-        " about rest. Where a line crosses 0 dB a cycle can stand (cross); a line that stays below has none."
-    )
-    balance = Drawn("Harmonic balance", balance_figure(found), balance_lines(found), note)
+    head = TEXT("title.page", name=name, speed=found.speed_m_s, delay=found.delay_s)
+    balance = Drawn("Harmonic balance", balance_figure(found), balance_lines(found), TEXT("balance.note"))
     figures = [*loop_figures(found.loops), Drawn("Stick and slip", run_figure(found)), balance]
     return page_html(head, words_of(found, plant), (margin_table(found), cycle_table(found)), figures)
 
@@ -53,26 +48,23 @@ def loop_figures(loops: Sequence[OpenLoop]) -> list[Drawn]:
 
 def page_html(head: str, lines: Sequence[str], tables: Sequence[Table], figures: Sequence[Drawn]) -> str:
     """A page of numbers as the terminal has them, then of figures."""
-    told = [
+    shown = [
         {
             "title": table.title,
             "names": [str(column.header) for column in table.columns],
-            "rows": zip(*(map(signed, map(str, column.cells)) for column in table.columns), strict=True),
-            "words": [place for place, column in enumerate(table.columns) if column.justify == "left"],
+            "rows": zip(*(column.cells for column in table.columns), strict=True),
+            "words": [index for index, column in enumerate(table.columns) if column.justify == "left"],
         }
         for table in tables
     ]
-    return page("design.html.j2", title=head, lines=lines, tables=told, figures=figures)
+    return page("design.html.j2", title=head, lines=lines, tables=shown, figures=figures)
 
 
-def _look(loops: Sequence[OpenLoop], loop: OpenLoop) -> dict[str, object]:
+def _look(loops: Sequence[OpenLoop], loop: OpenLoop) -> tuple[str, dict[str, str]]:
+    """Name of a loop's line, and its colour and dash."""
     names = list(dict.fromkeys(item.name for item in loops))
     dash = "solid" if loop.phase == "stick" else "dash"
-    return {"color": line_colour(names.index(loop.name)), "dash": dash}
-
-
-def _label(loop: OpenLoop) -> str:
-    return f"{loop.name}, {loop.phase}"
+    return f"{loop.name}, {loop.phase}", {"color": line_colour(names.index(loop.name)), "dash": dash}
 
 
 def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
@@ -81,7 +73,7 @@ def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.L)))
         for row, values in ((1, 20 * np.log10(np.abs(loop.L))), (2, phase - 360 * (phase[0] > 90))):
-            line(figure, loop.omega / (2 * math.pi), values, _label(loop), _look(loops, loop), row)
+            line(figure, loop.omega / (2 * math.pi), values, *_look(loops, loop), row)
     figure.add_hline(y=0, line={"color": MUTED, "width": 1}, row=1, col=1)
     figure.add_hline(y=-180, line={"color": MUTED, "width": 1}, row=2, col=1)
     return figure.update_xaxes(type="log").update_yaxes(range=[-360, 0], row=2, col=1)
@@ -92,10 +84,8 @@ def nyquist_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     figure = axes("real part", "imaginary part", 520)
     for loop in loops:
         near = np.abs(loop.L) < 6
-        line(figure, loop.L.real[near], loop.L.imag[near], _label(loop), _look(loops, loop), points=near.size)
-    turn = np.linspace(0, 2 * math.pi, 200)
-    circle = {"color": MUTED, "width": 1, "dash": "dot"}
-    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=circle, showlegend=False, hoverinfo="skip")
+        line(figure, loop.L.real[near], loop.L.imag[near], *_look(loops, loop), points=near.size)
+    _with_circle(figure, "dot")
     figure.add_scatter(x=[-1], y=[0], mode="markers", marker={"color": INK, "symbol": "x", "size": 9}, showlegend=False)
     return figure.update_xaxes(range=[-3, 2]).update_yaxes(range=[-3, 2], scaleanchor="x")
 
@@ -105,7 +95,7 @@ def sensitivity_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     figure = axes("frequency in Hz", "|1/(1 + L)| in dB", 380)
     for loop in loops:
         values = 20 * np.log10(loop.sensitivity())
-        line(figure, loop.omega / (2 * math.pi), values, _label(loop), _look(loops, loop))
+        line(figure, loop.omega / (2 * math.pi), values, *_look(loops, loop))
     return figure.update_xaxes(type="log")
 
 
@@ -115,14 +105,14 @@ def balance_figure(found: Study) -> go.Figure:
     """
     titles, shares = ("|N G| in dB", "frequency in Hz"), [0.6, 0.4]
     figure = axes("amplitude in mm", titles, 520, row_heights=shares)
-    for place, name in enumerate(found.laws()):
+    for number, name in enumerate(found.laws()):
         gain, hertz = crossings(found.wall.N * found.compliance(name), found.wall.omega)
         for row, values in ((1, 20 * np.log10(gain)), (2, hertz)):
             more = {"mode": "lines+markers", "marker": {"size": 4}}
-            line(figure, 1e3 * found.wall.amplitude_m, values, name, line_look(place), row, **more)
-    for place, (name, cycles) in enumerate(found.balances().items()):
-        marker = {"color": line_colour(place), "symbol": "x", "size": 12}
-        words = ["hunts" if cycle.stable else "goes off from more" for cycle in cycles]
+            line(figure, 1e3 * found.wall.amplitude_m, values, name, line_look(number), row, **more)
+    for number, (name, cycles) in enumerate(found.balances().items()):
+        marker = {"color": line_colour(number), "symbol": "x", "size": 12}
+        words = ["hunts" if cycle.stable else "diverges from a larger swing" for cycle in cycles]
         at, hertz = (np.array([getattr(c, key) for c in cycles]) for key in ("amplitude_m", "frequency_Hz"))
         for row, heights in ((1, np.zeros(len(at))), (2, hertz)) if cycles else ():
             line(figure, 1e3 * at, heights, f"cycle, {name}", {}, row, mode="markers", marker=marker, text=words)
@@ -149,20 +139,26 @@ def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Poles of the closed loops in the discrete plane; stable inside the circle."""
     figure = axes("real part", "imaginary part", 480)
     for loop in loops:
-        look = _look(loops, loop)
+        name, look = _look(loops, loop)
         marker = {"color": look["color"], "symbol": "x" if loop.phase == "stick" else "circle-open", "size": 9}
-        figure.add_scatter(x=loop.poles.real, y=loop.poles.imag, mode="markers", name=_label(loop), marker=marker)
-    turn, look = np.linspace(0, 2 * math.pi, 200), {"color": MUTED, "width": 1}
-    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=look, showlegend=False)
-    return figure.update_yaxes(scaleanchor="x")
+        figure.add_scatter(x=loop.poles.real, y=loop.poles.imag, mode="markers", name=name, marker=marker)
+    return _with_circle(figure, "solid").update_yaxes(scaleanchor="x")
+
+
+def _with_circle(figure: go.Figure, dash: str) -> go.Figure:
+    """The unit circle."""
+    turn, look = np.linspace(0, 2 * math.pi, 200), {"color": MUTED, "width": 1, "dash": dash}
+    return figure.add_scatter(
+        x=np.cos(turn), y=np.sin(turn), mode="lines", line=look, showlegend=False, hoverinfo="skip"
+    )
 
 
 def run_figure(found: Study) -> go.Figure:
     """Position error of every controller on set-valued friction: slow motion and hold."""
     figure = make_subplots(rows=1, cols=2, subplot_titles=[f"{1e3 * found.speed_m_s:g} mm/s", "stop and hold"])
-    for place, (name, parts) in enumerate(found.runs.items()):
+    for number, (name, parts) in enumerate(found.runs.items()):
         for column, (part, run) in enumerate(parts.items(), start=1):
-            error, look = 1e3 * (run.position - run.reference), {**line_look(place), "width": 1.2}
+            error, look = 1e3 * (run.position - run.reference), {**line_look(number), "width": 1.2}
             line(figure, run.t, error, name, look, col=column, showlegend=part == "ramp", points=len(run.t) + 1)
     figure.update_xaxes(title="t in s")
     figure.update_yaxes(title="error in mm", row=1, col=1)

@@ -1,6 +1,6 @@
 """What a design found in words and tables, for terminal and page alike: poles, gains, margins, cycles."""
 
-from typing import Any
+from typing import Any, Final
 
 from rich.table import Table
 
@@ -14,42 +14,48 @@ from controller.model.linear import linearise
 from hil.app.console import text_table
 from models.theta import spelled
 from models.words.quantities import number
+from models.words.sentences import Sentences
 
-MARGINS = ("gain", "phase in deg", "more delay in ms", "sensitivity")
+TEXT: Final = Sentences(__file__)
+MARGINS: Final = ("gain", "phase in deg", "more delay in ms", "sensitivity")
 
 
 def words_of(found: Study, plant: ControlModel) -> list[str]:
     """Poles and gains, a line each."""
     poles = [
-        f"sliding at {1e3 * found.speed_m_s:g} mm/s, wall in {linear.phase}: poles"
-        f" {', '.join(_complex(rate) for rate in linear.rates())} 1/s"
+        TEXT("poles", speed=found.speed_m_s, phase=linear.phase, poles=", ".join(map(_complex, linear.rates())))
         for linear in found.plants
     ]
     return [*poles, *gains_words(found.pid, found.lqr, plant)]
 
 
 def balance_lines(found: Study) -> list[str]:
-    """What the harmonic balance says, a line a controller."""
-    return [f"harmonic balance, {name} at rest: {balance_words(balance)}" for name, balance in found.balances().items()]
+    """What the harmonic balance gives, a line for each controller."""
+    return [TEXT("balance.line", name=name, words=_balance_words(one)) for name, one in found.balances().items()]
 
 
-def balance_words(found: list[Balance]) -> str:
-    """What the harmonic balance of one loop says."""
+def _balance_words(found: list[Balance]) -> str:
     if not found:
-        return f"no cycle from {1e3 * AMPLITUDES_M[0]:g} to {1e3 * AMPLITUDES_M[-1]:g} mm: stiction brings it to rest"
-    hunts = "hunts at {0:.3g} mm, {1:.3g} Hz"
-    rests = "comes to rest from a swing below {0:.3g} mm ({1:.3g} Hz), goes off from more"
-    return "; ".join((hunts if one.stable else rests).format(1e3 * one.amplitude_m, one.frequency_Hz) for one in found)
+        return TEXT("balance.none", low=float(AMPLITUDES_M[0]), high=float(AMPLITUDES_M[-1]))
+    return "; ".join(
+        TEXT(
+            f"balance.{'hunts' if one.stable else 'rests'}",
+            amplitude=one.amplitude_m,
+            frequency=float(one.frequency_Hz),
+        )
+        for one in found
+    )
 
 
 def _complex(rate: complex) -> str:
-    return f"{rate.real:.4g}" if rate.imag == 0 else f"{rate.real:.4g}{rate.imag:+.4g}j"
+    imaginary = f" {'+' if rate.imag > 0 else '−'} {number(abs(rate.imag))}j" if rate.imag else ""
+    return f"{number(rate.real)}{imaginary}"
 
 
 def margin_table(found: Study) -> Table:
     """Gain, phase and delay margins of each loop, a row for a loop and state of the wall."""
     heads = ("", "wall", *MARGINS, "crossover in Hz", "bandwidth in Hz", "stable")
-    table = text_table(f"margins with {1e3 * found.delay_s:g} ms of delay", heads, ("", "wall"))
+    table = text_table(TEXT("title.margins", delay=found.delay_s), heads, ("", "wall"))
     for loop in found.loops:
         m = loop.margins()
         numbers = [number(x, 3) for x in (*margin_numbers(m), m.crossover_Hz, m.bandwidth_Hz)]
@@ -65,7 +71,7 @@ def margin_numbers(m: Margins) -> tuple[float, float, float, float]:
 def cycle_table(found: Study) -> Table:
     """Limit cycles of each controller under set-valued friction, a row for a run."""
     heads = ("", "run", "peak to peak in µm", "period in s", "rms in µm", "hunts")
-    table = text_table("set-valued friction, no noise: error in the last half", heads, ("", "run"))
+    table = text_table(TEXT("title.cycles"), heads, ("", "run"))
     for name, parts in found.cycles().items():
         for part, c in parts.items():
             numbers = [number(x, 3) for x in (1e6 * c.peak_to_peak_m, c.period_s, 1e6 * c.rms_m)]
@@ -89,37 +95,23 @@ def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
 
 def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
     """Lines for the designed gains, and for those of the controllers that run."""
-    unit = command_unit(model)
-    own = f"K_p {pid.K_p:.4g} {unit}/m, K_i {pid.K_i:.4g} {unit}/(m s), K_d {pid.K_d:.4g} {unit} s/m"
+    unit, drive = command_unit(model), driven_of(model.drive)
+    own = {"command": model.drive.commanded, "unit": unit, "filter": pid.filter_s}
+    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction, TEXT("fallbacks"): drive.pid_estimated}
+    running = _feedback(lqr_gains(linearise(model, "slip")), unit)
     return [
-        f"PID, from position error to {model.drive.commanded}: {own} (filter {1e3 * pid.filter_s:g} ms)",
-        f"LQR: {_feedback(lqr, unit)}",
-        "not used by track, sil and run, whose controllers have these gains, whatever the delay:",
-        *_running(model),
-    ]
-
-
-def _running(model: ControlModel) -> list[str]:
-    drive = driven_of(model.drive)
-    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction}
-    pids["pid_estimated and the PID below the others"] = drive.pid_estimated
-    lines = [
-        f"  {name}, from position error to force: k_p {g.k_p:g} N/m, k_i {g.k_i:g} N/(m s), k_d {g.k_d:g} N s/m"
-        for name, g in pids.items()
-    ]
-    return [
-        *lines,
-        (
-            f"  lqr: {_feedback(lqr_gains(linearise(model, 'slip')), command_unit(model))} at this tick of"
-            f" {1e3 * model.tick_s:g} ms"
-        ),
+        TEXT("pid", K_p=pid.K_p, K_i=pid.K_i, K_d=pid.K_d, **own),
+        TEXT("lqr", feedback=_feedback(lqr, unit)),
+        TEXT("others"),
+        *(f"  {TEXT('running_pid', name=name, k_p=g.k_p, k_i=g.k_i, k_d=g.k_d)}" for name, g in pids.items()),
+        f"  {TEXT('running_lqr', feedback=running, tick=model.tick_s)}",
     ]
 
 
 def _feedback(gains: Gains, unit: str) -> str:
     own = zip(map(spelled, gains.states), gains.K, strict=True)
-    terms = [f"{name} {gain:.4g} {_per(unit, name)}" for name, gain in own]
-    return f"{', '.join(terms)}, K_i {gains.K_i:.4g} {unit}/(m s)"
+    terms = [TEXT("gain", state=name, gain=float(gain), unit=_per(unit, name)) for name, gain in own]
+    return TEXT("feedback", terms=", ".join(terms), K_i=float(gains.K_i), unit=unit)
 
 
 def _per(unit: str, state: str) -> str:

@@ -13,14 +13,14 @@ from controller.vibro.drive_map import designed, speed_map
 from controller.vibro.study import VibroStudy, vibro_study
 from hil.app.console import text_table
 from hil.app.design.page import Drawn, loop_figures, page_html
-from hil.app.design.tables import MARGINS, margin_numbers
+from hil.app.design.tables import MARGINS, TEXT, margin_numbers
 from hil.report.theme import axes, line, line_look
-from models.words.quantities import number
+from models.words.quantities import fixed, number
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
-    """The study with the drive map that the controller runs on, designed once for a model and kept; `optimise` False:
-    square waves alone.
+    """The study with the controller's drive map, designed once for each model. Without `optimise` it has square waves
+    alone.
     """
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
@@ -44,8 +44,8 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
             {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.gait.speed_m_s}
             | {"period_s": one.waveform.period_s, "amplitude": max(one.waveform.levels)}
             | {"energy_J_per_m": one.gait.energy_J_per_m}
-            for speed, ways in found.alternatives.items()
-            for one in ways
+            for speed, waves in found.alternatives.items()
+            for one in waves
         ],
         "slow_loops": [
             {"speed_m_s": one.speed_m_s, **asdict(one.loop.margins())}
@@ -57,20 +57,22 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
 
 def vibro_lines(found: VibroStudy) -> list[str]:
     """Resonance, reach and gears, a line each."""
-    own = found.resonance
-    contact = f", a touch of the front stop {1e3 * own.contact_s:.3g} ms" if math.isfinite(own.contact_s) else ""
-    low, high = found.drive.reach()
+    own, (low, high) = found.resonance, found.drive.reach()
+    resonance = TEXT("vibro.resonance", held=own.held_Hz, free=own.free_Hz, damping=own.damping)
+    if math.isfinite(own.contact_s):
+        resonance = TEXT("vibro.contact", resonance=resonance, contact=own.contact_s)
     gears = [
-        f"gear for {1e3 * gear.home_m_s:.3g} mm/s: {1e3 * gear.slowest_m_s:.3g} to {1e3 * gear.fastest_m_s:.3g}"
-        f" mm/s, period {1e3 * gear.waveform(gear.home_m_s).period_s:.3g} ms, impact {gear.impact}"
+        TEXT(
+            "vibro.gear",
+            home=gear.home_m_s,
+            slowest=gear.slowest_m_s,
+            fastest=gear.fastest_m_s,
+            period=gear.waveform(gear.home_m_s).period_s,
+            impact=gear.impact,
+        )
         for gear in found.drive.gears
     ]
-    return [
-        f"inner mass: {own.held_Hz:.4g} Hz with the body held, {own.free_Hz:.4g} Hz with it free, damping"
-        f" {number(own.damping, 3)} of the critical one{contact}",
-        f"reach {1e3 * low:.3g} to {1e3 * high:.3g} mm/s, lag {1e3 * found.drive.lag_s:.3g} ms",
-        *gears,
-    ]
+    return [resonance, TEXT("vibro.reach", low=low, high=high, lag=found.drive.lag_s), *gears]
 
 
 def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
@@ -80,39 +82,38 @@ def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
 
 def _cost_table(found: VibroStudy) -> Table:
     heads = ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s")
-    table = text_table("cheapest square wave by impact, and what the drive map does", heads, ("", "impact"))
-    for speed, ways in found.alternatives.items():
-        for one in ways:
-            wave, gait = one.waveform, one.gait
-            duty = f"{wave.edges[1]:.3g}" if one.shape == "square" else ""
-            numbers = [number(x, 3) for x in (gait.energy_J_per_m, 1e3 * wave.period_s)]
-            rest = (duty, f"{max(wave.levels):.3g}", f"{1e3 * gait.speed_m_s:.3g}")
-            table.add_row(f"{1e3 * speed:g}", one.shape, one.impact, *numbers, *rest)
-        if not ways:
-            table.add_row(f"{1e3 * speed:g}", "out of reach", *[""] * 6)
+    table = text_table(TEXT("title.costs"), heads, ("", "impact"))
+    for speed, waves in found.alternatives.items():
+        for one in waves:
+            wave = one.waveform
+            duty = number(wave.edges[1], 3) if one.shape == "square" else ""
+            cost = (number(x, 3) for x in (one.gait.energy_J_per_m, 1e3 * wave.period_s))
+            rest = (number(x, 3) for x in (max(wave.levels), 1e3 * one.gait.speed_m_s))
+            table.add_row(number(1e3 * speed), one.shape, one.impact, *cost, duty, *rest)
+        if not waves:
+            table.add_row(number(1e3 * speed), "out of reach", *[""] * 6)
     return table
 
 
 def _loop_table(found: VibroStudy) -> Table:
-    title = f"slow loop with {1e3 * found.delay_s:g} ms of delay; slope of the true speed with parameters 15 % off"
-    table = text_table(title, ("mm/s", *MARGINS, "bandwidth in Hz", "slope", "holds"))
+    table = text_table(TEXT("title.slow", delay=found.delay_s), ("mm/s", *MARGINS, "bandwidth in Hz", "slope", "holds"))
     for one in found.slow:
         m = one.loop.margins()
         numbers = [number(x, 3) for x in (*margin_numbers(m), m.bandwidth_Hz)]
-        slopes = f"{one.slope_low:.2f} to {one.slope_high:.2f}"
-        table.add_row(f"{1e3 * one.speed_m_s:g}", *numbers, slopes, "yes" if one.holds else "NO")
+        slopes = f"{fixed(one.slope_low, 2)} to {fixed(one.slope_high, 2)}"
+        table.add_row(number(1e3 * one.speed_m_s), *numbers, slopes, "yes" if one.holds else "NO")
     return table
 
 
-def vibro_html(found: VibroStudy, title: str) -> str:
+def vibro_html(found: VibroStudy, name: str) -> str:
     """The page, complete in itself."""
     own = [Drawn("Square waves over their frequency", period_figure(found)), Drawn("Gears", gear_figure(found))]
-    head = f"Design for {title}: inner mass, {1e3 * found.delay_s:g} ms of delay"
+    head = TEXT("title.vibro_page", name=name, delay=found.delay_s)
     return page_html(head, vibro_lines(found), vibro_tables(found), [*own, *loop_figures(found.loops)])
 
 
 def period_figure(found: VibroStudy) -> go.Figure:
-    """Mean speed of square waves over frequency at every amplitude of the map, at the duty that goes furthest."""
+    """Mean speed of square waves over frequency at every amplitude of the map, at the best duty."""
     figure, table = axes("frequency in Hz", "mean speed in mm/s", 420), found.table
     for k, amplitude in enumerate(table.amplitude):
         speed = table.speed[:, :, k]
@@ -123,7 +124,7 @@ def period_figure(found: VibroStudy) -> go.Figure:
 
 
 def gear_figure(found: VibroStudy) -> go.Figure:
-    """The waveform of every gear at the speed that it is made for."""
+    """The waveform of every gear at its own speed."""
     figure = axes("t in ms", "share of the coil's force", 360)
     for k, gear in enumerate(found.drive.gears):
         wave = gear.waveform(gear.home_m_s)

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from hil.app.console import answer, json_text, output_to_notes
-from hil.app.export.found import Found, read_found
+from hil.app.export.fmu_archive import FmuUnit, fmu
+from hil.app.export.found import TEXT, Found, read_found
 from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from models.effects import Catalogue
@@ -29,7 +30,7 @@ def export(
     json_output: Json = False,
     effects: OwnEffects,
 ) -> None:
-    """Write a scenario's plant or a rig's model, complete or not at all, and say what of it the form cannot carry."""
+    """Write a scenario's plant or a rig's model, complete or not at all, and say what the form cannot hold."""
     check_word(form, "form", FORMS)
     if scenario is not None and (model is not None or rig is not None):
         raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
@@ -58,40 +59,37 @@ def export(
 
 
 def _targets(form: str, out: Path) -> list[Path]:
-    if form == "table":
-        if out.exists():
-            check_folder(out, "--out")
-        return [out / name for name in TABLE]
-    return [check_file(out, "--out", (".fmu",) if form == "fmu" else (".xml",))]
+    if form != "table":
+        return [check_file(out, "--out", (".fmu",) if form == "fmu" else (".xml",))]
+    if out.exists():
+        check_folder(out, "--out")
+    return [out / name for name in TABLE]
 
 
 def _plant(scenario: Path, out: Path) -> Made:
-    from hil.app.export.fmu.package import fmu
-    from hil.app.export.fmu.plant_unit import plant_unit, read_truth
+    from hil.app.export.fmu_plant import plant_unit, read_truth
 
     run, rig = read_truth(scenario)
-    unit = plant_unit(run.name or scenario.stem, rig, run.duration_s)
-    missing = {"sensors": "noise, rate and delay of the scenario's instruments: the outputs are the truth"}
-    return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": missing}
+    return _archive(out, plant_unit(run.name or scenario.stem, rig, run.duration_s), {"sensors": TEXT("sensors")})
 
 
 def _model(found: Found, out: Path) -> Made:
-    from hil.app.export.fmu.model_unit import model_unit
-    from hil.app.export.fmu.package import fmu
+    from hil.app.export.fmu_model import model_unit
 
-    unit = model_unit(out.stem, found)
-    return {out: fmu(unit)}, {"variables": _listed(unit.variables), "not_mapped": found.late()}
+    return _archive(out, model_unit(out.stem, found), found.late())
 
 
-def _listed(variables: Any) -> list[dict[str, str]]:
-    return [{"name": v.name, "causality": v.causality, "unit": v.unit, "is": v.description} for v in variables]
+def _archive(out: Path, unit: FmuUnit, missing: Mapping[str, str]) -> Made:
+    listed = [{"name": v.name, "causality": v.causality, "unit": v.unit, "is": v.description} for v in unit.variables]
+    return {out: fmu(unit)}, {"variables": listed, "not_mapped": missing}
 
 
 def _table(found: Found, out: Path) -> Made:
-    from hil.app.export.table import UNITS, friction_table
+    from hil.app.export.table import friction_table
 
     table = friction_table(found)
-    about = {"rig": found.rig.kind, "stage": found.stage, "columns": UNITS, "parameters": found.values.spelled()}
+    columns = {name: TEXT(f"column.{name}") for name in table.columns}
+    about = {"rig": found.rig.kind, "stage": found.stage, "columns": columns, "parameters": found.values.spelled()}
     about["not_mapped"] = table.not_mapped
     files = {out / TABLE[0]: table_text(table.columns), out / TABLE[1]: json_text(about)}
     return files, {"rows": len(table.columns["speed_m_s"]), "not_mapped": table.not_mapped}

@@ -18,9 +18,9 @@ from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta, spelled
+from models.words.sentences import Sentences
 
-LOG_WORDS: Final = "how a record was logged (delay of the measurement's stamps), no part of the rig"
-LATE_WORDS: Final = "delay of the measurement: the output comes at once"
+TEXT: Final = Sentences(__file__)
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Found:
         return Theta.of((p.key, float(self.values.get(p.key, p.value))) for p in self.assembled().parameters)
 
     def late(self) -> dict[str, str]:
-        """What delays the measurement and is not in the step: name and why."""
-        told = {name: LOG_WORDS for name in OF_THE_LOG if self.values.get(name)}
-        return told | {e.id: LATE_WORDS for e in self.effects if e.answers("delay")}
+        """Delays of the measurement, which the step does not have: name and why."""
+        logged = {name: TEXT("logged") for name in OF_THE_LOG if self.values.get(name)}
+        return logged | {e.id: TEXT("late") for e in self.effects if e.answers("delay")}
 
 
 def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: Catalogue = CATALOGUE) -> Found:

@@ -19,6 +19,7 @@ from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion
 from hil.app.scenario.deployment import LearningTable
 from hil.app.scenario.model_use import Offered
 from hil.log.record import SOURCES
+from models.effects import effect_words
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.theta import Theta
@@ -67,7 +68,7 @@ class Lesson:
 
     @property
     def words(self) -> str:
-        values: dict[str, Any] = asdict(self) | {"effects": self.effects or [TEXT("no_effect")]}
+        values: dict[str, Any] = asdict(self) | {"effects": [*map(effect_words, self.effects)] or [TEXT("no_effect")]}
         if self.offered_at_s is None:
             more = TEXT("wanted", **values) if self.wanted else ""
             result = TEXT("not_offered", **values) + more if self.sentence else TEXT("nothing")

@@ -1,13 +1,14 @@
-"""Paper A: the stick-slip curve as printed and as its own equations give it, and the forces it states."""
+"""Paper A: the stick-slip curve as printed and as its own equations give it, the forces it states, its Fig. 5 to 7."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from hil.app.papers.row import Row, rows
+from hil.app.papers.comparison import MISSES, MN, NOT_REPRODUCIBLE, Drawing, Plot, Row, row, slug
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import mucus_drag
@@ -15,6 +16,7 @@ from models.laws.stick_slip import (
     Tension,
     Tooth,
     elastic_coulomb_limit,
+    friction_curve,
     initial_resistance,
     printed_force,
     printed_tension,
@@ -24,8 +26,8 @@ from models.laws.stick_slip import (
 from models.parameter import ParameterSet, load_set
 from models.sets import load_measurement
 
-_COLUMNS = {"period": "period_s", "valley": "valley_N", "peak": "peak_N"}
-_DIVISION = "Eq. 18-20 multiply by powers of the stretch where Eq. 1 and 3 divide, and print 12.01 for 12.1"
+_COLUMNS: Final = {"period": "period_s", "valley": "valley_N", "peak": "peak_N"}
+_PERIODS: Final = 3  # of the saw that are drawn
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class Setting:
         """`F_critical - F_initial` as stated, in N."""
         return self.stated["critical_force_N"] - self.stated["initial_force_N"]
 
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """The two readings of L_s in m: with the nose stretched too, and the cylinder alone."""
+        return stretched_length(self.capsule), self.capsule.cylinder_length_m
+
     def printed(self) -> Tension:
         """Tension of Eq. 18."""
         return printed_tension(stretched_length(self.capsule))
@@ -74,116 +81,67 @@ def mean_of(column: str) -> float:
     return float(np.mean(load_measurement("analytical_table2_periods")[column]))
 
 
-def analytical_rows() -> list[Row]:
+def analytical_rows() -> Iterator[Row]:
     """Every line about paper A."""
     a = Setting.load()
-    parts = (_printed_curve, _derived_curve, _stated_forces, _friction_range, _deviations)
-    return [line for part in parts for line in part(a)] + _thirty_periods()
+    for part in (_printed_curve, _derived_curve, _stated_forces, _deviations):
+        yield from part(a)
 
 
-def _printed_curve(a: Setting) -> list[Row]:
+def _printed_curve(a: Setting) -> Iterator[Row]:
     tooth, s, small = a.tooth(a.printed()), a.stated, 1e-9
-    ratio = a.printed()(small) / a.derived(stretched_length(a.capsule))(small)
-    same = "with L_s = L + R = 26.5 mm, rise to 39.79 - 23.23 mN, fall at v_c + v_i: to all printed digits"
-    stiffer = f"{_DIVISION}: the printed curve's wall is this much stiffer than the paper's own law at rest"
-    eq19 = (
-        "Eq. 19 is printed without its constant: at t = 0 only the term 192.2/m^2 is left; the curve here starts at"
-        " F_critical"
-    )
-    start = load_set("zhang2016_printed_curve")["matrix_N"]
-    drag = "the wall's drag at the tip of a tooth, v_c times the rise"
-    recovery, time = tooth.drag_m / s["recoil_speed_m_s"], s["recovery_time_s"]
-    recovers = (
-        "u_c/v_i: the 0.05 s that the wall is said to need to recover, and the constant that makes A's 0.6 and C's 6"
-        " mm/s one"
-    )
-    eq18 = "Eq. 18 at t = 0; its constant 215.5 is rounded"
     first, critical = s["initial_force_N"], s["critical_force_N"]
-    period = tooth.period_s, "reproduced", same, s["period_s"], mean_of("period_s")
-    return rows(
-        "A",
-        ("rise_printed", "rise, Eq. 18-20 as printed", "s", tooth.rise_s, "reproduced", same, s["rise_s"]),
-        ("fall_printed", "fall, Eq. 18-20 as printed", "s", tooth.fall_s, "reproduced", same, s["fall_s"]),
-        ("period_printed", "period, Eq. 18-20 as printed", "s", *period),
-        ("printed_wall_stiffness", "stiffness of the printed wall over that of Eq. 1", "1", ratio, "misprint", stiffer),
-        ("eq18_start", "Eq. 18 at its start", "mN", printed_force(1.0), "consistent", eq18, first),
-        ("eq19_start", "Eq. 19 at its start", "mN", start, "misprint", eq19, critical),
-        ("tip_drag", "drag of the wall at the tip u_c", "mm", tooth.drag_m, "check value", drag),
-        ("recovery_time", "recovery of the wall, Section 5.3", "s", recovery, "consistent", recovers, time),
-    )
+    yield row("a_rise_printed", "s", tooth.rise_s, "reproduced", "printed", paper=s["rise_s"])
+    yield row("a_fall_printed", "s", tooth.fall_s, "reproduced", "printed", paper=s["fall_s"])
+    seen = mean_of("period_s")
+    yield row("a_period_printed", "s", tooth.period_s, "reproduced", "printed", paper=s["period_s"], measured=seen)
+    ratio = a.printed()(small) / a.derived(stretched_length(a.capsule))(small)
+    yield row("a_printed_wall_stiffness", "1", ratio, "misprint", "stiffer")
+    yield row("a_eq18_start", "mN", printed_force(1.0), "consistent", "eq18", paper=first)
+    start = load_set("zhang2016_printed_curve")["matrix_N"]
+    yield row("a_eq19_start", "mN", start, "misprint", "eq19", paper=critical)
+    yield row("a_tip_drag", "mm", tooth.drag_m, "check value", "tip_drag")
+    recovery = tooth.drag_m / s["recoil_speed_m_s"]
+    yield row("a_recovery_time", "s", recovery, "consistent", "recovery", paper=s["recovery_time_s"])
 
 
 def _derived_curve(a: Setting) -> Iterator[Row]:
-    measured = mean_of("period_s")
-    miss = (
-        "misses the measurement",
-        "the correct law misses the measured mean period: a real effect is missing at small, fast stretch",
-    )
-    for length in (stretched_length(a.capsule), a.capsule.cylinder_length_m):
-        tooth = a.tooth(a.derived(length))
-        key = f"{length * 1e3:g}".replace(".", "_")
-        label = f"Eq. 1, 3, 12, L_s {length * 1e3:g} mm"
-        off = tooth.period_s / measured - 1
-        yield from rows(
-            "A",
-            (f"rise_law_{key}", f"rise, {label}", "s", tooth.rise_s, "misprint", _DIVISION),
-            (f"fall_law_{key}", f"fall, {label}", "s", tooth.fall_s, "misprint", _DIVISION),
-            (f"period_law_{key}", f"period, {label}", "s", tooth.period_s, *miss, None, measured),
-            (f"period_error_law_{key}", f"period off the measured mean, {label}", "%", off, *miss),
-        )
+    seen, miss = mean_of("period_s"), MISSES
+    for length in a.lengths:
+        tooth, at, L_s = a.tooth(a.derived(length)), slug(f"{1e3 * length:g}"), {"L_s": length}
+        period, error = f"a_period_law_{at}", f"a_period_error_law_{at}"
+        yield row(f"a_rise_law_{at}", "s", tooth.rise_s, "misprint", "division", words="a_rise_law", fill=L_s)
+        yield row(f"a_fall_law_{at}", "s", tooth.fall_s, "misprint", "division", words="a_fall_law", fill=L_s)
+        yield row(period, "s", tooth.period_s, miss, "missed", measured=seen, words="a_period_law", fill=L_s)
+        yield row(error, "%", tooth.period_s / seen - 1, miss, "missed", words="a_period_error_law", fill=L_s)
 
 
-def _stated_forces(a: Setting) -> list[Row]:
-    s, valley = a.stated, mean_of("valley_N")
-    none = (
-        "not reproducible",
-        "Eq. 6-11 with Table 1 (alpha 30 deg, D0 = 2 R cos(alpha)) give many times what is stated: "
-        "treat F_initial and f_c, or alpha and mu, as identified",
-    )
-    initial = initial_resistance(a.capsule, a.tissue, a.wall)
-    limit = elastic_coulomb_limit(a.capsule, a.tissue, a.wall)
-    drag, stated = mucus_drag(s["capsule_speed_m_s"], Tissue().mucus_thickness_m), s["viscous_force_N"]
-    near = "V Eq. 9, 10 with w in mm/s and h in mm; only this reading of the garbled equation comes near"
-    return rows(
-        "A",
-        ("initial_force", "F_initial, Eq. 6, 10", "mN", initial, *none, s["initial_force_N"], valley),
-        ("coulomb_limit", "f_c, Eq. 8, 9", "mN", limit, *none, a.amplitude, mean_of("peak_N") - valley),
-        ("viscous_force", "mucus drag at 0.5 mm/s", "mN", drag, "consistent", near, stated),
-    )
-
-
-def _friction_range(a: Setting) -> Iterator[Row]:
-    s, note = a.stated, "F_initial + f_c, f_c in proportion to the coefficient (Eq. 8, 11), from 23.23 and 16.56 mN"
+def _stated_forces(a: Setting) -> Iterator[Row]:
+    s, valley, rig = a.stated, mean_of("valley_N"), (a.capsule, a.tissue, a.wall)
+    none, first, rise = NOT_REPRODUCIBLE, s["initial_force_N"], mean_of("peak_N") - valley
+    yield row("a_initial_force", "mN", initial_resistance(*rig), none, "forces", paper=first, measured=valley)
+    yield row("a_coulomb_limit", "mN", elastic_coulomb_limit(*rig), none, "forces", paper=a.amplitude, measured=rise)
+    drag = mucus_drag(s["capsule_speed_m_s"], Tissue().mucus_thickness_m)
+    yield row("a_viscous_force", "mN", drag, "consistent", "garbled", paper=s["viscous_force_N"])
     for end in ("low", "high"):
-        mu, stated = s[f"friction_coefficient_{end}"], s[f"critical_force_{end}_N"]
-        force = s["initial_force_N"] + a.amplitude * mu / s["friction_coefficient"]
-        quantity = f"F_critical at a friction coefficient of {mu:g}, Section 5.2"
-        yield from rows("A", (f"critical_force_friction_{end}", quantity, "mN", force, "reproduced", note, stated))
+        mu, words = s[f"friction_coefficient_{end}"], "a_critical_force_friction"
+        force, stated = first + a.amplitude * mu / s["friction_coefficient"], s[f"critical_force_{end}_N"]
+        yield row(f"{words}_{end}", "mN", force, "reproduced", "friction", paper=stated, words=words, fill={"mu": mu})
 
 
 def _deviations(a: Setting) -> Iterator[Row]:
-    s = a.stated
-    note = "Table 2's mean of eight against the printed curve; it agrees because the curve's wall is misprinted stiffer"
-    period = a.tooth(a.printed()).period_s
+    """Deviations of Table 2; and how far the eight periods that a fit may use are from the thirty that the paper gives
+    as one number each.
+    """
+    s, period = a.stated, a.tooth(a.printed()).period_s
     for name, model in (("period", period), ("valley", s["initial_force_N"]), ("peak", s["critical_force_N"])):
         off, stated = abs(mean_of(_COLUMNS[name]) / model - 1), s[f"{name}_deviation"]
-        quantity = f"deviation of the {name}, Table 2"
-        yield from rows("A", (f"deviation_{name}", quantity, "%", off, "reproduced", note, stated))
-
-
-def _thirty_periods() -> list[Row]:
-    """How far the eight periods that a fit may use are from the thirty that the paper gives as one number each."""
-    lines = []
+        key, words = f"a_deviation_{name}", "a_deviation"
+        yield row(key, "%", off, "reproduced", "deviation", paper=stated, words=words, fill={"name": name})
     for name, means in thirty_periods().items():
         least, most = sorted(abs(mean_of(_COLUMNS[name]) / mean - 1) for mean in means)
-        note = (
-            "the paper prints the deviation from its curve without a sign: a model that meets the eight exactly is"
-            f" {least:.1%} or {most:.1%} off the thirty (which may contain them); the smaller is shown"
-        )
-        lines.append(
-            (f"hold_out_{name}", f"{name} of eight periods against that of thirty", "%", least, "finding", note)
-        )
-    return rows("A", *lines)
+        fill = {"name": name, "least": least, "most": most}
+        yield row(f"a_hold_out_{name}", "%", least, "finding", "hold_out", words="a_hold_out", fill=fill)
 
 
 def thirty_periods() -> dict[str, tuple[float, float]]:
@@ -199,3 +157,50 @@ def thirty_periods() -> dict[str, tuple[float, float]]:
 def best_miss(value: float, means: tuple[float, float]) -> float:
     """The relative error of `value` against the nearer of two means."""
     return min((value / mean - 1 for mean in means), key=abs)
+
+
+def analytical_drawings() -> Iterator[Drawing]:
+    """Fig. 5 to 7: the rise, the fall and three periods of the saw, with the measured periods."""
+    a = Setting.load()
+    tensions = [a.printed(), *map(a.derived, a.lengths)]
+    names = ["as printed (Eq. 18-20)", *(f"Eq. 1, 3, 12, L_s {length * 1e3:g} mm" for length in a.lengths)]
+    teeth = [a.tooth(tension) for tension in tensions]
+    curves = list(zip(names, ("printed", "derived", "third"), tensions, teeth, strict=True))
+    share = teeth[0].rise_s / teeth[0].period_s
+    table, first, critical = (
+        load_measurement("analytical_table2_periods"),
+        a.stated["initial_force_N"],
+        a.stated["critical_force_N"],
+    )
+
+    rise, fall = Plot("time since sticking, s", "friction, mN"), Plot("time since slipping, s", "friction, mN")
+    for name, colour, tension, tooth in curves:
+        drag = np.linspace(0, 1, 200)
+        rise.line(tooth.rise_s * drag, (first + tension(tooth.drag_m * drag)) * MN, name, colour)
+        fall.line(tooth.fall_s * drag, (critical - tension(tooth.drag_m * drag)) * MN, name, colour)
+    rise.points(share * table["period_s"], table["peak_N"] * MN, "measured peaks (Table 2)", "circle")
+    rise.points([0.0], [mean_of("valley_N") * MN], "measured mean valley", "diamond")
+    fall.points((1 - share) * table["period_s"], table["valley_N"] * MN, "measured valleys (Table 2)", "diamond")
+    fall.points([0.0], [mean_of("peak_N") * MN], "measured mean peak", "circle")
+    yield rise.captioned("a_rise", shortest=teeth[2].rise_s, longest=teeth[1].rise_s)
+    yield fall.captioned("a_fall")
+
+    saw, end = Plot("time, s", "friction, mN"), _PERIODS * teeth[0].period_s
+    for name, colour, tension, tooth in curves:
+        corners = [k * tooth.period_s + x for k in range(_PERIODS) for x in (0.0, tooth.rise_s)]
+        t = np.unique(np.concatenate([np.linspace(0, end, 600), [x for x in corners if x < end]]))
+        saw.line(t, friction_curve(t, tension, tooth, first) * MN, name, colour)
+    _measured_teeth(saw, share)
+    yield saw.captioned("a_saw", period=teeth[0].period_s, measured=mean_of("period_s"))
+
+
+def _measured_teeth(plot: Plot, share: float) -> None:
+    table = load_measurement("analytical_table2_periods")
+    periods, valleys, peaks = (table[name][:_PERIODS] for name in ("period_s", "valley_N", "peak_N"))
+    starts = np.concatenate([[0.0], np.cumsum(periods)[:-1]])
+    tips = starts + share * periods
+    plot.line(
+        np.ravel([starts, tips], "F"), np.ravel([valleys, peaks], "F") * MN, "measured, joined", "measured", "dot"
+    )
+    plot.points(starts, valleys * MN, "measured valleys", "diamond")
+    plot.points(tips, peaks * MN, "measured peaks", "circle")

@@ -2,19 +2,111 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from hil.app.papers.refit import FIVE_ELEMENTS, SPRINGPOT, Complex, Real, fit_spectrum, left_out_error, relative_error
-from hil.app.papers.row import Row, Verdict, row
-from models.laws.five_elements import Reading, angular_frequency, five_element_modulus, high_speed_moduli
+from hil.app.papers.comparison import CONSISTENT, NOT_REPRODUCIBLE, TEXT, Drawing, Plot, Row, row
+from models.laws.five_elements import (
+    DynamicModulus,
+    Reading,
+    angular_frequency,
+    five_element_modulus,
+    high_speed_moduli,
+    maxwell_branch,
+    springpot_modulus,
+)
 from models.parameter import load_set
 from models.sets import load_measurement
 
-_DIP_HZ = 40.0  # of the modulus in paper V's Table 2
+Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
+_DIP_HZ: Final = 40.0  # of the modulus in paper V's Table 2
+
+
+def _complex(y: DynamicModulus) -> Complex:
+    return np.asarray(y.storage + 1j * y.loss, dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A law `Y = sum_k a_k basis_k(omega; shape)`, a_k >= 0 in Pa: linear in its moduli, nonlinear in a few shape
+    numbers.
+    """
+
+    name: str
+    basis: Callable[[Real, Real], Complex]
+    starts: tuple[tuple[float, ...], ...]
+
+    def weights(self, shape: Real, omega: Real, target: Complex) -> tuple[Real, float]:
+        """Best non-negative moduli at a given shape, and the residual `||Y - Y_law||` in Pa."""
+        columns = self.basis(omega, shape)
+        moduli, residual = scipy.optimize.nnls(
+            np.vstack([columns.real, columns.imag]), np.concatenate([target.real, target.imag])
+        )
+        return moduli, float(residual)
+
+
+@dataclass(frozen=True)
+class FittedSpectrum:
+    """A fitted spectrum; call it with omega in rad/s for the complex modulus in Pa."""
+
+    law: Spectrum
+    shape: Real
+    moduli: Real
+
+    def __call__(self, omega: Real) -> Complex:
+        return self.law.basis(omega, self.shape) @ self.moduli
+
+
+def _five_basis(omega: Real, shape: Real) -> Complex:
+    branches = [_complex(maxwell_branch(omega, 1.0, time)) for time in np.exp(shape)]
+    return np.stack([*branches, np.ones_like(omega, dtype=complex)], axis=-1)
+
+
+def _springpot_basis(omega: Real, shape: Real) -> Complex:
+    order = float(np.clip(shape[0], 0.0, 1.0))
+    return np.stack([_complex(springpot_modulus(omega, 0.0, 1.0, order)), np.ones_like(omega, dtype=complex)], axis=-1)
+
+
+_TIMES: Final = np.log(np.geomspace(3e-4, 0.3, 7)).tolist()
+FIVE_ELEMENTS: Final = Spectrum("five elements", _five_basis, tuple(itertools.combinations(_TIMES, 2)))
+SPRINGPOT: Final = Spectrum("springpot", _springpot_basis, tuple((order,) for order in (0.1, 0.3, 0.5, 0.7, 0.9)))
+
+
+def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> FittedSpectrum:
+    """The law that minimises `||Y - Y_law||` over samples and frequencies; `omega` in rad/s and `target` in Pa, same
+    shape (n,).
+
+    The moduli are solved for exactly at each shape (variable projection), the shape is searched from the best start.
+    """
+
+    def cost(shape: Real) -> float:
+        return law.weights(shape, omega, target)[1] / float(np.linalg.norm(target))
+
+    best = min(law.starts, key=lambda start: cost(np.array(start)))
+    found = scipy.optimize.minimize(cost, np.array(best), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10})
+    shape = np.asarray(found.x)
+    return FittedSpectrum(law, shape, law.weights(shape, omega, target)[0])
+
+
+def relative_error(model: Complex, target: Complex) -> float:
+    """`||model - target||/||target||` over all values."""
+    return float(np.linalg.norm(model - target) / np.linalg.norm(target))
+
+
+def left_out_error(law: Spectrum, omega: Real, target: Complex, group: Real) -> float:
+    """Mean over the groups of the relative error on a group that the fit has not seen."""
+    errors = []
+    for value in np.unique(group):
+        out = group == value
+        errors.append(relative_error(fit_spectrum(law, omega[~out], target[~out])(omega[out]), target[out]))
+    return float(np.mean(errors))
 
 
 @dataclass(frozen=True)
@@ -33,8 +125,12 @@ class DmaTable:
 
     def table3(self, reading: Reading) -> Complex:
         """What Table 3's moduli give at the measured frequencies, in Pa."""
-        y = five_element_modulus(angular_frequency(self.frequency, reading), high_speed_moduli())
-        return np.asarray(y.storage + 1j * y.loss)
+        return _complex(five_element_modulus(angular_frequency(self.frequency, reading), high_speed_moduli()))
+
+    @property
+    def omega(self) -> Real:
+        """The frequencies in rad/s."""
+        return np.asarray(angular_frequency(self.frequency))
 
 
 def best_scale(model: Complex, target: Complex) -> float:
@@ -46,29 +142,19 @@ def dma_rows() -> Iterator[Row]:
     """Every line about paper V's dynamic tests."""
     table = DmaTable.load()
     yield from _test(table)
-    yield from _loss_tangents(table)
-    yield from _table3_errors(table)
+    yield from _table3(table)
     yield from _refits(table)
-    yield from _what_remains(table)
 
 
 def _test(table: DmaTable) -> Iterator[Row]:
     """What V says of the test itself: how far the samples differ, and the speed of its shear."""
-    s = load_set("zhang2014_dma_test")
+    s, stated = load_set("zhang2014_dma_test"), load_set("zhang2014_dma_test")["largest_deviation"]
     at_lowest = table.frequency == table.frequency.min()
-    stated = s["largest_deviation"]
-    note = "largest of a modulus over the smallest of the three samples, less 1: the paper's 7.92 % is that of 20 Hz"
-    lowest = largest_deviation(table, at_lowest)
-    quantity = "V: deviation of the samples at 20 Hz"
-    yield row("v_dma_deviation_20_hz", quantity, "%", lowest, "reproduced", note, paper=stated)
-    whole = largest_deviation(table, np.ones_like(at_lowest))
-    note = "the paper calls 7.92 % the largest of Table 2; its own 40 Hz has more"
-    none: Verdict = "not reproducible"
-    yield row("v_dma_deviation_largest", "V: largest deviation of the samples", "%", whole, none, note, paper=stated)
+    lowest, whole = largest_deviation(table, at_lowest), largest_deviation(table, np.ones_like(at_lowest))
+    yield row("v_dma_deviation_20_hz", "%", lowest, "reproduced", "samples", paper=stated)
+    yield row("v_dma_deviation_largest", "%", whole, "not reproducible", "largest", paper=stated)
     speed = 4 * s["lowest_frequency_Hz"] * s["shear_strain"] * s["sample_side_m"]
-    note = "4 f times strain times side, 4 x 20 Hz x 0.04 x 5.5 mm: the mean speed of a shear that goes to and fro"
-    quantity = "V: speed of the shear at 20 Hz"
-    yield row("v_dma_shear_speed_20_hz", quantity, "mm/s", speed, "reproduced", note, paper=s["shear_speed_m_s"])
+    yield row("v_dma_shear_speed_20_hz", "mm/s", speed, "reproduced", "shear", paper=s["shear_speed_m_s"])
 
 
 def largest_deviation(table: DmaTable, rows: NDArray[np.bool_]) -> float:
@@ -81,7 +167,7 @@ def largest_deviation(table: DmaTable, rows: NDArray[np.bool_]) -> float:
 
 
 def residual_shares(table: DmaTable, fit: Complex) -> dict[tuple[float, str], tuple[float, float]]:
-    """By (frequency in Hz, modulus): mean relative error of a fit, and the share of the squared residual there."""
+    """By (frequency in Hz, modulus): mean relative error of a fit, and its share of the squared residual."""
     error = table.modulus - fit
     total = float(np.sum(np.abs(error) ** 2))
     out = {}
@@ -93,66 +179,66 @@ def residual_shares(table: DmaTable, fit: Complex) -> dict[tuple[float, str], tu
     return out
 
 
-def _loss_tangents(table: DmaTable) -> Iterator[Row]:
-    first = table.sample == 1
-    notes = {"radians": '"Hz" read as rad/s', "hertz": "omega = 2 pi f"}
-    readings: tuple[Reading, ...] = ("radians", "hertz")
-    for reading in readings:
-        model = table.table3(reading)
+def _table3(table: DmaTable) -> Iterator[Row]:
+    none, first, target = NOT_REPRODUCIBLE, table.sample == 1, table.modulus
+    models = {reading: table.table3(reading) for reading in ("radians", "hertz")}
+    for reading, model in models.items():
         for f in (20, 60):
-            at = first & (table.frequency == f)
-            tangent, measured = (float((y[at].imag / y[at].real)[0]) for y in (model, table.modulus))
-            verdict: Verdict = "consistent" if abs(tangent / measured - 1) < 0.05 else "not reproducible"
-            quantity = f"V: tan delta of Table 3 at {f} Hz ({notes[reading]})"
-            note = "measured: sample 1"
-            yield row(f"v_dma_tan_delta_{f}_{reading}", quantity, "1", tangent, verdict, note, measured=measured)
-
-
-def _table3_errors(table: DmaTable) -> Iterator[Row]:
-    none: Verdict = "not reproducible"
-    radians, hertz = table.table3("radians"), table.table3("hertz")
-    at = (table.sample == 1) & (table.frequency == 20)
-    scale = float((table.modulus[at].real / radians[at].real)[0])
-    note = "storage modulus of sample 1 over Table 3's at 20 Hz read as rad/s, where tan delta agrees; about 128"
-    yield row("v_dma_modulus_scale", "V: modulus of Table 2 over that of Table 3", "1", scale, none, note)
-    note = "relative error of the complex modulus over all samples and frequencies: Table 3 does not reproduce Table 2"
-    yield row("v_dma_error_table3", "V: error of Table 3", "%", relative_error(hertz, table.modulus), none, note)
-    for key, name, model in (("hertz", "omega = 2 pi f", hertz), ("radians", '"Hz" read as rad/s', radians)):
-        error = relative_error(best_scale(model, table.modulus) * model, table.modulus)
-        quantity = f"V: error of Table 3 with a free scale ({name})"
-        yield row(f"v_dma_error_table3_scaled_{key}", quantity, "%", error, none, note)
+            at, key = first & (table.frequency == f), f"v_dma_tan_delta_{f}_{reading}"
+            tangent, seen = (float((y[at].imag / y[at].real)[0]) for y in (model, target))
+            verdict = CONSISTENT if abs(tangent / seen - 1) < 0.05 else none
+            fill = {"f": f, "reading": TEXT(f"reading.{reading}")}
+            yield row(key, "1", tangent, verdict, "sample_1", measured=seen, words="v_dma_tan_delta", fill=fill)
+    at = first & (table.frequency == 20)
+    yield row("v_dma_modulus_scale", "1", float((target[at].real / models["radians"][at].real)[0]), none, "scale")
+    yield row("v_dma_error_table3", "%", relative_error(models["hertz"], target), none, "table3")
+    for reading in ("hertz", "radians"):
+        error = relative_error(best_scale(models[reading], target) * models[reading], target)
+        words, fill = "v_dma_error_table3_scaled", {"reading": TEXT(f"reading.{reading}")}
+        yield row(f"{words}_{reading}", "%", error, none, "table3", words=words, fill=fill)
 
 
 def _refits(table: DmaTable) -> Iterator[Row]:
-    omega = np.asarray(angular_frequency(table.frequency))
+    target, omega = table.modulus, table.omega
+    fits = {law.name: fit_spectrum(law, omega, target)(omega) for law in (FIVE_ELEMENTS, SPRINGPOT)}
     for key, law in (("five_element", FIVE_ELEMENTS), ("springpot", SPRINGPOT)):
-        fit = fit_spectrum(law, omega, table.modulus)
-        inside = relative_error(fit(omega), table.modulus)
-        sample = left_out_error(law, omega, table.modulus, table.sample)
-        frequency = left_out_error(law, omega, table.modulus, table.frequency)
-        note = "least squares on the complex modulus, omega = 2 pi f; mean over what is left out in turn"
-        yield row(f"v_dma_{key}_in_sample", f"V: {law.name} refitted, in sample", "%", inside, "finding", note)
-        yield row(f"v_dma_{key}_sample_out", f"V: {law.name} refitted, a sample left out", "%", sample, "finding", note)
-        quantity = f"V: {law.name} refitted, a frequency left out"
-        yield row(f"v_dma_{key}_frequency_out", quantity, "%", frequency, "finding", note)
-
-
-def _what_remains(table: DmaTable) -> Iterator[Row]:
-    mean = np.array([table.modulus[table.frequency == f].mean() for f in table.frequency])
-    note = "error of the samples' own mean at each frequency: the least that any law of frequency could leave"
-    quantity = "V: spread of the three samples"
-    yield row("v_dma_sample_spread", quantity, "%", relative_error(mean, table.modulus), "finding", note)
-    omega = np.asarray(angular_frequency(table.frequency))
-    fit = fit_spectrum(FIVE_ELEMENTS, omega, table.modulus)(omega)
-    dip = (table.modulus.real / fit.real - 1)[table.frequency == _DIP_HZ]
+        for out, error in (
+            ("in_sample", relative_error(fits[law.name], target)),
+            ("sample_out", left_out_error(law, omega, target, table.sample)),
+            ("frequency_out", left_out_error(law, omega, target, table.frequency)),
+        ):
+            fill = {"law": law.name}
+            yield row(f"v_dma_{key}_{out}", "%", error, "finding", "refit", words=f"v_dma_{out}", fill=fill)
+    mean = np.array([target[table.frequency == f].mean() for f in table.frequency])
+    yield row("v_dma_sample_spread", "%", relative_error(mean, target), "finding", "spread")
+    fit = fits[FIVE_ELEMENTS.name]
+    dip = (target.real / fit.real - 1)[table.frequency == _DIP_HZ]
     shares = residual_shares(table, fit)
-    note = (
-        f"{dip.max():.0%} to {dip.min():.0%} in the three samples, {shares[_DIP_HZ, 'storage'][1]:.0%} of the squared"
-        " residual; no relaxation law gives a storage modulus that falls with frequency"
-    )
-    quantity = "V: storage modulus at 40 Hz against the refit"
-    yield row("v_dma_storage_dip_40_hz", quantity, "%", float(dip.mean()), "finding", note)
+    least_most = {"least": dip.max(), "most": dip.min(), "share": shares[_DIP_HZ, "storage"][1]}
+    yield row("v_dma_storage_dip_40_hz", "%", float(dip.mean()), "finding", "dip", fill=least_most)
     for f, name in ((50.0, "storage"), (50.0, "loss"), (60.0, "loss")):
         off, share = shares[f, name]
-        quantity, note = f"V: {name} modulus at {f:g} Hz against the refit", f"{share:.0%} of the squared residual"
-        yield row(f"v_dma_{name}_{f:g}_hz", quantity, "%", off, "finding", note)
+        where = {"name": name, "f": f, "share": share}
+        yield row(f"v_dma_{name}_{f:g}_hz", "%", off, "finding", "share", words="v_dma_refitted", fill=where)
+
+
+def moduli_drawing() -> Drawing:
+    """Table 2: the dynamic moduli, and three laws through them."""
+    table = DmaTable.load()
+    plot = Plot("frequency, Hz", "modulus, kPa", 500)
+    for name, symbol, part in (("storage", "circle", np.real), ("loss", "diamond-open", np.imag)):
+        plot.points(table.frequency, part(table.modulus) / 1e3, f"measured {name} modulus, three samples", symbol)
+    f = np.linspace(18, 62, 120)
+    omega = np.asarray(angular_frequency(f))
+    fits = {law.name: fit_spectrum(law, table.omega, table.modulus) for law in (FIVE_ELEMENTS, SPRINGPOT)}
+    curves = {f"{name}, refitted": fit(omega) for name, fit in fits.items()}
+    scale = best_scale(table.table3("hertz"), table.modulus)
+    curves[f"Table 3 times {scale:.0f}"] = scale * _complex(five_element_modulus(omega, high_speed_moduli()))
+    for (name, values), colour in zip(curves.items(), ("printed", "third", "derived"), strict=True):
+        plot.line(f, values.real / 1e3, f"{name}: storage", colour)
+        plot.line(f, values.imag / 1e3, f"{name}: loss", colour, "dash")
+    shares = residual_shares(table, fits[FIVE_ELEMENTS.name](table.omega))
+    dip = shares.pop((_DIP_HZ, "storage"))[1]
+    rest = sorted(sorted(shares, key=lambda key: -shares[key][1])[:3])
+    others = [TEXT("off", name=name, f=f, off=shares[f, name][0]) for f, name in rest]
+    return plot.captioned("v_table_2", dip=dip, others=others, rest=sum(shares[key][1] for key in rest))

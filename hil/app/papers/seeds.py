@@ -8,15 +8,12 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.app.console import print_json
-from hil.app.papers.analytical import analytical_rows
-from hil.app.papers.dma import dma_rows
-from hil.app.papers.draw_analytical import analytical_drawings
-from hil.app.papers.draw_viscoelastic import viscoelastic_drawings
-from hil.app.papers.drawing import Drawing
+from hil.app.papers.analytical import analytical_drawings, analytical_rows
+from hil.app.papers.comparison import Drawing, Row
+from hil.app.papers.dma import dma_rows, moduli_drawing
 from hil.app.papers.flat_car import flat_car_drawing, flat_car_rows
-from hil.app.papers.row import Row
 from hil.app.papers.two_speeds import two_speeds_drawing, two_speeds_rows
-from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
+from hil.app.papers.viscoelastic import base_rows, viscoelastic_drawings, viscoelastic_rows
 from hil.app.shared_options import Json, option
 from hil.app.write import write_files
 from hil.report.builder import page
@@ -59,10 +56,6 @@ def seed_rows() -> list[Row]:
     return [*analytical_rows(), *flat_car_rows(), *viscoelastic_rows(), *dma_rows(), *base_rows(), *two_speeds_rows()]
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:#.4g}".rstrip(".")
-
-
 def print_rows(rows: list[Row], console: Console) -> None:
     """One table; notes are numbered and follow it."""
     notes: dict[str, int] = {}
@@ -70,15 +63,12 @@ def print_rows(rows: list[Row], console: Console) -> None:
     for name in ("quantity", "unit", "paper", "computed", "measured", "verdict", "note"):
         numeric = name in ("paper", "computed", "measured", "note")
         table.add_column(name, justify="right" if numeric else "left", no_wrap=numeric)
-    group = ""
-    for r in rows:
-        if group and r.id.split("_")[0] != group:
+    for before, r in zip([None, *rows], rows, strict=False):
+        if before and before.id.split("_")[0] != r.id.split("_")[0]:
             table.add_section()
-        group = r.id.split("_")[0]
-        number = str(notes.setdefault(r.note, len(notes) + 1)) if r.note else ""
-        verdict = f"[{_COLOURS[r.verdict]}]{r.verdict}[/]"
-        numbers = (_number(v) for v in (r.paper, r.computed, r.measured))
-        table.add_row(r.quantity, r.unit, *numbers, verdict, number)
+        note = str(notes.setdefault(r.note, len(notes) + 1)) if r.note else ""
+        numbers = ("-" if v is None else f"{v:#.4g}".rstrip(".") for v in (r.paper, r.computed, r.measured))
+        table.add_row(r.quantity, r.unit, *numbers, f"[{_COLOURS[r.verdict]}]{r.verdict}[/]", note)
     console.print(table)
     legend = Table.grid(padding=(0, 2))
     for note, index in notes.items():
@@ -88,7 +78,13 @@ def print_rows(rows: list[Row], console: Console) -> None:
 
 def drawings() -> list[Drawing]:
     """All figures: A Fig. 5-7, V Fig. 5, 7, 9 and Table 2, C Fig. 8, and the base model at two speeds."""
-    return [*analytical_drawings(), *viscoelastic_drawings(), flat_car_drawing(), two_speeds_drawing()]
+    return [
+        *analytical_drawings(),
+        *viscoelastic_drawings(),
+        moduli_drawing(),
+        flat_car_drawing(),
+        two_speeds_drawing(),
+    ]
 
 
 def write_page(folder: Path) -> Path:

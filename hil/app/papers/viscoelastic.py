@@ -1,15 +1,31 @@
-"""Paper V: force against speed, friction coefficient, and the moduli over strain; and the base model's check values."""
+"""Paper V: force against speed, friction coefficient, the moduli over strain, its Fig. 5, 7 and 9; and the base
+model's check values.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from hil.app.papers.row import Row, Verdict, row, speed_key
+from hil.app.papers.comparison import (
+    COLOURS,
+    CONSISTENT,
+    MISSES,
+    MN,
+    NOT_REPRODUCIBLE,
+    TEXT,
+    Drawing,
+    Plot,
+    Row,
+    at_speed,
+    row,
+    slug,
+)
 from models.laws.five_elements import low_speed_moduli
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants, wall_tension
-from models.laws.resistance import mucus_drag, sliding_resistance
+from models.laws.resistance import Resistance, mucus_drag, sliding_resistance
 from models.parameter import load_set
 from models.sets import load_measurement
 
@@ -37,65 +53,38 @@ def viscoelastic_rows() -> Iterator[Row]:
     capsule, tissue = viscoelastic_rig()
     s = load_set("zhang2014_viscoelastic_rig")
     mu = s["mean_coulomb_force_N"] / (capsule.mass_kg * GRAVITY)
-    note = "40.07 mN over the weight of 50.1 g, in a lumen held open"
-    quantity = "V: friction coefficient"
-    yield row("v_friction_coefficient", quantity, "1", mu, "reproduced", note, paper=s["friction_coefficient"])
+    yield row("v_friction_coefficient", "1", mu, "reproduced", "weight", paper=s["friction_coefficient"])
     yield from _band(capsule, tissue)
-    yield from _shares(capsule, tissue)
-    yield from _components("v_low", "V, low-speed moduli", capsule, tissue, "low", LOW_SPEEDS)
-    yield from _components("v_high", "V, high-speed moduli", capsule, tissue, "high", HIGH_SPEEDS)
+    for v in LOW_SPEEDS:
+        force, at = sliding_resistance(v, capsule, tissue), at_speed(v)
+        major = bool(force.environmental > max(force.coulomb, force.viscous))
+        verdict, note = (CONSISTENT, "major") if major else (NOT_REPRODUCIBLE, "minor")
+        share, key = float(force.environmental / force.total), f"v_share_environmental_{slug(at)}"
+        yield row(key, "%", share, verdict, note, words="v_share_environmental", fill={"at": at})
+    yield from _components("v_low", capsule, tissue, "low", LOW_SPEEDS)
+    yield from _components("v_high", capsule, tissue, "high", HIGH_SPEEDS)
     yield _eq13_row()
 
 
 def _band(capsule: Capsule, tissue: Tissue) -> Iterator[Row]:
     valley, peak = measured_band()
-    force = sliding_resistance(BAND_SPEED, capsule, tissue)
-    yield row("v_viscous_10_mm_s", "V: F_v at 10 mm/s", "mN", force.viscous, "check value", "mucus drag, V Eq. 9, 10")
-    band = f"{valley * 1e3:.0f} to {peak * 1e3:.0f} mN (A Section 5.1)"
-    note = (
-        f"F_e + f_c + F_v of V's dummy of {capsule.mass_kg * 1e3:.1f} g; it lies within the {band}, but those were"
-        " measured with paper C's capsule of 3.9 g: of that, see the next row"
-    )
-    different: Verdict = "not comparable"
-    yield row("v_total_10_mm_s", "V: total force at 10 mm/s", "mN", force.total, different, note)
-    middle = (valley + peak) / 2
+    force, band = sliding_resistance(BAND_SPEED, capsule, tissue), {"valley": MN * valley, "peak": peak}
+    yield row("v_viscous_10_mm_s", "mN", force.viscous, "check value", "drag")
+    yield row("v_total_10_mm_s", "mN", force.total, "not comparable", "dummy", fill=band)
     c = load_set("zhang2014_constant_velocity")
     rig = replace(capsule, cylinder_length_m=c["cylinder_length_m"], mass_kg=c["mass_kg"])
-    total = sliding_resistance(BAND_SPEED, rig, tissue).total
-    note = (
-        f"the capsule that was measured: 3.9 g, cylinder of 20 mm (33 mm in all), resin; {band}, middle shown; the"
-        " friction coefficient is that of PDMS; the sum is the tip of a tooth in A's reading, the mean force in V's"
-    )
-    verdict: Verdict = "consistent" if valley <= total <= peak else "misses the measurement"
-    quantity = "V: total force at 10 mm/s for C's capsule"
-    yield row("v_total_10_mm_s_capsule_c", quantity, "mN", total, verdict, note, measured=middle)
+    total, middle = sliding_resistance(BAND_SPEED, rig, tissue).total, (valley + peak) / 2
+    verdict = CONSISTENT if valley <= total <= peak else MISSES
+    yield row("v_total_10_mm_s_capsule_c", "mN", total, verdict, "capsule_c", measured=middle, fill=band)
 
 
-def _shares(capsule: Capsule, tissue: Tissue) -> Iterator[Row]:
-    """V's sentence that the environmental resistance has the major share of the force."""
-    for v in LOW_SPEEDS:
-        force = sliding_resistance(v, capsule, tissue)
-        share = float(force.environmental / force.total)
-        largest = bool(force.environmental > max(force.coulomb, force.viscous))
-        verdict: Verdict = "consistent" if largest else "not reproducible"
-        note = (
-            "V says that F_e has the major share; by its own numbers F_c is the larger part from 0.5 to 20 mm/s"
-            if not largest
-            else "V says that F_e has the major share"
-        )
-        quantity = f"V: share of F_e at {v * 1e3:g} mm/s"
-        yield row(f"v_share_environmental_{speed_key(v)}", quantity, "%", share, verdict, note)
-
-
-def _components(
-    prefix: str, name: str, capsule: Capsule, tissue: Tissue, regime: Regime, speeds: tuple[float, ...]
-) -> Iterator[Row]:
+def _components(key: str, capsule: Capsule, tissue: Tissue, regime: Regime, speeds: tuple[float, ...]) -> Iterator[Row]:
     force = sliding_resistance(np.array(speeds), capsule, replace(tissue, regime=regime))
     for i, v in enumerate(speeds):
-        at = f"at {v * 1e3:g} mm/s"
-        quantity = f"{name}: F_e {at}"
-        yield row(f"{prefix}_environmental_{speed_key(v)}", quantity, "mN", force.environmental[i], "check value")
-        yield row(f"{prefix}_coulomb_{speed_key(v)}", f"{name}: f_c {at}", "mN", force.coulomb[i], "check value")
+        at, rig = at_speed(v), TEXT(f"rig.{key}")
+        for name, letter, values in (("environmental", "F_e", force.environmental), ("coulomb", "f_c", force.coulomb)):
+            fill = {"rig": rig, "letter": letter, "at": at}
+            yield row(f"{key}_{name}_{slug(at)}", "mN", values[i], "check value", words="component", fill=fill)
 
 
 def _eq13_row() -> Row:
@@ -107,24 +96,70 @@ def _eq13_row() -> Row:
     best = [np.polyval(np.polyfit(strain, table[name], 2), strain) / table[name] - 1 for name in columns]
     errors = [value / table[name] - 1 for name, value in columns.items()]
     rms, least = (float(np.sqrt(np.mean(np.square(e)))) for e in (errors, best))
-    note = (
-        "rms relative deviation of the twenty values, minus signs (lost in the text) restored so that Table 1 is met"
-        f" best; least squares in the same quadratic form would leave {least:.1%}"
-    )
-    return row("v_eq13_against_table1", "V: Eq. 13 against Table 1", "%", rms, "consistent", note)
+    return row("v_eq13_against_table1", "%", rms, "consistent", "eq13", fill={"least": least})
 
 
 def base_rows() -> Iterator[Row]:
     """The base model's check values for the default capsule."""
     capsule, tissue, wall = Capsule(), Tissue(), WallConstants.from_set()
-    yield from _components("base_default", "default capsule", capsule, tissue, "low", LOW_SPEEDS)
+    yield from _components("base_default", capsule, tissue, "low", LOW_SPEEDS)
     section, length = wall_section(capsule, tissue), stretched_length(capsule)
-    for key, u in (("0_25_mm", 0.25e-3), ("1_mm", 1e-3)):
-        quantity = f"default capsule: T({u * 1e3:g} mm)"
-        note = "A Eq. 12"
-        yield row(f"base_tension_{key}", quantity, "mN", wall_tension(u, wall, section, length), "check value", note)
+    for u in (0.25e-3, 1e-3):
+        tension, at = wall_tension(u, wall, section, length), f"{1e3 * u:g} mm"
+        yield row(
+            f"base_tension_{slug(at)}", "mN", tension, "check value", "eq12", words="base_tension", fill={"at": at}
+        )
     for v in (0.5e-3, 10e-3):
-        quantity = f"mucus drag at {v * 1e3:g} mm/s"
-        note = "V Eq. 9, 10, film of 30 um"
-        key = f"base_mucus_{speed_key(v)}"
-        yield row(key, quantity, "mN", mucus_drag(v, tissue.mucus_thickness_m), "check value", note)
+        drag, at = mucus_drag(v, tissue.mucus_thickness_m), at_speed(v)
+        yield row(f"base_mucus_{slug(at)}", "mN", drag, "check value", "film", words="base_mucus", fill={"at": at})
+
+
+def viscoelastic_drawings() -> Iterator[Drawing]:
+    """Fig. 5, 7 and 9: force against speed."""
+    top, jump = HIGH_SPEEDS[-1], HIGH_SPEEDS[0]
+    v = np.linspace(0.2e-3, top, 480)
+    low, blend = _force(v, "low"), _force(v, "blend")
+
+    plot = Plot("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
+    parts = [
+        (low.total, "total F", "printed"),
+        (low.environmental, "environmental resistance F_e", "derived"),
+        (low.coulomb, "Coulomb friction F_c", "third"),
+        (low.viscous, "viscous resistance F_v", "fourth"),
+    ]
+    for values, name, colour in parts:
+        plot.line(v * 1e3, values * MN, name, colour)
+    _draw_band(plot)
+    coulomb = load_set("zhang2014_viscoelastic_rig")["mean_coulomb_force_N"] * MN
+    plot.points([0.5], [coulomb], "measured: weight alone, lumen held open (40.07 mN)", "diamond")
+    yield plot.captioned("v_fig_5")
+
+    slow, fast = np.linspace(0.2e-3, jump, 100), np.linspace(jump, top, 120)
+    plot = Plot("speed, mm/s", "force, mN")
+    plot.line(slow * 1e3, _force(slow, "low").total * MN, "low-speed moduli (Eq. 13)", "printed")
+    plot.line(fast * 1e3, _force(fast, "high").total * MN, "high-speed moduli (Table 3)", "derived")
+    plot.line(v * 1e3, blend.total * MN, "blend over 2 mm/s", "third", "dot")
+    _draw_band(plot)
+    yield plot.captioned("v_fig_7", drop=float(_force(jump, "low").total) - float(_force(jump, "high").total))
+
+    plot = Plot("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
+    plot.line(v * 1e3, blend.total * MN, "theory (blend of both sets)", "printed")
+    plot.line(v * 1e3, (blend.environmental + blend.viscous) * MN, "without the Coulomb part", "printed", "dot")
+    _draw_band(plot)
+    yield plot.captioned("v_fig_9")
+
+
+def _force(speed: Any, regime: Regime) -> Resistance:
+    """Paper V's force at `speed` in m/s with one of its sets of moduli, or both."""
+    capsule, tissue = viscoelastic_rig()
+    return sliding_resistance(speed, capsule, replace(tissue, regime=regime))
+
+
+def _draw_band(plot: Plot) -> None:
+    valley, peak = (f * MN for f in measured_band())
+    half = (peak - valley) / 2
+    name = f"measured at 10 mm/s with C's capsule of 3.9 g:<br>{valley:.0f} to {peak:.0f} mN (A Section 5.1)"
+    marker = {"color": COLOURS["measured"], "size": 9}
+    spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": COLOURS["measured"]}
+    middle = {"x": [BAND_SPEED * 1e3], "y": [valley + half]}
+    plot.figure.add_scatter(**middle, error_y=spread, mode="markers", marker=marker, name=name)

@@ -62,7 +62,7 @@ def instants(scenario: SilScenario, trace: SilTrace) -> list[tuple[float, str]]:
     what monitor, learner, controller and model switch did.
     """
     marks = [
-        (values["onset_s"], TEXT("event.onset", effect=effect))
+        (values["onset_s"], TEXT("event.onset", effect=effect_words(effect)))
         for effect, values in scenario.loop.truth.hidden.items()
         if values.get("onset_s", 0.0) > 0
     ]

@@ -20,6 +20,7 @@ from models.records.record import Record
 from models.rigs.benches import DMA
 from models.rigs.rig import Rig
 from models.theta import Theta
+from models.words.sentences import listed
 
 NAMES = ("E1", "E2", "E3", "tau1", "tau2")
 COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
@@ -40,8 +41,10 @@ class DmaKind(Kind):
     final: ClassVar[int] = 1
     judges: ClassVar[tuple[int, ...]] = (1,)
     next_share: ClassVar[float] = 0.3
-    quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
+    quantities: tuple[str, ...] = ("storage_modulus_Pa", "loss_modulus_Pa")
+    quantity: str = listed(quantities)
     unit: str = "Pa"
+    error_unit: str = "%"
     measure: str = "norm of the error of the complex modulus over its norm in %"
 
     @classmethod

@@ -26,6 +26,7 @@ from models.records.record import Record
 from models.rigs.benches import PERIODS
 from models.rigs.rig import Rig
 from models.theta import Theta
+from models.words.sentences import listed
 
 COLUMNS = ("period_s", "valley_N", "peak_N")
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
@@ -73,8 +74,10 @@ class PeriodsKind(Kind):
     name: str = PERIODS.id
     catalogue: Catalogue = CATALOGUE
     next_share: ClassVar[float] = 0.3
-    quantity: str = "period_s, valley_N and peak_N"
+    quantities: tuple[str, ...] = ("period_s", "valley_N", "peak_N")
+    quantity: str = listed(quantities)
     unit: str = "s, N, N"
+    error_unit: str = "%"
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: EQUIVALENTS)
     measure: str = "rms over period, valley and peak of the relative error of their means in %"
 

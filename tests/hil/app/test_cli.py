@@ -16,7 +16,7 @@ from types import MappingProxyType, ModuleType
 import numpy as np
 import pytest
 
-import hil.app.identify.close_loop as close_loop_module
+import hil.app.close_loop as close_loop_module
 import hil.app.write as write_module
 import models.identification.model as model_file
 from hil.app import start

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,12 @@ import numpy as np
 import pytest
 
 from controller.supervision.acceptance import Acceptance
-from hil.app.campaign.folders.answers import answer_of
-from hil.app.campaign.folders.page import page_html as folders_html
 from hil.app.campaign.page import page_html as campaign_html
+from hil.app.campaign.series_answers import answer_of
+from hil.app.campaign.series_page import page_html as folders_html
+from hil.app.demo.example import ExampleResult, Mission
 from hil.app.demo.loop import LOOPS
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import Mission, StoryResult
 from hil.app.papers.seeds import write_page
 from hil.app.sil.learning_page import PAGE
 from hil.report.closed_loop import report_html
@@ -29,7 +28,7 @@ from tests.bench.vibro_sweep import vibro_sweep
 from tests.conftest import RIG
 from tests.hil.app.campaign.test_campaign_folders import answer
 from tests.hil.app.design.test_design import VIBRO
-from tests.hil.app.sil.test_story import learned_pages
+from tests.hil.app.sil.test_learning_page import learned_pages
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 from tests.places import ROOT, SCENARIOS
 
@@ -153,10 +152,9 @@ def demo_page() -> str:
         for stage, lag in (("nominal", 2.0), ("calibrated", 1.0), ("augmented", 0.1))
     }
     truth = {"fold_periodic": {"depth": 0.3, "period_m": 4e-3}}
-    told = StoryResult(
-        finding, {stage: Acceptance() for stage in ("calibrated", "augmented")}, missions, ("fold_periodic",)
-    )
-    return demo_html([(LOOPS[0], replace(told, truth=truth)), (LOOPS[0], StoryResult(finding))], 200.0)
+    gate = {stage: Acceptance() for stage in ("calibrated", "augmented")}
+    driven = ExampleResult(finding, gate, missions, truth=truth)
+    return demo_html([(LOOPS[0], driven), (LOOPS[0], ExampleResult(finding))], 200.0)
 
 
 def sweep_page(folder: Path) -> Path:

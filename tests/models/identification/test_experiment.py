@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.app.identify.close_loop import next_toml
+from hil.app.close_loop import next_toml
 from models.checks.excitation import cannot_show, shown_with
 from models.effects import CATALOGUE
 from models.identification.experiment import Candidate, Question, propose, question, words_of

@@ -18,7 +18,7 @@ from controller.model.control_model import control_model
 from controller.reference import by_speeds
 from controller.tuned import PidGains
 from hil.api import identify
-from hil.app.identify.close_loop import result_files
+from hil.app.close_loop import result_files
 from hil.app.init import init
 from models.checks.examine import examine
 from models.drives.drive import Drive

@@ -24,7 +24,7 @@ from distributed.cli import dask_scheduler, dask_worker
 
 from hil.app.campaign import running as campaign
 from hil.app.campaign.dask_cluster import scheduled
-from hil.app.campaign.loop import Loop
+from hil.app.campaign.worker import Loop
 from hil.app.main import run
 from models.theta import Theta
 
@@ -120,7 +120,7 @@ def kill_at_work(address: str, name: str, pid: int, out: Path, least: int, note:
 
 def killed(folder: Path) -> dict[str, Any]:
     """The only worker dies at work; then the same command with two workers, of which one dies at work."""
-    campaign.scheduled = partial(scheduled, patience_s=PATIENCE_S)  # type: ignore[assignment]
+    campaign.scheduled = partial(scheduled, timeout_s=PATIENCE_S)  # type: ignore[assignment]
     cluster, out = Cluster(folder), folder / "out"
     command = ["campaign", str(folder / "campaign.toml"), "--out", str(out), "--scheduler", cluster.address, "--json"]
 

@@ -17,10 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.app.campaign.file import laid_over, load_campaign, nested
-from hil.app.campaign.loop import Loop
 from hil.app.campaign.page import page_html, summary_of, worst_of
 from hil.app.campaign.running import Results, chunks
-from hil.app.campaign.worker import TRIES, pooled, run_job
+from hil.app.campaign.worker import TRIES, Loop, pooled, run_job
 from hil.app.main import run
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.campaign.folders.answers import SeriesAnswer, answer_of, document, lacking, with_disagreements
-from hil.app.campaign.folders.page import headline, page_html
-from hil.app.campaign.folders.series import find_series
+from hil.app.campaign.series import find_series
+from hil.app.campaign.series_answers import SeriesAnswer, answer_of, document, lacking, with_disagreements
+from hil.app.campaign.series_page import headline, page_html
 from hil.app.main import run
 
 pytestmark = pytest.mark.usefixtures("loaded_once")
@@ -198,7 +198,7 @@ def test_the_page_says_what_there_is_to_say() -> None:
         answer("b", {}),
         answer_of("c", {"error": "no & never"}, ""),
     ]
-    assert headline(answers) == "3 series: 1 lack a named effect, 1 lack nothing and 1 could not be used"
+    assert headline(answers) == "3 series: 1 lacks a named effect, 1 lacks nothing and 1 could not be used"
     page = page_html(answers)
     assert "&lt;b&gt;" in page
     assert "no &amp; never" in page

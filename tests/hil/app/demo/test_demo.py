@@ -17,18 +17,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import hil.app.demo.demo as demo_module
-import hil.app.demo.story as story_module
+import hil.app.demo.example as example_module
 from controller.supervision.acceptance import Acceptance
 from hil.app.demo.demo import demo
-from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, LearningStory, LoopStory, TrainingRun, admitted
-from hil.app.demo.next_record import NEXT_RECORD
+from hil.app.demo.example import NEXT_RECORD, PRINTED, SCENARIOS, ExampleResult, Mission, Progress
+from hil.app.demo.loop import LEARNING, LOOPS, LearningExample, LoopExample, admitted
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import PRINTED, Mission, Progress, StoryResult
-from hil.app.demo.worker import told
+from hil.app.demo.worker import results_of
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
+from models.effects import effect_words
 from models.files.toml import read_toml, toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
@@ -49,28 +49,28 @@ VALUES = st.one_of(
 KEYS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 
 
-def short_story(folder: Path) -> LoopStory:
+def short_example(folder: Path) -> LoopExample:
     """The magnetic loop in a few seconds of simulated time."""
     raw = tomllib.loads((SCENARIOS / "demo_magnetic.toml").read_text(encoding="utf-8"))
     raw["scenario"]["duration_s"] = 2.0
     raw["reference"]["speed_mm_s"] = 4.0
     (folder / "scenario.toml").write_text(toml_text(raw))
-    ramp = {"kind": "ramp", "speed_mm_s": 3.0}
-    return LoopStory(
-        "magnetic", "a short loop", folder / "scenario.toml", (TrainingRun(ramp, 1.2),), TrainingRun(ramp, 1.2)
-    )
+    ramp = {"duration_s": 1.2, "reference": {"kind": "ramp", "speed_mm_s": 3.0}}
+    return LoopExample("magnetic", folder / "scenario.toml", (ramp,), ramp)
 
 
 def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:
     """A finding with these held-out errors and a model whose stages are nominal, true but for the effect, and true."""
-    finding = replace(pull_finding(), kind="magnetic", quantity="position_m", unit="m")
+    finding = replace(
+        pull_finding(), kind="magnetic", quantity="position_m", columns=("position_m",), unit="m", error_unit="m"
+    )
     finding = replace(finding, error={"train": dict(holdout), "holdout": dict(holdout)})
     nominal = Theta({"friction_coefficient": 0.082, "hoop_stress_factor": 1.0, "magnet_stiffness_N_per_m": 25.0})
     return finding, Model("magnetic", {"nominal": nominal, "calibrated": TRUTH, "augmented": TRUTH | FOLDS}, "named")
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, StoryResult, list[tuple[str, float]], list[Any]]:
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ExampleResult, list[tuple[str, float]], list[Any]]:
     """A loop whose search is answered beforehand: its folder, what came of it, what it said, and what the search was
     given.
     """
@@ -82,12 +82,12 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, StoryResult,
         return learned({"nominal": 1.1e-3, "calibrated": 0.7e-3, "augmented": 5e-5})
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(story_module, "close", close)
-        one = short_story(folder).tell(folder, 3, lambda stage, share: said.append((stage, share)))
+        patch.setattr(example_module, "close", close)
+        one = short_example(folder).run(folder, 3, lambda stage, share: said.append((stage, share)))
     return folder, one, said, seen
 
 
-Driven = tuple[Path, StoryResult, list[tuple[str, float]], list[Any]]
+Driven = tuple[Path, ExampleResult, list[tuple[str, float]], list[Any]]
 
 
 def test_a_loop_is_driven_logged_judged_and_driven_again(driven: Driven) -> None:
@@ -145,14 +145,14 @@ def test_a_model_that_was_refused_is_said_to_be(driven: Driven) -> None:
     assert "held-out error must be lower" in page
 
 
-@pytest.mark.parametrize("story", LOOPS, ids=[story.name for story in LOOPS])
-def test_a_loop_hides_its_effect_and_tells_all_that_is_believed(story: LoopStory) -> None:
-    runs = story.runs(0)
+@pytest.mark.parametrize("example", LOOPS, ids=[example.name for example in LOOPS])
+def test_a_loop_hides_its_effect_and_states_all_that_is_believed(example: LoopExample) -> None:
+    runs = example.runs(0)
     scenarios = {name: parse_sil_scenario(tables) for name, tables in runs.items()}
-    assert load_sil_scenario(story.scenario)[0].loop.belief == scenarios["mission"].loop.belief
+    assert load_sil_scenario(example.scenario)[0].loop.belief == scenarios["mission"].loop.belief
     assert len({scenario.loop.seed for scenario in scenarios.values()}) == len(runs)
     assert not {s.loop.seed for s in scenarios.values()} & {
-        parse_sil_scenario(t).loop.seed for t in story.runs(1).values()
+        parse_sil_scenario(t).loop.seed for t in example.runs(1).values()
     }
     references = [json.dumps(tables["reference"], sort_keys=True) for tables in runs.values()]
     assert len(set(references)) == len(references)
@@ -174,15 +174,14 @@ def test_tables_read_back_as_they_were(tables: dict[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class Quick:
-    """A story that is told at once, fails, or never ends."""
+    """An example that ends at once, fails, or never ends."""
 
     name: str
-    title: str = "a quick story"
     fault: str = ""
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> StoryResult:
+    def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
         report("begun", 0.1)
-        (folder / "report.html").write_text(self.title)
+        (folder / "report.html").write_text("a quick example")
         if self.fault == "refused":
             raise ValueError("records must be there; got none")
         if self.fault == "died":
@@ -193,12 +192,13 @@ class Quick:
         numbers = {"tracking_rmse_m": 1e-3, "tracking_max_m": 2e-3, "stopped_because": "", "log": "mission.blf"}
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
-        return StoryResult(finding, {stage: Acceptance() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+        gate = {stage: Acceptance() for stage in STAGES[1:]}
+        return ExampleResult(finding, gate, missions, truth={"fold_periodic": {"excess": 0.3}})
 
 
 def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> None:
     said: list[tuple[str, float]] = []
-    one = NEXT_RECORD.tell(tmp_path, 4, lambda stage, share: said.append((stage, share)))
+    one = NEXT_RECORD.run(tmp_path, 4, lambda stage, share: said.append((stage, share)))
     (poor,) = one.before.effects if one.before else ()
     (rich,) = one.finding.effects
     assert {poor.id, *poor.equivalent} == {"tissue_drying", "lumen_taper", "preconditioning"}
@@ -215,13 +215,13 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     shares = [share for _, share in said]
     assert shares == sorted(shares)
     page = html.unescape(demo_html([(NEXT_RECORD, one)], 1.0))
-    assert "with the proposed one: named: drying tissue" in page
+    assert f"with the proposed one: named: {effect_words('tissue_drying')}" in page
     assert "next_record/before/report.html" in page
     nothing = replace(one, before=replace(one.before, proposal=None, verdict="unknown", effects=()))
     assert "Verdict on the first records: unknown;" in demo_html([(NEXT_RECORD, nothing)], 1.0)
 
 
-def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_learns_and_its_example_stands_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     raw = tomllib.loads(LEARNING.scenario.read_text(encoding="utf-8"))
     raw["scenario"]["duration_s"] = 32.0
     raw["effects"]["fold_periodic"] |= {"excess": 0.4, "onset_s": 6.0}
@@ -231,9 +231,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     found = LearningAnswer(Theta.of(TRUTH | FOLDS), ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
     monkeypatch.setattr(identify, "answer", lambda question: found)
     (tmp_path / "out").mkdir()
-    one = LearningStory("learning", "a run that learns", tmp_path / "scenario.toml").tell(
-        tmp_path / "out", 2, lambda stage, share: None
-    )
+    one = LearningExample("learning", tmp_path / "scenario.toml").run(tmp_path / "out", 2, lambda stage, share: None)
     assert one.found["seed"] == 2001
     assert one.hidden == ("fold_periodic",)
     assert "folds of the gut learned and taken at" in one.sentence
@@ -253,7 +251,7 @@ def test_the_demo_leaves_page_numbers_and_reports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    monkeypatch.setattr(demo_module, "STORIES", [Quick("first"), Quick("second")])
+    monkeypatch.setattr(demo_module, "EXAMPLES", [Quick("first"), Quick("second")])
     demo(out, json_output=True)
     said = capsys.readouterr()
     document = json.loads(said.out)
@@ -264,7 +262,7 @@ def test_the_demo_leaves_page_numbers_and_reports(
     assert first["error"]["holdout"]["augmented"] == 1e-4
     assert first["gate"]["augmented"] == {"passed": True, "reasons": []}
     assert first["tracking"]["augmented"]["tracking_rmse_m"] == 1e-3
-    assert Path(first["report"]).read_text() == "a quick story"
+    assert Path(first["report"]).read_text() == "a quick example"
     page = (out / "demo.html").read_text()
     assert all(words in page for words in ("Residual", "Effect", "Prediction", "Acceptance test", "The same run again"))
     assert "first:  10 %  begun" in said.err
@@ -274,10 +272,10 @@ def test_the_demo_leaves_page_numbers_and_reports(
 @pytest.mark.parametrize(
     ("fault", "raised", "said"), [("refused", ValueError, "got none"), ("died", RuntimeError, "status 3")]
 )
-def test_a_story_that_fails_leaves_nothing(
+def test_a_example_that_fails_leaves_nothing(
     tmp_path: Path, fault: str, raised: type[Exception], said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(demo_module, "STORIES", [Quick("bad", fault=fault)])
+    monkeypatch.setattr(demo_module, "EXAMPLES", [Quick("bad", fault=fault)])
     with pytest.raises(raised, match=said):
         demo(tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -291,7 +289,7 @@ def test_an_interruption_ends_every_process_at_once(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        told([Quick("endless", fault="endless")], tmp_path, 0, report)
+        results_of([Quick("endless", fault="endless")], tmp_path, 0, report)
     assert time.monotonic() - began[0] < 20
 
 
@@ -301,16 +299,16 @@ def test_an_interruption_leaves_nothing_behind(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(demo_module, "told", interrupted)
+    monkeypatch.setattr(demo_module, "results_of", interrupted)
     assert run(["demo", "--out", str(tmp_path / "o")]) == 130
     assert not (tmp_path / "o").exists()
     assert "interrupted" in capsys.readouterr().err
 
 
-def test_printed_measurements_are_told_without_a_drive(tmp_path: Path) -> None:
-    one = PRINTED[0].tell(tmp_path, 0, lambda stage, share: None)
-    assert "that is an interpolation" in one.caution
-    assert "period −0.6 %, valley +7.7 %, peak −7.4 %" in one.caution
+def test_printed_measurements_need_no_drive(tmp_path: Path) -> None:
+    one = PRINTED[0].run(tmp_path, 0, lambda stage, share: None)
+    assert "this is an interpolation" in one.caution
+    assert "period −0.6 %, valley +7.7 % and peak −7.4 %" in one.caution
     assert one.caution in html.unescape(demo_html([(PRINTED[0], one)], 1.0))
     assert one.finding.kind == "periods" == read_rig(tmp_path / "rig.toml").kind
     assert (one.gate, one.missions, one.hidden) == ({}, {}, ())

@@ -86,7 +86,7 @@ def test_mujoco_slides_under_the_force_that_the_model_needs(
     exported(folder, "table", "t", capsys)
     table = np.genfromtxt(folder / "t" / "friction.csv", delimiter=",", names=True)
     off = said["fitted"]["rms_off_N"]  # type: ignore[index]
-    assert "friction over place and direction" in said["not_mapped"]  # type: ignore[operator]
+    assert "friction over position and direction" in said["not_mapped"]  # type: ignore[operator]
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)

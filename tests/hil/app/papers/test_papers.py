@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.app.papers.dma import DmaTable
-from hil.app.papers.refit import FIVE_ELEMENTS, SPRINGPOT, fit_spectrum, relative_error
+from hil.app.papers.dma import FIVE_ELEMENTS, SPRINGPOT, DmaTable, fit_spectrum, relative_error
 from hil.app.papers.seeds import seed_rows, seeds
 
 # id: the published or independently computed number, in the row's unit
@@ -133,7 +132,7 @@ def test_forces_are_compared_with_the_capsule_that_was_measured(rows):
 
 
 def test_the_dip_is_a_third_of_what_the_refit_leaves(rows):
-    assert "31% of the squared residual" in rows["v_dma_storage_dip_40_hz"].note
+    assert "31 % of the squared residual" in rows["v_dma_storage_dip_40_hz"].note
 
 
 def test_eight_periods_against_thirty(rows):

@@ -50,7 +50,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[SilScenario, dict[s
 def test_the_instants_stand_in_order_of_time(story: tuple[SilScenario, dict[str, str]]) -> None:
     trace = SimpleNamespace(lessons=[TOLD], experiments_at=[0.25])
     marks = [what for _, what in instants(story[0], trace)]  # type: ignore[arg-type]
-    first = ["fold_periodic begins", "model broken since", "identification begins"]
+    first = ["onset of folds of the gut", "model broken since", "identification begins"]
     assert marks == [*first, "experiment begins", "offered", "taken"]
 
 
@@ -60,7 +60,7 @@ def test_the_page_says_what_was_learned_and_the_numbers_stand_beside_it(
     page, numbers = story[1][PAGE], json.loads(story[1][NUMBERS])
     assert "folds of the gut learned and taken at" in page
     assert "base + folds of the gut" in page
-    assert "Hard limits broken: 0" in page
+    assert "Violations of hard limits: 0" in page
     assert [mark["what"] for mark in numbers["instants"]][-1] == "taken"
     assert numbers["parts"][-1]["until"] == "end of the run"
     assert numbers["learned"][0]["answers"] == 1

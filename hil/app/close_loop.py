@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from rich.table import Table
 
@@ -16,20 +16,20 @@ from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, op
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
 from hil.report.closed_loop import report_html
-from hil.report.dependence import story
+from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json
-from hil.report.words import error_cells, error_scale, grouped, headline, tidy
+from hil.report.words import PARTS, confidence_words, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
 from models.records.record import Record
 from models.rigs.rig import Rig
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)
-
-
 _MM = 1e3  # in a metre
 
 
@@ -48,8 +48,8 @@ def close_loop(
     seed: Seed = 0,
     effects: OwnEffects,
 ) -> None:
-    """Find what the model lacks and write report, numbers, model and next experiment, all or none; SIGTERM ends it as
-    Ctrl-C does.
+    """Find what the model lacks and write report, numbers, model and next experiment, all or none. SIGTERM ends it like
+    Ctrl-C.
     """
     with sole_writer(out, "--out"):
         finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects))
@@ -65,8 +65,9 @@ def _closed(
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
     belief = effects.given_to(read_deployed_rig(rig))
     train, held = read_series(records, holdout, belief)
-    for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
-        notes().print(f"{record.name}: {len(record)} rows, {role}")
+    for part, read in (("train", train), ("holdout", held)):
+        for record in read:
+            notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
     with _termination_interrupts():
         return find_and_write(belief, train, held, out, "close-loop", seed)
 
@@ -83,27 +84,24 @@ def _termination_interrupts() -> Iterator[None]:
 def read_series(
     records: Sequence[Path], holdout: Sequence[Path], rig: Rig, *, lenient: bool = False
 ) -> tuple[list[Record], list[Record]]:
-    """Training and held-out records with names of their own; `lenient`: times and values as they stand."""
+    """Training and held-out records with different names; `lenient`: with times and values as they stand."""
     seen: set[str] = set()
     for path in (*records, *holdout):
-        place = os.path.realpath(path)  # unlike `Path.resolve`, it takes a link that leads to itself
-        if place in seen:
+        real = os.path.realpath(path)  # unlike `Path.resolve`, it takes a link that leads to itself
+        if real in seen:
             raise ValueError(f"records must be different files, for training or held out; got {path} twice")
-        seen.add(place)
-    read = [read_told(path, rig, lenient=lenient) for path in (*records, *holdout)]
-    names = [record.name for record in read]
+        seen.add(real)
     paths = (*records, *holdout)
-    distinct = [
-        replace(
-            record, name=f"{path.resolve().parent.name}/{record.name}" if names.count(record.name) > 1 else record.name
-        )
-        for record, path in zip(read, paths, strict=True)
-    ]
-    return distinct[: len(records)], distinct[len(records) :]
+    read = [noted_record(path, rig, lenient=lenient) for path in paths]
+    names = [record.name for record in read]
+    for k, path in enumerate(paths):
+        if names.count(names[k]) > 1:
+            read[k] = replace(read[k], name=f"{path.resolve().parent.name}/{names[k]}")
+    return read[: len(records)], read[len(records) :]
 
 
-def read_told(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """A record of `rig`; what reading it took is told on standard error. The options as `read_rig_record` has them."""
+def noted_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
+    """A record of `rig`, as `read_rig_record` reads it; its notes are printed on standard error."""
     record = read_rig_record(path, rig, driven_only=driven_only, lenient=lenient)
     for said in record.notes:
         note(f"{record.name}: {said}")
@@ -130,34 +128,34 @@ def result_files(finding: Finding, model: Model) -> dict[str, str]:
 
 def print_summary(finding: Finding, out: Path) -> None:
     """The verdict, the error before and after, and where the report is."""
-    console = summary()
+    console, depends = summary(), finding.dependence
     console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding))
-    say(*(f"  {tidy(reason)}" for reason in finding.reasons))
-    say(*(f"  {sentence}" for sentence in (story(finding.dependence) if finding.dependence else ())))
-    if finding.dependence and finding.dependence.term:
-        console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py")
+    said = (confidence_words(finding), *finding.reasons, *(dependence_words(depends) if depends else ()))
+    say(*(f"  {sentence}" for sentence in said if sentence))
+    if depends and depends.term:
+        say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):
-        more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
-        say(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}")
+        more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
+        say(f"{alike[0].severity}: {alike[0].sentence}{more}")
     console.print(error_table(finding))
-    say(f"report: {out / REPORT}", f"model:  {out / MODEL}")
+    say(TEXT("close_loop.report", path=out / REPORT), TEXT("close_loop.model", path=out / MODEL))
     if finding.proposal is not None:
-        say(f"next:   {tidy(finding.next_experiment or '')}")
+        say(TEXT("close_loop.next", sentence=finding.next_experiment or ""))
 
 
 def error_table(finding: Finding) -> Table:
     """Error by stage, one row a part of the data."""
     _, unit = error_scale(finding)
-    title = f"error in {unit}: {finding.measure}" if unit else f"error: {finding.measure}"
+    title = TEXT("close_loop.error", unit=f" in {unit}" if unit else "", measure=finding.measure)
     table = text_table(title, ("", *STAGES, "noise floor"))
-    for part, name in (("train", "training"), ("holdout", "held out")):
+    for part, name in PARTS.items():
         table.add_row(name, *error_cells(finding, part))
     return table
 
 
 def next_toml(proposal: Proposal, kind: str) -> str:
-    """The reference, places counted from where it starts, and what it is expected to separate or to show."""
+    """The reference, with positions from its start, and what it is expected to separate or to show."""
     tables: dict[str, Any] = {
         "experiment": {"kind": kind, "column": proposal.column, "duration_s": round(float(proposal.times_s[-1]), 4)},
         "reference": {
@@ -177,8 +175,4 @@ def next_toml(proposal: Proposal, kind: str) -> str:
         }
     if proposal.shows:
         tables["shows"] = {"effects": list(proposal.shows)}
-    head = (
-        f"# The next experiment, proposed by close-loop; {NEXT_CSV} holds the same motion for a rig driven from a file."
-        "\n# capsule track, sil and run drive it with --reference.\n"
-    )
-    return head + toml_text(tables)
+    return f"# {TEXT('close_loop.next_file', file=NEXT_CSV)}\n{toml_text(tables)}"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.identify.close_loop import next_toml, result_files
+from hil.app.close_loop import next_toml, result_files
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
 from hil.app.scenario.deployment import load_deployment, parse_deployment
@@ -20,7 +20,7 @@ from models.identification.finding import NEXT_CSV, NEXT_TOML
 from models.theta import Theta
 from tests.hil.findings import proposal, pull_finding
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 DEPLOYMENT = ROOT / "examples" / "deployment" / "deployment.toml"
 
 

@@ -1,4 +1,4 @@
-"""Folders of series: `rig.toml` and its records, those whose names begin with `holdout` or `held_out` held out."""
+"""Folders of series: `rig.toml` and its records; those whose names begin with `holdout` or `held_out` are held out."""
 
 import contextlib
 import hashlib
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from hil.app.identify.close_loop import read_series, result_files
+from hil.app.close_loop import read_series, result_files
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
 from hil.formats.reading import format_of
@@ -21,7 +21,7 @@ from models.identification import close
 
 RIG, REPORT = "rig.toml", "report.html"
 HELD_OUT: Final = ("holdout", "held_out")
-TOLD: Final = (
+KEPT: Final = (
     "verdict", "effects", "error", "next_experiment", "seconds", "kind", "calibration", "findings", "cannot_show",
     "reasons",
 )  # fmt: skip
@@ -30,8 +30,8 @@ TOLD: Final = (
 
 @dataclass(frozen=True)
 class Series:
-    """One rig's folder: `name` among those of the campaign, its records, the folder `out` for its report, the user's
-    `effects`, the `seed`, and as `number` the hash of all that its answer depends on but the program.
+    """One rig's folder: its `name`, its records, the folder `out` for its report, the user's `effects`, the `seed`, and
+    as `number` the hash of everything that its answer depends on, except the program.
     """
 
     number: str
@@ -45,7 +45,7 @@ class Series:
 
     @property
     def point(self) -> dict[str, str]:
-        """What sets it apart."""
+        """What distinguishes it."""
         return {"series": self.name}
 
     def result(self) -> dict[str, Any]:
@@ -60,7 +60,7 @@ class Series:
         self.out.mkdir(parents=True, exist_ok=True)
         write_files({self.out / name: content for name, content in files.items()})
         report = report_json(finding)
-        return {key: report[key] for key in TOLD}
+        return {key: report[key] for key in KEPT}
 
     @property
     def reported(self) -> bool:
@@ -69,23 +69,26 @@ class Series:
 
 
 def find_series(folders: Sequence[Path], out: Path, effects: Sequence[Path] = (), seed: int = 0) -> list[Series]:
-    """The series in the folders and below them, by name; reports go to folders of the same names in `out`. Raises
-    ValueError of one sentence where a folder has none.
+    """The series in the folders and below them, named by their paths from a common folder; reports go to folders of the
+    same names in `out`. Raises ValueError where a folder has none.
     """
-    found: dict[Path, None] = {}
+    found: set[Path] = set()
     for folder in folders:
         if not folder.is_dir():
             raise ValueError(f"FOLDER must be a folder with {RIG} and records in it or below it; got {folder}")
-        here = [path.parent for path in sorted(folder.resolve().rglob(RIG))]
+        here = {path.parent for path in folder.resolve().rglob(RIG)}
         if not here:
             raise ValueError(f"{folder}: folder must have a {RIG} in it or below it; got none")
-        found |= dict.fromkeys(here)
-    names = _names(list(found))
+        found |= here
+    common = os.path.commonpath([folder.parent for folder in found])
     digest = hashlib.sha256(str(seed).encode())
     for path in effects:
         digest.update(path.read_bytes())
     own = tuple(path.resolve() for path in effects)
-    return [_series(folder, names[folder], out.resolve(), own, seed, digest.copy()) for folder in sorted(found)]
+    return [
+        _series(folder, folder.relative_to(common).as_posix(), out.resolve(), own, seed, digest.copy())
+        for folder in sorted(found)
+    ]
 
 
 def _series(folder: Path, name: str, out: Path, effects: tuple[Path, ...], seed: int, digest: Any) -> Series:
@@ -108,9 +111,3 @@ def _records(folder: Path) -> Iterator[Path]:
             yield from _records(path)
         elif path.name.lower().endswith(ENDINGS) or format_of(path) or (path.is_file() and is_log(path)):
             yield path
-
-
-def _names(folders: Sequence[Path]) -> dict[Path, str]:
-    """Each folder's path from where all of them lie."""
-    common = Path(os.path.commonpath([folder.parent for folder in folders]))
-    return {folder: folder.relative_to(common).as_posix() for folder in folders}

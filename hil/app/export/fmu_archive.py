@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
-from xml.sax.saxutils import quoteattr
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 _FMI: Final = Path(__file__).with_name("fmi3.c")
 _FLAGS: Final = ("-O2", "-std=gnu11", "-fPIC", "-shared", "-fvisibility=hidden")
@@ -57,13 +57,25 @@ class FmuUnit:
 
 
 def reference(variables: Sequence[Variable], name: str) -> int:
-    """The value reference of a variable: its place after time, which is 0."""
+    """The value reference of a variable: its number after that of time, which is 0."""
     return 1 + next(k for k, v in enumerate(variables) if v.name == name)
 
 
-def start_values(variables: Sequence[Variable]) -> list[float]:
-    """The values at instantiation in the order of their references."""
-    return [0.0, *(v.start for v in variables)]
+def c_header(
+    variables: Sequence[Variable], defines: Mapping[str, int | str], outputs: Mapping[str, int], *lines: str
+) -> str:
+    """C with the numbers of a core: the start values in the order of their references, and for each of `outputs` its
+    reference and index.
+    """
+    pairs = ", ".join(f"{{{reference(variables, name)}, {index}}}" for name, index in outputs.items())
+    return "\n".join(
+        [
+            *(f"#define {name} {value}" for name, value in {"VARIABLES": 1 + len(variables), **defines}.items()),
+            f"static const int OUTPUTS[][2] = {{{pairs}}};",
+            c_array("double", "START", [0.0, *(v.start for v in variables)]),
+            *lines,
+        ]
+    )
 
 
 def fmu(unit: FmuUnit) -> bytes:
@@ -73,12 +85,12 @@ def fmu(unit: FmuUnit) -> bytes:
     source = "\n".join((f'#define TOKEN "{token}"', unit.header, unit.core.read_text("utf-8"), _FMI.read_text("utf-8")))
     folder, ending = _platform()
     files = {
-        "modelDescription.xml": model_description(unit, token).encode(),
+        "modelDescription.xml": model_description(unit, token),
         f"binaries/{folder}/{unit.identifier}{ending}": _compiled(source, unit.objects),
     }
     if not unit.objects:
         files[f"sources/{unit.identifier}.c"] = source.encode()
-        files["sources/buildDescription.xml"] = _build_description(unit).encode()
+        files["sources/buildDescription.xml"] = _build_description(unit)
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as out:
         for name, data in files.items():
@@ -86,62 +98,46 @@ def fmu(unit: FmuUnit) -> bytes:
     return archive.getvalue()
 
 
-def model_description(unit: FmuUnit, token: str) -> str:
+def model_description(unit: FmuUnit, token: str) -> bytes:
     """`modelDescription.xml` of FMI 3.0."""
-    units = sorted({v.unit for v in unit.variables} | {"s"})
-    outputs = [k for k, v in enumerate(unit.variables, 1) if v.causality == "output"]
-    fixed = f' fixedInternalStepSize="{unit.step_s!r}"' if unit.step_s else ""
-    return "\n".join(
-        [
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<fmiModelDescription fmiVersion="3.0" modelName={quoteattr(unit.name)} instantiationToken="{token}"'
-            f' description={quoteattr(unit.description)} generationTool="capsule">',
-            f'  <CoSimulation modelIdentifier="{unit.identifier}" canHandleVariableCommunicationStepSize="true"'
-            f' canGetAndSetFMUState="true" canSerializeFMUState="true"{fixed}/>',
-            "  <UnitDefinitions>",
-            *(f"    <Unit name={quoteattr(name)}/>" for name in units),
-            "  </UnitDefinitions>",
-            f'  <DefaultExperiment startTime="0.0" stopTime="{unit.duration_s!r}"'
-            f' stepSize="{unit.communication_s!r}"/>',
-            "  <ModelVariables>",
-            '    <Float64 name="time" valueReference="0" causality="independent" variability="continuous" unit="s"/>',
-            *(_variable(k, v) for k, v in enumerate(unit.variables, 1)),
-            "  </ModelVariables>",
-            "  <ModelStructure>",
-            *(f'    <Output valueReference="{k}"/>' for k in outputs),
-            *(f'    <InitialUnknown valueReference="{k}"/>' for k in outputs),
-            "  </ModelStructure>",
-            "</fmiModelDescription>",
-            "",
-        ]
-    )
+    about = {"modelName": unit.name, "instantiationToken": token, "description": unit.description}
+    root = Element("fmiModelDescription", {"fmiVersion": "3.0", **about, "generationTool": "capsule"})
+    able = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
+    fixed = {"fixedInternalStepSize": repr(unit.step_s)} if unit.step_s else {}
+    SubElement(root, "CoSimulation", {"modelIdentifier": unit.identifier, **dict.fromkeys(able, "true"), **fixed})
+    units = SubElement(root, "UnitDefinitions")
+    for name in sorted({v.unit for v in unit.variables} | {"s"}):
+        SubElement(units, "Unit", name=name)
+    times = {"startTime": "0.0", "stopTime": repr(unit.duration_s), "stepSize": repr(unit.communication_s)}
+    SubElement(root, "DefaultExperiment", times)
+    variables = SubElement(root, "ModelVariables")
+    time = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous"}
+    SubElement(variables, "Float64", {**time, "unit": "s"})
+    structure = SubElement(root, "ModelStructure")
+    outputs = [str(number) for number, v in enumerate(unit.variables, 1) if v.causality == "output"]
+    for number, v in enumerate(unit.variables, 1):
+        start = {"initial": "calculated"} if v.causality == "output" else {"start": repr(v.start)}
+        variability = "fixed" if v.causality == "parameter" else "continuous"
+        own = {"name": v.name, "valueReference": str(number), "causality": v.causality, "variability": variability}
+        SubElement(variables, "Float64", {**own, **start, "unit": v.unit, "description": v.description})
+    for kind in ("Output", "InitialUnknown"):
+        for output in outputs:
+            SubElement(structure, kind, valueReference=output)
+    return _xml(root)
 
 
-def _variable(number: int, v: Variable) -> str:
-    said = {
-        "input": f'causality="input" variability="continuous" start="{v.start!r}"',
-        "output": 'causality="output" variability="continuous" initial="calculated"',
-        "parameter": f'causality="parameter" variability="fixed" start="{v.start!r}"',
-    }[v.causality]
-    return (
-        f'    <Float64 name={quoteattr(v.name)} valueReference="{number}" {said} unit={quoteattr(v.unit)}'
-        f" description={quoteattr(v.description)}/>"
-    )
+def _build_description(unit: FmuUnit) -> bytes:
+    root = Element("fmiBuildDescription", fmiVersion="3.0")
+    build = SubElement(root, "BuildConfiguration", modelIdentifier=unit.identifier)
+    SubElement(SubElement(build, "SourceFileSet", language="C11"), "SourceFile", name=f"{unit.identifier}.c")
+    SubElement(build, "Library", name="m")
+    return _xml(root)
 
 
-def _build_description(unit: FmuUnit) -> str:
-    return "\n".join(
-        [
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            '<fmiBuildDescription fmiVersion="3.0">',
-            f'  <BuildConfiguration modelIdentifier="{unit.identifier}">',
-            f'    <SourceFileSet language="C11"><SourceFile name="{unit.identifier}.c"/></SourceFileSet>',
-            '    <Library name="m"/>',
-            "  </BuildConfiguration>",
-            "</fmiBuildDescription>",
-            "",
-        ]
-    )
+def _xml(root: Element) -> bytes:
+    indent(root)
+    text: bytes = tostring(root, "utf-8", xml_declaration=True)
+    return text
 
 
 def _platform() -> tuple[str, str]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from rich.table import Table
 
 from hil.app.console import answer, text_table
-from hil.app.effects.propose import propose
+from hil.app.propose import TEXT, propose
 from hil.app.shared_options import Json, OwnEffects, argument, option
 from models.effects import CATALOGUE, Catalogue, effect_words
 from models.effects.conformance import CHECKS
@@ -51,7 +51,8 @@ def effects(
         found = [origin.effect for origin in catalogue.own if file is not None and origin.file == file.name]
         checked = [{"id": effect.id, "checks": list(CHECKS), "passed": True} for effect in found]
         document = {"file": str(file), "effects": checked}
-    passed = (f"{effect.id}: passed {len(CHECKS)} checks: {', '.join(CHECKS)}" for effect in found)
+    count, checks = len(CHECKS), ", ".join(CHECKS)
+    passed = (TEXT("effects.passed", effect=effect.id, count=count, checks=checks) for effect in found)
     answer(json_output, document, *([_table(found)] if action == "list" else passed))
 
 
@@ -74,7 +75,7 @@ def described(effect: type[Effect]) -> dict[str, Any]:
 
 def _table(found: Sequence[type[Effect]]) -> Table:
     heads = ("id", "what it is", "kinds of rig", "confounded with")
-    table = text_table("effects that a search can find; all of each with --json", heads, heads)
+    table = text_table(TEXT("effects.title"), heads, heads)
     for effect in found:
         table.add_row(effect.id, effect.summary, ", ".join(sorted(effect.kinds)), ", ".join(effect.confounders))
     return table

@@ -6,20 +6,14 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any, Final
 
-from hil.app.campaign.folders.answers import ORDER, SeriesAnswer, lacking, verdicts
+from hil.app.campaign.series_answers import ORDER, TEXT, SeriesAnswer, lacking, verdicts
 from hil.report.builder import page
 from hil.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
 from models.words.quantities import number
-from models.words.sentences import listed
 
 MARKS: Final = {"named": "●", "none": "○", "unknown": "?", "refused": "✕"}
+_COUNTED: Final = ("named", "none", "unknown", "refused")
 WIDTH, EDGE = 230, 9  # pixels of the drawing of a series
-_WORDS: Final = {
-    "named": "lack a named effect",
-    "none": "lack nothing",
-    "unknown": "without a verdict",
-    "refused": "could not be used",
-}
 
 
 def page_html(answers: Sequence[SeriesAnswer]) -> str:
@@ -30,7 +24,7 @@ def page_html(answers: Sequence[SeriesAnswer]) -> str:
     return page(
         "series.html.j2",
         headline=headline(answers),
-        story=_story(answers),
+        lead=_lead(answers),
         lacking=lacks,
         bar=160 / max((named + part for _, named, part in lacks), default=1),
         disagreeing=_alike(answers),
@@ -45,24 +39,22 @@ def page_html(answers: Sequence[SeriesAnswer]) -> str:
 
 def headline(answers: Sequence[SeriesAnswer]) -> str:
     """How many series, and how many of each verdict."""
-    counts = verdicts(answers)
-    return f"{len(answers)} series: {listed(f'{counts[v]} {what}' for v, what in _WORDS.items() if counts[v])}"
+    counts = {verdict: count for verdict in _COUNTED if (count := verdicts(answers)[verdict])}
+    words = [TEXT(f"verdicts.{verdict}", count=count) for verdict, count in counts.items()]
+    return TEXT("headline", count=len(answers), verdicts=words)
 
 
-def _story(answers: Sequence[SeriesAnswer]) -> str:
-    told = [answer for answer in answers if math.isfinite(answer.better)]
-    if not told:
-        return "No series has an error before and after."
-    held = sum(answer.part == "holdout" for answer in told)
-    where = (
-        "held-out records" if held == len(told) else f"held-out records ({held} of {len(told)} series; else training)"
-    )
-    middle = number(median(answer.better for answer in told), 3)
-    return f"At the median the error on {where} is {middle} times smaller than that of the nominal model."
+def _lead(answers: Sequence[SeriesAnswer]) -> str:
+    compared = [answer for answer in answers if math.isfinite(answer.better)]
+    if not compared:
+        return TEXT("no_error")
+    held, count = sum(answer.part == "holdout" for answer in compared), len(compared)
+    where = TEXT("held_out") if held == count else TEXT("partly_held_out", held=held, count=count)
+    return TEXT("better", where=where, times=float(median(answer.better for answer in compared)))
 
 
 def _alike(answers: Sequence[SeriesAnswer]) -> dict[str, list[SeriesAnswer]]:
-    """What is disagreed in, with the series that do."""
+    """Each disagreement with the series that it is of."""
     alike: dict[str, list[SeriesAnswer]] = {}
     for answer in answers:
         for said in answer.disagrees:
@@ -77,11 +69,11 @@ def _decades(answers: Sequence[SeriesAnswer]) -> int:
 
 
 def _drawing(most: int) -> Callable[[SeriesAnswer], dict[str, Any] | None]:
-    """What is drawn of a series on an axis from a half to 10^`most` noise floors: the places in px and the shares of
-    its stages, the augmented one only where it has an effect, and of the axis' marks. None without a noise floor.
+    """What draws a series on an axis from a half to 10^`most` noise floors: positions in px of its stages, the
+    augmented one only where it has an effect, and of the axis' marks. It gives None without a noise floor.
     """
 
-    def place(share: float) -> float:
+    def at(share: float) -> float:
         shown = math.log(2 * share) / math.log(2 * 10.0**most)
         return EDGE + (WIDTH - 2 * EDGE) * min(max(shown, 0.0), 1.0)
 
@@ -92,9 +84,9 @@ def _drawing(most: int) -> Callable[[SeriesAnswer], dict[str, Any] | None]:
         shares = {stage: answer.errors[stage] / answer.floor for stage in shown if answer.errors[stage] > 0}
         return {
             "said": ", ".join(f"{stage} {number(share, 3)}" for stage, share in shares.items()),
-            "stages": [(stage, place(share)) for stage, share in shares.items()],
-            "decades": [place(10.0**power) for power in range(1, 1 + most)],
-            "floor": place(1.0),
+            "stages": [(stage, at(share)) for stage, share in shares.items()],
+            "decades": [at(10.0**power) for power in range(1, 1 + most)],
+            "floor": at(1.0),
         }
 
     return drawn

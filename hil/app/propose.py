@@ -1,33 +1,28 @@
-"""`capsule effects propose`: the term that a report proposes for its residual, as an effect file of one's own."""
+"""`capsule effects propose`: the term that a report proposes for its residual, as an effect file of the user's own."""
 
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Any, Final
 
 from hil.app.console import answer
 from hil.app.write import check_file, check_targets, write_files
+from hil.report.words import column_words
 from models.effects import CATALOGUE
 from models.effects.conformance import CHECKS
 from models.effects.own import effects_in, own_failure
 from models.files.toml import is_number
 from models.identification.model import read_report
 from models.identification.residual_term import FORMS, SYMBOLS, UNITS
+from models.parameter import Parameter
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 REPORT: Final = "report.json"
 _RANGE = 5.0  # times a fitted size, as far as a new fit may go
 _SHARE = 3.0  # of the resistance, the most that a level may be off
-_WORDS: Final = {
-    "t": "time",
-    "x": "place",
-    "v": "speed",
-    "gap": "gap to the magnet",
-    "travelled": "path so far",
-    "load": "load",
-}
 _FILE: Final = Template('''\
 """A term that close-loop proposed for what no known effect explained; `capsule effects propose` wrote it."""
 
@@ -39,6 +34,7 @@ import numpy as np
 from models.effects import shapes
 from models.effects.effect import Effect, Signals, Values
 from models.parameter import Parameter
+from models.words.sentences import Sentences
 
 TERM = $text
 
@@ -76,13 +72,13 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
     answer(
         json_output,
         {"file": str(out), "id": out.stem, "checks": list(CHECKS)},
-        f"{out}: effect {out.stem}, passed {len(CHECKS)} checks",
-        f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}",
+        TEXT("effects.proposed", out=out, effect=out.stem, count=len(CHECKS)),
+        TEXT("effects.use", out=out),
     )
 
 
 def _check(text: str, out: Path) -> None:
-    """Load the file from elsewhere first, so that nothing is written that does not keep to the rules."""
+    """Load a draft of the file and check it, so that only a valid effect is written."""
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder) / out.name
         draft.write_text(text, encoding="utf-8")
@@ -92,33 +88,14 @@ def _check(text: str, out: Path) -> None:
                 raise ValueError(f"{out}: {failure}")
 
 
-@dataclass(frozen=True)
-class _Number:
-    """A parameter of the file."""
-
-    name: str
-    value: float
-    unit: str
-    lower: float
-    upper: float
-    fit: bool = True
-
-    def line(self) -> str:
-        value, lower, upper = (f"{number:.6g}" for number in (self.value, self.lower, self.upper))
-        return (
-            f'    {self.name}: Parameter = Parameter("{self.name}", {value}, "{self.unit}", {lower}, {upper}, TERM,'
-            f" fit={self.fit})"
-        )
-
-
 def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:
     """The Python file of the effect `name` that a report.json proposes. Raises ValueError of one sentence."""
     if not name.isidentifier() or name != name.lower() or name in CATALOGUE:
         raise ValueError(
             f"--out must be a file named like a new effect, in lower-case letters, digits and underscores; got {name!r}"
         )
-    left = report.get("residual")
-    term = left.get("term") if isinstance(left, Mapping) else None
+    residual = report.get("residual")
+    term = residual.get("term") if isinstance(residual, Mapping) else None
     if not isinstance(term, Mapping):
         raise ValueError(
             f"{where}: report must have a term that is proposed for a residual, as one of a verdict 'unknown' may; got"
@@ -141,13 +118,13 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
     size = _finite(term["amplitude"]["value"])
     if against:
         size /= _finite(term["level"])
-    left = report["residual"]
-    centres = next(curve["centres"] for curve in left["curves"] if curve["variable"] == term["variable"])
-    numbers = [_number(row, _finite(told["value"]), UNITS[symbol], centres) for row, told in term["numbers"].items()]
+    residual = report["residual"]
+    centres = next(curve["centres"] for curve in residual["curves"] if curve["variable"] == term["variable"])
+    numbers = [_number(row, _finite(one["value"]), UNITS[symbol], centres) for row, one in term["numbers"].items()]
     most = max(_RANGE * abs(size), _SHARE if against else 0.0)
     offset = _finite(term["offset"])
-    amplitude = _Number("size", 0.0, "1" if against else "N", -most, most)
-    constant = _Number("offset", offset, "1", min(offset, 0) - _RANGE, max(offset, 0) + _RANGE, fit=not against)
+    amplitude = Parameter("size", 0.0, "1" if against else "N", -most, most, fit=True)
+    constant = Parameter("offset", offset, "1", min(offset, 0) - _RANGE, max(offset, 0) + _RANGE, fit=not against)
     given = ", ".join(f"{key}={_written(value)}" for key, value in term["given"].items())
     own = ", ".join(f'{n.name}=p["{n.name}"]' for n in numbers)
     extra = 'p["size"] * (p["offset"] + shape)'
@@ -158,11 +135,11 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
         name="".join(part.capitalize() for part in name.split("_")),
         id=name,
         kind=repr(str(report["kind"])),
-        words=_WORDS[symbol],
+        words=column_words(term["variable"])[0],
         text=repr(str(term["text"])),
-        records=repr(tuple(str(record) for record in left["records"])),
+        records=repr(tuple(str(record) for record in residual["records"])),
         probe=f"{size:.6g}",
-        parameters="\n".join(number.line() for number in (amplitude, constant, *numbers)),
+        parameters="\n".join(map(_line, (amplitude, constant, *numbers))),
         hook="level" if against else "force",
         doc="Factor on the resistance." if against else "Extra force along +x in N.",
         signal=signal,
@@ -172,16 +149,23 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
     )
 
 
-def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> _Number:
+def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> Parameter:
     """A number of the form, free within what its meaning allows."""
     if name == "middle":
         span = max(centres) - min(centres)
-        return _Number(name, value, unit, min(value, *centres) - span, max(value, *centres) + span)
-    if name == "phase":
-        return _Number(name, value, "1", value - math.pi, value + math.pi)
-    if name == "slope":
-        return _Number(name, value, "1", _RANGE * min(value, 0.0) - 1, _RANGE * max(value, 0.0) + 1)
-    return _Number(name, value, unit, value / _RANGE, _RANGE * value)
+        lower, upper = min(value, *centres) - span, max(value, *centres) + span
+    elif name == "phase":
+        unit, lower, upper = "1", value - math.pi, value + math.pi
+    elif name == "slope":
+        unit, lower, upper = "1", _RANGE * min(value, 0.0) - 1, _RANGE * max(value, 0.0) + 1
+    else:
+        lower, upper = value / _RANGE, _RANGE * value
+    return Parameter(name, value, unit, lower, upper, fit=True)
+
+
+def _line(p: Parameter) -> str:
+    numbers = f'{p.value:.6g}, "{p.unit}", {p.lower:.6g}, {p.upper:.6g}'
+    return f'    {p.name}: Parameter = Parameter("{p.name}", {numbers}, TERM, fit={p.fit})'
 
 
 def _finite(value: object) -> float:

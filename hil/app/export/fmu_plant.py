@@ -8,7 +8,8 @@ from typing import Any, Final
 import llvmlite.binding as llvm
 from numba import njit, types
 
-from hil.app.export.fmu.package import FmuUnit, Variable, c_array, reference, start_values
+from hil.app.export.fmu_archive import FmuUnit, Variable, c_array, c_header, reference
+from hil.app.export.found import TEXT
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.drives.makers import ACTUATORS
 from hil.simulated.fmu_plant import FORCE, input_of, outputs_of
@@ -56,14 +57,13 @@ def plant_unit(name: str, rig: Truth, duration_s: float) -> FmuUnit:
         "play.o": object_code(actuation.rounded_play, (VECTOR, REAL, VECTOR), "capsule_play"),
     }
     header = _header(plant, stages, kinds.pop(), variables)
-    return FmuUnit(name, f"simulated plant {name}", variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
+    return FmuUnit(name, TEXT("plant", name=name), variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
 
 
 def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables: list[Variable]) -> str:
     drive, h = plant.rig.drive, stages[0][1]
     straight = drive.straight or isinstance(drive, TruePull)
-    defines = {name: int(getattr(at, name)) for name in _PLACES} | {
-        "VARIABLES": 1 + len(variables),
+    defines: dict[str, int | str] = {name: int(getattr(at, name)) for name in _PLACES} | {
         "INPUT": 1,
         "PARAMETERS_FROM": 1 + len(variables),
         "FORCE": reference(variables, FORCE.name),
@@ -80,20 +80,16 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: int, variables
         "STAGES": len(stages),
         "PROFILE_COUNT": plant.profile.size,
     }
-    pairs = ", ".join(f"{{{reference(variables, v.name)}, {v.index}}}" for v in outputs_of(drive))
     tables = ",\n".join("{" + ", ".join(float(v).hex() for v in t.ravel()) + "}" for _, t in stages)
-    return "\n".join(
-        [
-            "#include <stdint.h>",
-            *(f"#define {name} {value}" for name, value in defines.items()),
-            f"static const int OUTPUTS[][2] = {{{pairs}}};",
-            c_array("double", "START", start_values(variables)),
-            c_array("double", "PARAMETERS", plant.parameters.tolist()),
-            c_array("double", "PROFILE", plant.profile.tolist()),
-            c_array("double", "TABLES", plant.tables.ravel().tolist()),
-            c_array("int64_t", "BEGINS", [begin for begin, _ in stages]),
-            f"static const double EFFECTS[{len(stages)}][{h.size}] = {{{tables}}};",
-        ]
+    return "#include <stdint.h>\n" + c_header(
+        variables,
+        defines,
+        {v.name: v.index for v in outputs_of(drive)},
+        c_array("double", "PARAMETERS", plant.parameters.tolist()),
+        c_array("double", "PROFILE", plant.profile.tolist()),
+        c_array("double", "TABLES", plant.tables.ravel().tolist()),
+        c_array("int64_t", "BEGINS", [begin for begin, _ in stages]),
+        f"static const double EFFECTS[{len(stages)}][{h.size}] = {{{tables}}};",
     )
 
 

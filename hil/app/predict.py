@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.app.close_loop import TEXT, noted_record
 from hil.app.console import answer, note, output_to_notes
-from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
@@ -35,7 +35,7 @@ def predict(
     known = Catalogue.read(effects)
     belief = known.given_to(read_deployed_rig(rig))
     learned = read_model(model, belief.kind, whole=False, catalogue=known)
-    driven = read_told(record, belief, driven_only=True)
+    driven = noted_record(record, belief, driven_only=True)
     with in_file(model):
         learned.check(belief, driven)
         learned.check_whole()
@@ -46,9 +46,10 @@ def predict(
     write_table(out, columns)
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
-    told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
-    lines = (f"rms of {name}, measured minus predicted: {value:.4g}" for name, value in differences.items())
-    answer(json_output, {**told, "rows": rows, "rms": differences}, f"{stage} model, {rows} rows: {out}", *lines)
+    document = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
+    lines = (TEXT("predict.rms", column=name, rms=value) for name, value in differences.items())
+    done = TEXT("predict.done", stage=stage, rows=rows, out=out)
+    answer(json_output, {**document, "rows": rows, "rms": differences}, done, *lines)
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:

@@ -1,1 +1,0 @@
-"""`capsule effects`: the catalogue of effects, and the conformance checks on a user's own."""

@@ -1,1 +1,0 @@
-"""FMI 3.0 Co-Simulation units."""

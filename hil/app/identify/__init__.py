@@ -1,1 +1,0 @@
-"""`capsule close-loop` and `capsule predict`."""

@@ -1,0 +1,103 @@
+"""What the comparison with the papers consists of: rows of numbers, and figures with a caption."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+import plotly.graph_objects as go
+from numpy.typing import ArrayLike
+
+from hil.report.theme import INK, styled
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+CONSISTENT: Final = "consistent"
+NOT_REPRODUCIBLE: Final = "not reproducible"
+MISSES: Final = "misses the measurement"
+# how many of a unit an SI unit is
+_PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mm/s": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
+COLOURS: Final = {"printed": "#0072b2", "derived": "#d55e00", "third": "#009e73", "fourth": "#cc79a7", "measured": INK}
+MN: Final = 1e3  # in a newton
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number in `unit`: what the `paper` states, `computed` from its equations, `measured` where it is printed."""
+
+    id: str
+    quantity: str
+    unit: str
+    paper: float | None
+    computed: float
+    measured: float | None
+    verdict: str
+    note: str
+
+    def record(self) -> dict[str, object]:
+        """The row as a JSON object."""
+        return asdict(self)
+
+
+def row(
+    key: str,
+    unit: str,
+    computed: float,
+    verdict: str,
+    note: str = "",
+    *,
+    paper: float | None = None,
+    measured: float | None = None,
+    words: str = "",
+    fill: Mapping[str, Any] = MappingProxyType({}),
+) -> Row:
+    """A `Row` from numbers in SI, shown in `unit`. Its quantity is the sentence `words`, else `key`; `note` names a
+    sentence, too; `fill` holds the values that go into both.
+    """
+    stated, seen = (None if value is None else float(value) * _PER_SI[unit] for value in (paper, measured))
+    said = TEXT(f"note.{note}", **fill) if note else ""
+    quantity = TEXT(f"quantity.{words or key}", **fill)
+    return Row(key, quantity, unit, stated, float(computed) * _PER_SI[unit], seen, verdict, said)
+
+
+def at_speed(speed_m_s: float) -> str:
+    return f"{speed_m_s * 1e3:g} mm/s"
+
+
+def slug(words: str) -> str:
+    """Words as a part of an id: `0.5 mm/s` becomes `0_5_mm_s`."""
+    return re.sub(r"\W", "_", words.lower())
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """One figure with its heading and the caption below it."""
+
+    title: str
+    caption: str
+    figure: Any
+
+
+class Plot:
+    """A figure with titled axes, whose lines and points have the colours of `COLOURS`."""
+
+    def __init__(self, x: str, y: str, height: int = 420, **layout: Any) -> None:
+        self.figure: Any = styled(go.Figure(), height, margin={"l": 64, "r": 24, "t": 16, "b": 56})
+        self.figure.update_layout(legend={"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}, **layout)
+        self.figure.update_xaxes(title=x).update_yaxes(title=y)
+
+    def line(self, x: ArrayLike, y: ArrayLike, name: str, colour: str, dash: str = "solid", **panel: int) -> None:
+        """Add a curve; `panel` names row and column where there are several."""
+        look = {"color": COLOURS.get(colour, colour), "dash": dash, "width": 2}
+        self.figure.add_scatter(x=x, y=y, name=name, mode="lines", line=look, **panel)
+
+    def points(self, x: ArrayLike, y: ArrayLike, name: str, symbol: str = "circle", **options: Any) -> None:
+        """Add markers, by default those of a measurement."""
+        marker = {"color": options.pop("colour", INK), "size": 9, "symbol": symbol}
+        edge = {"line": {"color": "white", "width": 1}}
+        self.figure.add_scatter(x=x, y=y, name=name, mode="markers", marker=marker | edge, **options)
+
+    def captioned(self, key: str, **values: Any) -> Drawing:
+        """The figure under the title and over the caption `key`, which `values` go into."""
+        return Drawing(TEXT(f"title.{key}"), TEXT(f"caption.{key}", **values), self.figure)

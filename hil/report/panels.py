@@ -38,7 +38,7 @@ def panels(finding: Finding, trace: Trace) -> list[Panel]:
     measured = _columns(trace.measured)
     stages = [stage for stage in STAGES if stage in trace.predicted and (finding.effects or stage != "augmented")]
     predicted = {stage: _columns(trace.predicted[stage]) for stage in stages}
-    known = {"record": trace.name, "role": trace.role, "axis": trace.axis, "signals": trace.signals}
+    known = dict[str, Any](record=trace.name, role=trace.role, axis=trace.axis, signals=trace.signals)
     abscissa, drawn = np.asarray(trace.abscissa, dtype=float), list[Panel]()
     for k, (name, unit) in enumerate(map(column_words, finding.columns[: len(measured)])):
         values = {stage: columns[k] for stage, columns in predicted.items()}

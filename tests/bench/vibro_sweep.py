@@ -110,8 +110,8 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     }
     (out / "vibro_sweep.json").write_text(json_text(found), encoding="utf-8")
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
-    story = f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s."
-    told = {"eyebrow": f"{len(results)} drives", "title": "Vibro drives on the gut", "story": story}
+    lead = f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s."
+    told = {"eyebrow": f"{len(results)} drives", "title": "Vibro drives on the gut", "lead": lead}
     text = page("plot.html.j2", **told, heading="Mean speed", drawn=_figure(found))
     (out / "vibro_sweep.html").write_text(text, encoding="utf-8")
     return found

@@ -52,7 +52,7 @@ def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ("table", "sentence"),
     [
-        ("", r"table \[plant\] must be there"),
+        ("", r"table \[plant\] must have the key"),
         ("[plant]\n", "must have scenario"),
         ('[plant]\nscenario = "plant.toml"\npriority = 100\n', "plant.priority must lie in"),
         ('[plant]\nscenery = "plant.toml"\n', "scenery"),

@@ -218,7 +218,7 @@ def test_a_log_that_is_cut_off_is_told(tmp_path: Path) -> None:
     path.write_bytes(data[:-20])
     list(read_frames(path, told.append))
     assert len(told) == 1
-    assert f"ends at byte {len(data) - 20}" in told[0]
+    assert f"cut off at byte {len(data) - 20}" in told[0]
 
 
 @pytest.mark.parametrize("ending", [".blf", ".asc", ".trc", ".log"])

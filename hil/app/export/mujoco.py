@@ -64,7 +64,7 @@ def _mjcf(found: Found, numbers: dict[str, float]) -> str:
         "solreffriction": f"{2 * _STEP_S:g} 1",
         "solimpfriction": f"{_HARD} {_HARD} 0.001 0.5 2",
     }
-    SubElement(capsule, "joint", {"name": "lumen", "type": "slide", "axis": "1 0 0", **friction})
+    SubElement(capsule, "joint", friction, name="lumen", type="slide", axis="1 0 0")
     shape = found.rig.capsule
     solid = {
         "size": f"{shape.radius_m:.9g} {0.5 * shape.cylinder_length_m:.9g}",

@@ -11,9 +11,8 @@ DECLARED: Final = ("models/rigs", "models/effects", "controller/drives.py", "pla
 """Where names of kinds belong: their declarations, the effects' and the registries of controller and plant."""
 LEFT: Final[Mapping[str, str]] = {
     "hil/api.py": "an example in a docstring",
-    "hil/app/demo/loop.py": "names of the demo's own stories",
-    "hil/app/demo/next_record.py": "the rig file that the demo writes",
-    "hil/app/demo/story.py": "the rig files that the demo writes",
+    "hil/app/demo/example.py": "the rig files that the demo writes",
+    "hil/app/papers/analytical.py": "the words of a row",
     "models/drives/coil.py": "a drive's own name",
     "models/drives/magnetic.py": "a drive's own name",
     "models/drives/pull.py": "a drive's own name",

@@ -25,6 +25,11 @@ settings.register_profile("same", settings.get_profile("new"), derandomize=True)
 settings.load_profile(os.environ.get("CAPSULE_EXAMPLES", "same"))
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than processors: tests that wait for a bus leave theirs idle."""
+    return 1 + len(os.sched_getaffinity(0))
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """What collecting makes stays to the end: the garbage collector need not look through it again and again."""

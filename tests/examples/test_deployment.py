@@ -23,6 +23,7 @@ def test_it_names_every_table_of_a_deployment() -> None:
     assert all(f"[{table}]" in text for table in tables)
 
 
+@pytest.mark.slow
 def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = Path(shutil.copytree(FOLDER, tmp_path / "deployment"))
     file = folder / "deployment.toml"

@@ -56,6 +56,7 @@ def ran() -> tuple[dict[str, Any], str]:
     return names, said.getvalue()
 
 
+@pytest.mark.slow
 def test_every_cell_runs(ran: tuple[dict[str, Any], str]) -> None:
     said = ran[1]
     assert "named ['fold_periodic']" in said

@@ -83,19 +83,24 @@ STATUS: Final = {"run": 1, "check": 1, "jog": 1}
 @pytest.mark.parametrize("command", ["sil", "track", "plant", "run", "check", "jog", "seeds"])
 @pytest.mark.parametrize("more", [(), ("--json",)], ids=["words", "json"])
 def test_an_output_that_takes_nothing(command: str, more: tuple[str, ...], tmp_path: Path, channel: str) -> None:
-    words = [*words_of(command, tmp_path, channel), *more]
     status = STATUS.get(command, 0)
-    for err in ("full", "closed"):
-        found, out, _ = Started(tmp_path, *words, err=err).ended()
+    ways = [("file", "full"), ("file", "closed"), ("full", "file"), ("closed", "file"), ("unread", "file")]
+    started = []
+    for k, (out, err) in enumerate([*ways, ("full", "full")]):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        started.append(Started(folder, *words_of(command, folder, f"{channel}{k}"), *more, out=out, err=err))
+    ended = [one.ended() for one in started]
+    for (_, err), (found, out, _) in zip(ways[:2], ended[:2], strict=True):
         assert found == status, err
         assert out.strip(), err
         assert "Traceback" not in out
-    for out_way, why in (("full", "No space left"), ("closed", "Bad file"), ("unread", "Broken pipe")):
-        found, _, said = Started(tmp_path, *words, out=out_way).ended()
+    whys = ("No space left", "Bad file", "Broken pipe")
+    for why, (found, _, said) in zip(whys, ended[2:5], strict=True):
         assert found == (status or UNWRITTEN), said
         assert said.splitlines()[-1].startswith("capsule: standard output must take the result; got: " + why)
         assert "Traceback" not in said
-    assert Started(tmp_path, *words, out="full", err="full").ended()[0] == (status or UNWRITTEN)
+    assert ended[5][0] == (status or UNWRITTEN)
 
 
 def test_bad_input_is_status_2_whatever_the_outputs(tmp_path: Path) -> None:

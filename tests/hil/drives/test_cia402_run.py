@@ -15,6 +15,7 @@ from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
 from tests.hil.drives.cia402_ends import Polled
 
 
+@pytest.mark.slow
 def test_the_same_controller_leads_it_in_real_time(tmp_path: Path, channel: str) -> None:
     """Two processes: `capsule run` with `[cia402]` sets the drive up, leads it through its states, and replays bit by
     bit.

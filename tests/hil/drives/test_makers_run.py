@@ -31,6 +31,7 @@ TABLES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("maker", TABLES)
 def test_it_is_led_in_real_time(maker: str, tmp_path: Path, channel: str) -> None:
     """Two processes: set up, led through its states, at rest at the end, and replayed bit by bit."""

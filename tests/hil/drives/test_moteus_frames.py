@@ -59,7 +59,7 @@ def test_a_command_is_the_packages(place: float, rate: float, torque: float, wat
     )
     assert trimmed(found.data) == trimmed(expected.data)
     wants_reply = 0x8000 if expected.reply_required else 0  # as the maker's transport has it
-    assert found.arbitration_id == wants_reply | expected.source << 8 | expected.destination
+    assert found.arbitration_id == wants_reply | wire.HOST << 8 | expected.destination
     assert (found.is_fd, found.bitrate_switch, len(found.data)) == (True, True, 48)
 
 

@@ -196,6 +196,7 @@ class Quick:
         return ExampleResult(finding, gate, missions, truth={"fold_periodic": {"excess": 0.3}})
 
 
+@pytest.mark.slow
 def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> None:
     said: list[tuple[str, float]] = []
     one = NEXT_RECORD.run(tmp_path, 4, lambda stage, share: said.append((stage, share)))

@@ -230,6 +230,7 @@ def test_measured_runs_reverse_direction_where_the_damped_model_does_and_the_nom
     assert reversal(kind, kind.nominal()) == pytest.approx(0.090, abs=0.003)
 
 
+@pytest.mark.slow
 def test_the_loop_finds_the_damping_in_measured_runs_and_says_what_it_is_worth() -> None:
     period, duty, _, speed = np.array([row for row in MEASURED if row[0] <= 135]).T
     table = record(period * 1e-3, duty, 8, speed * 1e-3)

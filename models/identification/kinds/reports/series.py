@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-import numpy as np
-
 from models.drives.drive import Drive
 from models.effects import effect_words
 from models.effects.equation import lines_of
@@ -51,21 +49,10 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
 
 
 def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What would separate each effect from those confounded with it, beside the records that there are."""
+    """What would separate each effect from those confounded with it."""
     wishes = []
     for name in sorted(theta.effects):
         effect = kind.catalogue[name]
         one, *others = (effect_words(each, kind.catalogue) for each in (name, *effect.confounders))
         wishes.append(TEXT("series_separate", effect=one, others=others, how=effect.separated_by))
-    there = TEXT("series_there", records=[_contents(record) for record in records])
-    return "; ".join([*wishes, there]) if wishes else None
-
-
-def _contents(record: Record) -> str:
-    """Length of `record` and the range of each position."""
-    ranges = "".join(
-        TEXT("series_range", column=name.removesuffix("_m").replace("_", " "), low=float(x.min()), high=float(x.max()))
-        for name, x in record.columns.items()
-        if name.endswith("position_m")
-    )
-    return TEXT("series_record", name=record.name, length=float(np.ptp(record["t_s"])), ranges=ranges)
+    return " ".join(wishes) or None

@@ -83,6 +83,7 @@ def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
     finding, _ = close(rig, [train.rows(slice(7_000))], [held.rows(slice(7_000))], quiet)
     assert finding.effects[0].id == "directional_asymmetry"
     assert "stribeck" not in [effect.id for effect in finding.effects]
+    assert finding.error_unit == "%"
     assert finding.error["train"]["calibrated"] == pytest.approx(3.95, abs=0.1)
     assert finding.error["holdout"]["calibrated"] == pytest.approx(6.12, abs=0.1)
     assert "sensor_delay" in [effect.id for effect in finding.effects]

@@ -100,6 +100,10 @@ class AxisKind(Kind):
         return self.coordinates.force_unit
 
     @property
+    def error_unit(self) -> str:
+        return "%"
+
+    @property
     def measure(self) -> str:
         word, cut = self.coordinates.names[3], f"{2 * self.band:g} Hz"
         return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"

@@ -44,6 +44,11 @@ def two_speeds(columns: Columns) -> Columns:
     return both | {"velocity_m_s": np.concatenate([slow, 10 * slow])}
 
 
+def test_an_error_in_per_cent_has_that_unit(made: tuple[AnyKind, Record]) -> None:
+    kind, _ = made
+    assert (kind.error_unit == "%") == ("%" in kind.measure)
+
+
 def test_every_declared_pair_is_tried(made: tuple[AnyKind, Record]) -> None:
     kind, record = made
     declared = {effect.id for effect in EFFECTS if kind.name in effect.kinds}

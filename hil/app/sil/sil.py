@@ -72,13 +72,16 @@ def sil(
             believed = believed_on_bus(scenario, values)
             offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
             offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
-            stated = {"seed": number, "offered": offered and offered.document()}
-            record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), **stated)
-            shown_too = None if mcap is None else McapLog(mcap)
+
+            def log_in(folder: Path) -> LockstepLog:
+                stated = {"seed": number, "offered": offered and offered.document()}
+                record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), **stated)
+                return LockstepLog(folder / "frames.blf", record, mcap=None if mcap is None else McapLog(mcap))
+
             with (
                 nullcontext() if watch is None else Watched(watch) as shown,
                 progress_bar(scenario.loop.name, even=True) as report,
-                nullcontext() if out is None else LockstepLog(out / "frames.blf", record, mcap=shown_too) as log,
+                nullcontext() if out is None else log_in(out) as log,
                 Background() if learn else nullcontext() as background,
             ):
                 learning = None if background is None else learning_of(scenario, values, background)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
@@ -103,7 +102,6 @@ class Effect:
     proposed_on: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
-    @cache
     def parameters(cls) -> tuple[Parameter, ...]:
         """The effect's parameters in the order of their declaration, the amplitude first."""
         declared = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}

@@ -206,8 +206,9 @@ def _cause(node: ControllerNode, now: float, outcome: Outcome) -> None:
     """Put a cause first that became known only while the drive came to rest."""
     twins = node.receiver.twins(now)
     if twins and twins not in outcome.ended and outcome.end in ("stopped", "gave_up", "no_drive", "sensor_or_drive"):
-        outcome.end = "stopped" if outcome.end == "sensor_or_drive" else outcome.end
         outcome.ended = f"{twins}: {outcome.ended}"
+        if outcome.end == "sensor_or_drive":
+            outcome.end = "stopped"
 
 
 def _stranger(node: ControllerNode) -> str:

@@ -23,10 +23,8 @@ from hil.nodes.frame_map import (
     OFF,
     OVER_TEMPERATURE,
     QUICK_STOP,
-    READY,
     STANDBY,
     TIME_TO_LIVE,
-    WAITING,
 )
 from hil.simulated.medium import SimulatedBus
 from hil.simulated.moteus_drive import BOOT_S, MoteusDrive
@@ -166,21 +164,6 @@ def test_here_makes_the_present_place_zero(running: Running, request: pytest.Fix
     running.drive.home, running.drive.power.output = 0, 0.3
     setting_up(request, TABLE.but(home="here"))
     assert (running.drive.home, running.drive.power.output) == (2, 0.0)
-
-
-def test_it_is_led_and_stopped() -> None:
-    desk = Desk(TABLE)
-    desk.ticks(20, ENABLE)
-    assert desk.heard.state == STANDBY
-    desk.ticks(20, READY)
-    assert desk.heard.state == WAITING
-    desk.ticks(20, ENABLE)
-    assert desk.heard.state == ENABLED
-    desk.ticks(100, ENABLE, 0.1)
-    assert desk.drive.power.output == pytest.approx(desk.place, abs=2 * 0.1 * TICK)
-    assert desk.until_safe(QUICK_STOP) <= 0.1 / 25.0 + 6 * TICK
-    desk.ticks(20, OFF)
-    assert (desk.heard.state, desk.bus.trouble, desk.heard.fault) == (STANDBY, "", 0)
 
 
 def test_silence_ends_by_the_watchdog_that_each_command_brings() -> None:

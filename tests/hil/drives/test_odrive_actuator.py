@@ -17,11 +17,9 @@ from hil.nodes.frame_map import (
     FAULT,
     OFF,
     OVER_TEMPERATURE,
-    QUICK_STOP,
     READY,
     STANDBY,
     TIME_TO_LIVE,
-    WAITING,
 )
 from hil.simulated.odrive_drive import OdriveDrive
 from tests.hil.drives.maker_desk import LIMITS, Desk
@@ -35,23 +33,6 @@ def test_no_node_speaks_by_an_identifier_of_the_catalogue() -> None:
     assert not own & {node << 5 | command for node in FREE_NODES for command in range(32)}
     with pytest.raises(ValueError, match=r"odrive\.node_id must be one of 2, 3, .*; got 1"):
         OdriveTable(node_id=1)
-
-
-def test_it_is_led_and_stopped() -> None:
-    """Enabled only by off, ready, enable; follows; braked by positions and idle on a stop."""
-    desk = Desk(TABLE)
-    desk.ticks(20, ENABLE)
-    assert desk.heard.state == STANDBY
-    desk.ticks(20, READY)
-    assert desk.heard.state == WAITING
-    desk.ticks(20, ENABLE)
-    assert desk.heard.state == ENABLED
-    desk.ticks(100, ENABLE, 0.1)
-    assert desk.drive.power.output == pytest.approx(desk.place, abs=2 * 0.1 * TICK)
-    assert desk.heard.report == pytest.approx(desk.drive.power.output, abs=0.1 * 3 * TICK)
-    assert desk.until_safe(QUICK_STOP) <= 0.1 / 25.0 + 6 * TICK
-    desk.ticks(20, OFF)
-    assert (desk.heard.state, desk.bus.trouble, desk.heard.fault) == (STANDBY, "", 0)
 
 
 def test_silence_ends_by_its_own_watchdog_and_is_latched() -> None:

@@ -63,6 +63,10 @@ class FrameMap:
         for part in ("Command", "Feedback", "Fault", "Heartbeat", "Challenge"):
             object.__setattr__(self, part.lower(), self.node + part)
 
+    def state_name(self, state: int) -> str:
+        """The catalogue's name of a state of the drive."""
+        return frames()[self.feedback].field("State").names[state]
+
     def life_ms(self, rate: float) -> int:
         """Time to live in ms, at least 6, of a command that changes by `rate` per second; excludes the braking time."""
         return max(int(self.still_ms - 1e3 * abs(rate) / self.braking_m_s2), 6)

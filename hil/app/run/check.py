@@ -26,7 +26,6 @@ TEXT: Final = Sentences(__file__)
 LISTEN_S: Final = 0.5  # to the bus
 REHEARSED: Final = 400  # ticks
 SHARE: Final = 0.5  # of a tick that its work may take
-_STATES: Final = ("boot", "self test", "standby", "ready", "enabled", "derated", "quick stop", "fault")
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def _listen(deployment: Deployment, bus: ClockedBus) -> list[Point]:
     doubt, fed = receiver.doubt(clock.now()), got[frame_map.feedback].accepted > 0
     doubt = doubt or ("" if receiver.beating or not fed else TEXT("check.no_heartbeat"))
     warm = "" if receiver.temperature_C == NOT_MEASURED_C else f", {receiver.temperature_C:g} degC"
-    state = f"{_STATES[receiver.state]}{warm}" if fed else TEXT("check.silent")
+    state = frame_map.state_name(receiver.state).replace("_", " ") + warm if fed else TEXT("check.silent")
     drive = Point(f"drive {frame_map.node}", not doubt and fed and receiver.state != FAULT, doubt or state)
     age = receiver.evidence(clock.now()).localisation_s
     seen = TEXT("check.localisation", ms=1e3 * age) if math.isfinite(age) else TEXT("check.silent")

@@ -15,7 +15,7 @@ from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
 from hil.log.recorder import Recorder
-from hil.nodes.frame_map import BOOT, FAULT, MOVING, SELF_TEST, STANDBY, STOPPING, WAITING
+from hil.nodes.frame_map import FAULT, MOVING
 from hil.nodes.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.operator import paused
 from hil.nodes.receive import HEARTBEAT_LOST_S
@@ -33,9 +33,6 @@ AWAY_S: Final = 4e-3
 """A tick that is later than this is named beside the reason of a stop; a coil's command is valid for 6 ms."""
 _LATE: Final = ("controller late", "drive fault", "drive left operation", "feedback lost", "drive not enabled")
 """Reasons of a stop that a controller causes when it does not get the processor."""
-_STATES: Final = {
-    BOOT: "boot", SELF_TEST: "self_test", STANDBY: "standby", WAITING: "ready", STOPPING: "quick_stop", FAULT: "fault",
-}  # fmt: skip
 
 
 @dataclass
@@ -277,7 +274,8 @@ def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
         return TEXT("missing.feedback", age=_time(seen.feedback_s)) + refused
     if lost:
         return TEXT("missing.estimate", **asdict(node.estimator.counts))
-    return TEXT(f"state.{_STATES.get(seen.state, 'other')}") + refused
+    state = f"state.{node.frame_map.state_name(seen.state)}"
+    return TEXT(state if state in TEXT else "state.other") + refused
 
 
 def _time(seconds: float) -> str:

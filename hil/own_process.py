@@ -1,10 +1,8 @@
-"""Child processes: they run modules of this program, never of the current folder, and end with their parent."""
+"""Child processes: they run modules of this program, never of the current folder."""
 
 import os
 import sys
-from multiprocessing import parent_process
 from pathlib import Path
-from threading import Thread
 
 _ROOT = str(Path(__file__).parents[1])
 
@@ -18,15 +16,3 @@ def own_environment() -> dict[str, str]:
     """The environment of this process, with its modules to be found and without the current folder among them."""
     named = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]
     return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(dict.fromkeys([*named, _ROOT]))}
-
-
-def end_with_parent() -> None:
-    """End this process when its parent ends, also when the parent was killed."""
-
-    def watch() -> None:
-        parent = parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    Thread(target=watch, daemon=True).start()

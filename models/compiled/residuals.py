@@ -28,3 +28,8 @@ def less_in_the_tail(r: Array, tail: float) -> Any:
         share = r[k] / tail
         out[k] = r[k] * math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + share * share)))
     return out
+
+
+def products(rows: Array) -> Array:
+    """rows @ rows.T"""
+    return rows @ rows.T

@@ -13,16 +13,18 @@ from models.checks.excitation import Shown
 from models.effects import effect_words
 from models.identification.finding import NEXT_CSV, Proposal, Separation
 from models.identification.fitting.confidence import memory
-from models.identification.fitting.fit import Fit, Problem, axes, evaluate, parallel
+from models.identification.fitting.fit import Fit, axes, evaluate
+from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind
 from models.identification.motion_plan import Plan, Room, random_plan, varied
 from models.identification.search.fitted_model import FittedModel
-from models.identification.search.forward_selection import Search
+from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.kinds import KINDS
 from models.theta import Theta
 from models.words.sentences import Sentences
+from models.workers import each
 
 TEXT: Final = Sentences(__file__)
 
@@ -37,7 +39,7 @@ class Candidate:
 
     def fitted(self, kind: Kind, records: Sequence[Record]) -> Fit:
         """The best fit of `records` near its values."""
-        return Problem.of(kind, records, self.effects).descend(self.theta, SET.fine[0], SET.its_rounds)
+        return Fitter.of(kind, records, self.effects).near(self.theta, SET.fine[:1], SET.its_rounds)
 
     def moved(self, kind: Kind, step: Array) -> Theta:
         """Its values moved by `step` (p,) in the order of the model's axes, within the bounds."""
@@ -207,7 +209,7 @@ def _best(
         return min(q.separation(motion) for q in asked)
 
     def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
-        return list(zip(parallel(worth, plans), plans, strict=True))
+        return list(zip(each(worth, plans), plans, strict=True))
 
     first, again, best, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
     rows = judged([random_plan(room, rng) for _ in range(first)])

@@ -23,7 +23,7 @@ from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual_dependence import dependence_of
-from models.identification.search.forward_selection import Search, search
+from models.identification.search.search import Search, search
 from models.identification.settings import SET
 from models.identification.verdict import (
     TEXT,

@@ -13,7 +13,7 @@ from models.identification.finding import STAGES, Check, Fitted
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes, evaluate
 from models.identification.kind import Kind
-from models.identification.search.forward_selection import Search
+from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record

@@ -19,8 +19,8 @@ from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
 from hil.app.write import file_trouble
-from hil.own_process import end_with_parent
 from models.theta import Theta
+from models.workers import end_with_parent
 
 TRIES: Final = 3  # workers that a run may cost
 Row = dict[str, Any]

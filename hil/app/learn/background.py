@@ -12,9 +12,9 @@ from typing import Final, Self
 
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
 from hil.app.system import error_text
-from hil.own_process import end_with_parent
 from models.theta import Theta
 from models.words.sentences import Sentences
+from models.workers import end_with_parent
 
 TEXT: Final = Sentences(__file__)
 NICE: Final = 19  # the lowest priority

@@ -17,12 +17,12 @@ from models.checks.usable import counted, from_row
 from models.identification import close
 from models.identification.finding import STAGES, Proposal
 from models.identification.fitting.fit import evaluate
+from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Kind
 from models.identification.kinds import Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import HELD_OUT
-from models.identification.search.refit import refit
 from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
@@ -221,9 +221,9 @@ def _refitted(rig: Rig, before: Record, in_use: Theta) -> Theta:
     plain = kind_for(rig, [before])
     kind = kind_for(rig, [before], _known(plain, in_use, np.inf, BELIEVED))
     start = kind.nominal() | in_use
-    noisy = _as_noisy(rig, before, refit(kind, [before], [], start))
+    noisy = _as_noisy(rig, before, Fitter.of(kind, [before], []).far([start]).theta)
     believed = kind_for(noisy, [before], _known(plain, in_use, BELIEVED, BELIEVED))
-    return refit(believed, [before], [], start)
+    return Fitter.of(believed, [before], []).far([start]).theta
 
 
 def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:

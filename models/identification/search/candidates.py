@@ -3,22 +3,23 @@
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
+import scipy
 
 from models.effects import CATALOGUE, REFINEMENTS
-from models.identification.fitting.fit import Fit, Problem, costs_of
+from models.identification.fitting.fit import Fit
+from models.identification.fitting.fitter import Fitter, Growth, base_known, begins
+from models.identification.fitting.horizon import FROM_CLOSE, QUICK, lengths
 from models.identification.kind import Array, Kind
-from models.identification.search.fitted_model import Fits, FittedModel, ahead, judged, judged_cost
-from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, GrowingHorizon, base_known, eliminate
-from models.identification.search.refit import as_called, begins, refit, stepped
+from models.identification.search.fitted_model import Fits, FittedModel, ahead
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record
 from models.theta import Theta
+from models.workers import each
 
 Moved = Callable[[str, float], None]
 
@@ -64,8 +65,8 @@ def compare_candidates(
     """
     if not screened:
         return []
-    grows = bool(model.kind.beginnings_s)
-    fitted = (_grown if grows else _survivors)(model, screened, moved)
+    series = bool(model.kind.beginnings_s)
+    fitted = (_grown if series else _survivors)(model, screened, moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = model.kind.catalogue[ranking[0]].confounders
     finalists = [
@@ -73,20 +74,26 @@ def compare_candidates(
         for k, name in enumerate(ranking)
         if fitted[name].cost <= SET.behind * fitted[ranking[0]].cost and (k < SET.final or name in alike)
     ]
-    trials = []
-    for k, name in enumerate(finalists):
-        moved(name, 0.8 + 0.2 * k / len(finalists))
-        trials.append(_judge(model, name, fitted[name].theta))
-    refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > SET.near
-    helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else None) for trial in trials]
-    trials = [_as_called(model, trial) for trial in (from_the_best(model, trials, helped) if grows else helped)]
-    return sorted(trials, key=lambda trial: -trial.gain)
+    moved(finalists[0], 0.8)
+    trials = each(lambda name: _near(model, name, fitted[name].theta), finalists)
+    if series and min(trial.blocks.mean() for trial in trials) > SET.near:
+        moved(finalists[0], 0.9)
+        alone, trials = trials, each(lambda trial: _completed(model, trial, fitted[trial.effect].theta), trials)
+        trials = from_the_best(model, alone, trials)
+    return sorted((_within_name(model, trial) for trial in trials), key=lambda trial: -trial.gain)
 
 
-def _as_called(model: FittedModel, trial: Trial) -> Trial:
+def _near(model: FittedModel, name: str, start: Theta) -> Trial:
+    """`model` with the effect `name` fitted on every split from close by `start`, and judged."""
+    own = start.effects[name]
+    starts = [start if not i else theta.with_(name, own) for i, theta in enumerate(model.thetas)]
+    return Trial.of(model, name, model.near(starts, [*model.effects, name]))
+
+
+def _within_name(model: FittedModel, trial: Trial) -> Trial:
     """The trial with its effect within the range that its name stands for."""
     plain = model.fitted(trial.thetas, [*model.effects, trial.effect])
-    called = as_called(plain, trial.effect)
+    called = plain.within_name(trial.effect)
     return trial if called is plain else Trial.of(model, trial.effect, called)
 
 
@@ -103,29 +110,22 @@ def _refinements(kind: Kind, name: str) -> list[str]:
     ]
 
 
-def _with_refinements(so_far: FittedModel, trial: Trial, sought: Theta | None) -> Trial:
-    """`trial` with the cost of its refinements where that is lower, fitted also from the point that its elimination
-    round `sought`: of two imperfect candidates that one leads which its refinements complete. Nothing `sought`: no
-    refinements. A trial without refinements is fitted again from more starts.
+def _completed(so_far: FittedModel, trial: Trial, sought: Theta) -> Trial:
+    """`trial` fitted quickly from anywhere, also from the point that its elimination `sought`, with the cost of its
+    refinements where that is lower: of two imperfect candidates that one leads which its refinements complete.
     """
-    kind = so_far.kind
-    refinements = [c for c in _refinements(kind, trial.effect) if c not in so_far.effects] if sought else []
-    if not refinements and not kind.beginnings_s:
-        return trial
-    more = [sought] if refinements and sought else []
-    finer = [*so_far.effects, trial.effect, *refinements]
-    fitted = so_far.refitted(best_from, ([theta, *more] for theta in trial.thetas), finer)
-    again = Trial.of(so_far, trial.effect, fitted)
-    if not refinements:
-        return again
-    trial = replace(trial, refinements={fitted.effects: fitted.thetas})
-    return replace(trial, blocks=again.blocks) if again.gain > trial.gain else trial
-
-
-def best_from(kind: Kind, part: Sequence[Record], effects: Sequence[str], starts: Iterable[Theta]) -> Theta:
-    """The best of the fits from each of `starts`, as judged."""
-    ends = [refit(kind, part, effects, start) for start in starts]
-    return min(ends, key=lambda end: judged_cost(kind, part, end))
+    effects = [*so_far.effects, trial.effect]
+    starts = [[theta, sought.only(so_far.kind.in_base | set(effects))] for theta in trial.thetas]
+    plain = so_far.far(starts, effects, effort=QUICK)
+    again = Trial.of(so_far, trial.effect, plain)
+    best = again if again.gain > trial.gain else trial
+    refinements = [c for c in _refinements(so_far.kind, trial.effect) if c not in so_far.effects]
+    if not refinements or best.blocks.mean() <= SET.near:
+        return best
+    finer = so_far.far(([theta, sought] for theta in best.thetas), [*effects, *refinements], effort=QUICK)
+    better = Trial.of(so_far, trial.effect, finer)
+    blocks = better.blocks if better.gain > best.gain else best.blocks
+    return replace(best, blocks=blocks, refinements={finer.effects: finer.thetas})
 
 
 def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[Trial]) -> list[Trial]:
@@ -141,13 +141,17 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     both = next(iter(best.refinements.values()), None)
     beside = [c for c in _refinements(kind, best.effect) if named[c] not in REFINEMENTS] if both else []
     alike = [name for name in rows if named[best.effect].looks_like(named[name])]
-    for name in dict.fromkeys((*beside, *alike)):
+
+    def again(name: str) -> Trial:
         owns = both if both and name in beside else rows[name].thetas
         bases = (base.only({*effects, *kind.in_base}) for base in both or best.thetas)
         starts = (base.with_(name, own.effects[name]) for base, own in zip(bases, owns, strict=True))
-        again = Trial.of(model, name, model.refitted(stepped, starts, [*effects, name]))
-        if name not in rows or again.gain > rows[name].gain:
-            rows[name] = again
+        return Trial.of(model, name, model.near(starts, [*effects, name]))
+
+    for trial in each(again, list(dict.fromkeys((*beside, *alike)))):
+        name = trial.effect
+        if name not in rows or trial.gain > rows[name].gain:
+            rows[name] = trial
         if name in beside and (
             rows[name].gain > best.gain - SET.shaped or ahead(best.blocks, rows[name].blocks) < SET.apart
         ):
@@ -160,44 +164,76 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
     starts where the slip limit does not follow the resistance; without those that were eliminated.
     """
     kind = model.kind
-    effort = FROM_CLOSE if base_known(kind) else QUICK
-    horizons = {}
+    growths = {}
     for row in screened:
         beside = shared_by(kind, row.effect)
         starts = [
             point
-            for base in begins(kind, model.thetas[0])
+            for base in begins(kind, model.thetas[:1])
             for start in row.starts
             for point in with_each(base.with_(row.effect, start), beside)
         ]
-        horizons[row.effect] = GrowingHorizon(kind, [*model.effects, row.effect, *beside], starts, effort, row.effect)
-    return eliminate(model.part, horizons, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
+        fitter = Fitter.of(kind, model.part, [*model.effects, row.effect, *beside])
+        growths[row.effect] = Growth(fitter, starts, FROM_CLOSE if base_known(kind) else QUICK)
+    return eliminate(model.part, growths, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
+
+
+def eliminate(
+    records: Sequence[Record],
+    growths: Mapping[str, Growth],
+    counting: int,
+    behind: float,
+    moved: Moved = lambda name, share: None,
+) -> dict[str, Fit]:
+    """Fits on the whole records of those `growths` that are not eliminated. One stays while its cost is close to that
+    of the best `counting`, or is that of a declared confounder of the best, and at most `behind` times the best; or
+    while its cost is chance, because a model with many parameters leaves less of a short prefix. None is eliminated on
+    the shortest prefix. `moved` is called with the leader and the share of the work that is done.
+    """
+    running, kind = dict(growths), next(iter(growths.values())).model.kind
+    leader = next(iter(running))
+    for number, parts in lengths(kind, records):
+        moved(leader, number / (len(kind.beginnings_s) + 1))
+        grown = each(lambda growth, to=(number, parts): growth.on(*to).fits, list(running.values()))
+        for growth, fits in zip(running.values(), grown, strict=True):
+            growth.fits = fits
+        costs = {name: growth.fits[0].chi2 for name, growth in running.items()}
+        leader = min(costs, key=lambda name: costs[name])
+        if not number:
+            continue
+        ranked = sorted(costs.values())
+        within = SET.in_reach if number >= SET.ranked_from else SET.early_reach
+        reach, limit = within * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
+        alike = kind.catalogue[leader].confounders
+        running = {
+            name: growth
+            for name, growth in running.items()
+            if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or _by_chance(growth.fits[0])
+        }
+    return {name: growth.fits[0] for name, growth in running.items()}
+
+
+def _by_chance(fit: Fit) -> bool:
+    """Whether noise alone may cause the cost of `fit`."""
+    return bool(fit.cost <= scipy.stats.chi2.ppf(SET.right_leaves, fit.count))
 
 
 def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with each candidate, good enough for a ranking: one round of descent from its best opening at the
-    kind's first criterion, a few more rounds of the lowest, full fits of the first of these and of their confounders.
+    """Fits of `model` with each candidate of a table, good enough for a ranking: a few rounds of descent from its best
+    opening, full fits of the first of these and of their confounders.
     """
-    kind, bases = model.kind, begins(model.kind, model.thetas[0])
+    kind, bases = model.kind, begins(model.kind, model.thetas[:1])
 
-    def problem(name: str, criterion: int) -> Problem:
-        return Problem.of(kind, model.part, [*model.effects, name], criterion)
-
-    fits = {}
-    for k, row in enumerate(screened):
-        moved(row.effect, 0.3 * k / len(screened))
+    def begun(row: Screened) -> Fit:
         start = opening(kind, model.part, bases, row.effect, row.starts)
-        fits[row.effect] = problem(row.effect, 0).descend(start, SET.narrow[0], 1)
-    lowest = sorted(fits, key=lambda name: fits[name].cost)[: SET.entered]
-    for k, name in enumerate(lowest):
-        moved(name, 0.3 + 0.1 * k / len(lowest))
-        fits[name] = problem(name, 0).descend(fits[name].theta, SET.narrow[0], SET.entered_rounds)
+        return Fitter.of(kind, model.part, [*model.effects, row.effect], 0).near(start, SET.narrow[:1], SET.opened)
+
+    moved(screened[0].effect, 0.0)
+    fits = dict(zip((row.effect for row in screened), each(begun, screened), strict=True))
     entered = _with_confounders(kind, sorted(fits, key=lambda name: fits[name].cost))
-    survivors = {}
-    for k, name in enumerate(entered):
-        moved(name, 0.4 + 0.4 * k / len(entered))
-        survivors[name] = problem(name, kind.free_run).narrowing(fits[name].theta, SET.narrow, 8)
-    return survivors
+    moved(entered[0], 0.4)
+    full = each(lambda name: Fitter.of(kind, model.part, [*model.effects, name]).near(fits[name].theta), entered)
+    return dict(zip(entered, full, strict=True))
 
 
 def shared_by(kind: Kind, name: str) -> list[str]:
@@ -219,15 +255,13 @@ def opening(
     """The point with the best amplitude of `name` in the best shape of `starts` at the best of `bases`."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
-
-    def best(start: Mapping[str, float]) -> tuple[float, Theta]:
+    points = []
+    for start in starts:
         wanted = [start[amplitude.name], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
         values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
-        points = [base.with_(name, {**start, amplitude.name: value}) for base in bases for value in values]
-        costs = costs_of(kind, part, points, kind.free_run)
-        return min(zip(costs, points, strict=True), key=itemgetter(0))
-
-    return min(map(best, starts), key=itemgetter(0))[1]
+        points += [base.with_(name, {**start, amplitude.name: value}) for base in bases for value in values]
+    costs = Fitter.of(kind, part, [name]).costs(points)
+    return min(zip(costs, points, strict=True), key=itemgetter(0))[1]
 
 
 def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
@@ -239,20 +273,10 @@ def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
     return wanted
 
 
-def _judge(model: FittedModel, name: str, start: Theta) -> Trial:
-    """`model` with the effect `name` fitted on every split from `start`, and judged."""
-    kind, own = model.kind, start.effects[name]
-    starts = [
-        min((theta.with_(name, own), start), key=lambda point: float(judged(kind, part, point).sum())) if i else start
-        for i, (part, theta) in enumerate(model.parts)
-    ]
-    return Trial.of(model, name, model.refitted(partial(refit, enough=np.inf), starts, [*model.effects, name]))
-
-
 def better_without(model: FittedModel, further: str, others: Fits) -> FittedModel:
     """The better of `model` and of the same refitted from the base of fits with one `further` effect, `others`."""
-    again = model.refitted(stepped, (theta.without(further) for theta in others))
-    return min(model, again, key=lambda choice: choice.training_cost)
+    again = model.near(theta.without(further) for theta in others)
+    return min(model, again, key=attrgetter("training_cost"))
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:

@@ -5,36 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
-from models.identification.fitting.fit import evaluate
+from models.identification.fitting.fit import Fit, judged
+from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import Effort
 from models.identification.kind import Array, Kind, Split
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
 
 Fits = Sequence[Theta]
-Fitting = Callable[[Kind, Sequence[Record], Sequence[str], Any], Theta]
-"""A function that fits the base with effects to records, from a start (or several)."""
+_Start = TypeVar("_Start")
 _LEAST = 1e-12  # a cost whose logarithm can be taken
-
-
-def judged(kind: Kind, records: Sequence[Record], theta: Theta) -> Array:
-    """Mean square of the residuals in each of at most forty blocks, under the kind's judge that suits it better."""
-
-    def blocks(residual: Array) -> list[float]:
-        parts = np.array_split(residual, min(SET.blocks, len(residual)))
-        return [float(part @ part) / len(part) for part in parts]
-
-    rows = [blocks(evaluate(kind, records, theta, criterion)) for criterion in kind.judges]
-    return np.asarray(np.min(rows, axis=0))
-
-
-def judged_cost(kind: Kind, records: Sequence[Record], theta: Theta) -> float:
-    """Mean of the blocks."""
-    return float(judged(kind, records, theta).mean())
 
 
 @dataclass(frozen=True)
@@ -55,11 +40,36 @@ class FittedModel:
         """The same model with other fits; with other effects where given."""
         return replace(self, thetas=tuple(thetas), effects=self.effects if effects is None else tuple(effects))
 
-    def refitted(self, fit: Fitting, starts: Iterable[Any], effects: Sequence[str] | None = None) -> FittedModel:
-        """The same model refitted by `fit` from `starts`, one a split; with other effects where given."""
+    def near(self, starts: Iterable[Theta], effects: Sequence[str] | None = None) -> FittedModel:
+        """The same model fitted from close by `starts`, one a split; with other effects where given."""
+        return self._by(starts, effects, lambda fitter, start: fitter.near(start))
+
+    def far(
+        self,
+        starts: Iterable[Sequence[Theta]],
+        effects: Sequence[str] | None = None,
+        enough: float = SET.near,
+        effort: Effort | None = None,
+    ) -> FittedModel:
+        """The same from anywhere, several starts a split."""
+        return self._by(starts, effects, lambda fitter, some: fitter.far(some, enough, effort))
+
+    def _by(
+        self, starts: Iterable[_Start], effects: Sequence[str] | None, fit: Callable[[Fitter, _Start], Fit]
+    ) -> FittedModel:
         chosen = self.effects if effects is None else tuple(effects)
         pairs = zip(self.splits, starts, strict=True)
-        return self.fitted((fit(self.kind, part, chosen, start) for (part, _), start in pairs), chosen)
+        return self.fitted((fit(Fitter.of(self.kind, part, chosen), start).theta for (part, _), start in pairs), chosen)
+
+    def within_name(self, name: str) -> FittedModel:
+        """The same model with the effect `name` within the range that its name stands for. Some effects contain another
+        as a limit: a wave of very long wavelength is a force in time. A parameter with such a limit (`least`) stays
+        above it; of the fits on either side of zero the better one is taken.
+        """
+        least = [p for p in self.kind.catalogue[name].parameters() if p.least]
+        if all(abs(theta.get((name, p.name), p.value)) >= p.least for p in least for theta in self.thetas):
+            return self
+        return self._by(self.thetas, None, lambda fitter, theta: fitter.beyond(name, theta))
 
     @property
     def part(self) -> list[Record]:

@@ -1,16 +1,14 @@
 """Refinements of the shapes of named effects: which of them the records support."""
 
 from collections.abc import MutableMapping, Sequence
-from functools import partial
-
-import numpy as np
 
 from models.effects import CATALOGUE, REFINEMENTS
-from models.identification.fitting.fit import Fit, Problem, costs_of
+from models.identification.fitting.fit import Fit
+from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import QUICK
 from models.identification.kind import Kind
 from models.identification.search.candidates import better_without
 from models.identification.search.fitted_model import FittedModel, fewest
-from models.identification.search.refit import refit
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -28,10 +26,10 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
-        quick = 1 + SET.shaped if CATALOGUE.get(curve) in REFINEMENTS else np.inf  # a free curve is near or far
+        enough = 1 + SET.shaped if CATALOGUE.get(curve) in REFINEMENTS else SET.near  # a free curve is near or far
         if finer not in known:
-            starts = (theta.with_(curve, _begin(curve)) for theta in rows[-1].thetas)
-            known[finer] = rows[-1].refitted(partial(refit, quick=quick), starts, finer).thetas
+            starts = ([theta.with_(curve, _begin(curve))] for theta in rows[-1].thetas)
+            known[finer] = rows[-1].far(starts, finer, enough, QUICK).thetas
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
     number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])
@@ -56,15 +54,14 @@ def refined_at_last(
             break
         model = [*effects, *taken, *added, curve]
         starts = [fit.theta.with_(curve, _begin(curve)), *known.get(tuple(model), ())]
-        costs = costs_of(kind, records, starts, kind.final)
-        if min(fit.cost, *costs) > SET.behind * fit.count:
+        fitter = Fitter.of(kind, records, model, kind.final)
+        (start,) = fitter.lowest(starts, 1)
+        if min(fit.cost, *fitter.costs([start])) > SET.behind * fit.count:
             break
-        finer = Problem.of(kind, records, model, kind.final).narrowing(
-            starts[int(np.argmin(costs))], (SET.narrow[0], *SET.fine)
-        )
+        finer = fitter.near(start)
         left = _floors(kind, records, finer)
         if finer.chi2 < SET.near and _clearly(finer, left, fit, floors):
-            again = Problem.of(kind, records, model[:-1], kind.final).narrowing(finer.theta.without(curve), SET.fine)
+            again = Fitter.of(kind, records, model[:-1], kind.final).near(finer.theta.without(curve), SET.fine)
             if again.cost < fit.cost:
                 fit, floors = again, _floors(kind, records, again)
             if _clearly(finer, left, fit, floors):

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.effects.effect import Effect
-from models.identification.fitting.fit import Problem, evaluate_all
+from models.identification.fitting.fit import evaluate_all, judged_cost
+from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind
-from models.identification.search.fitted_model import judged_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta
+from models.workers import each
 
 
 @dataclass(frozen=True)
@@ -34,29 +35,31 @@ class Screened:
 class _View:
     """The residual of a fit at `theta` with the fitted directions, `basis`, taken out."""
 
-    fit: Problem
+    fitter: Fitter
     theta: Theta
     residual: Array
     basis: Array
 
     @classmethod
-    def at(cls, fit: Problem, theta: Theta) -> _View:
-        x = fit.start(theta)
-        jacobian = fit.jacobian(x, SET.screened_secant)
+    def at(cls, fitter: Fitter, theta: Theta) -> _View:
+        x = fitter.at(theta)
+        jacobian = fitter.jacobian(x, SET.screened_secant)
         basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
-        return cls(fit, theta, fit.all_at([x])[0], basis)
+        return cls(fitter, theta, fitter.residuals([x])[0], basis)
 
     def cleared(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
 
     def best(self, taken: Sequence[str] = ()) -> list[Screened]:
         """Each candidate not `taken` in its best shape, with the starts of the best few shapes; best first."""
-        kind, rows = self.fit.kind, []
-        for effect in (effect for effect in kind.effects if effect.id not in taken):
-            shapes = sorted(self.explained(effect, list(_shapes(effect, self.fit.records))), key=_by_share)
+
+        def tried(effect: type[Effect]) -> Screened:
+            shapes = sorted(self.explained(effect, list(_shapes(effect, self.fitter.records))), key=_by_share)
             starts = (start for row in shapes[: SET.screened_starts] for start in row.starts)
-            rows.append(replace(shapes[0], starts=tuple(starts)))
-        return sorted(rows, key=_by_share)
+            return replace(shapes[0], starts=tuple(starts))
+
+        wanted = [effect for effect in self.fitter.kind.effects if effect.id not in taken]
+        return sorted(each(tried, wanted), key=_by_share)
 
     def explained(self, effect: type[Effect], shapes: Sequence[Mapping[str, float]]) -> list[Screened]:
         """`effect` in each of `shapes`, all evaluated together."""
@@ -65,11 +68,16 @@ class _View:
         starts = [{**effect.start(), **shape, **size} for shape in shapes]
         phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
         thetas = [self.theta.with_(effect.id, {**start, **at}) for start in starts for at in phases]
-        seen = evaluate_all(self.fit.kind, self.fit.records, thetas, self.fit.criterion)
-        n = len(phases)
-        return [self._measured(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
+        kind, n = self.fitter.kind, len(phases)
+        shown = []
+        step = n * max(1, kind.lanes // n)
+        for first in range(0, len(thetas), step):
+            seen = evaluate_all(kind, self.fitter.records, thetas[first : first + step], self.fitter.criterion)
+            own = starts[first // n : (first + step) // n]
+            shown += [self._measured(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(own)]
+        return shown
 
-    def _measured(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
+    def _measured(self, effect: type[Effect], start: dict[str, float], seen: Array) -> Screened:
         """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against itself."""
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows of the priors
@@ -113,8 +121,8 @@ def screen(
     """Every candidate's share of the residual beyond `effects`, best first: the larger of what the views show."""
     rows: dict[str, Screened] = {}
     for criterion in (kind.free_run, *((kind.criteria,) if kind.slow_view else ())):
-        problem = Problem.of(kind, records, effects, criterion)
-        view = _View.at(problem, problem.descend(theta, SET.screened_secant, 8).theta)
+        fitter = Fitter.of(kind, records, effects, criterion)
+        view = _View.at(fitter, fitter.near(theta, [SET.screened_secant], 2 * SET.opened).theta)
         for row in view.best((*effects, *dropped)):
             other = rows.get(row.effect, row)
             better = row if row.share >= other.share else other
@@ -139,14 +147,14 @@ def null_distribution(
     of an imitation depends on the step of the computation, the base is refitted to it, as it was to the records.
     """
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
-    for _ in range(SET.imitations):
-        imitated = [kind.imitate(record, theta, rng) for record in records]
+    for imitated in [[kind.imitate(record, theta, rng) for record in records] for _ in range(SET.imitations)]:
+        fitter = Fitter.of(kind, imitated, [])
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > SET.near:
-            again = Problem.of(kind, imitated, []).narrowing(theta, SET.fine).theta
+            again = fitter.near(theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         cost = max(cost, left)
-        rows = _View.at(Problem.of(kind, imitated, []), own).best()
+        rows = _View.at(fitter, own).best()
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)

@@ -8,7 +8,7 @@ import numpy as np
 from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.formula import Line, called, equal, symbols
-from models.identification.fitting.fit import Problem
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds.table import distinct
 from models.identification.kinds.vibro_table.solver import GRAVITY
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
@@ -132,8 +132,8 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
         for training, held in splits:
             fitted = theta.without(left_out)
             for secant in (0.3, 0.1) if left_out else (0.1,):
-                problem = Problem.of(kind, training, list(fitted.effects), 0)
-                fitted = problem.descend(fitted, secant, SET.table_steps).theta
+                fitter = Fitter.of(kind, training, list(fitted.effects), 0)
+                fitted = fitter.near(fitted, [secant], SET.table_steps).theta
             squares += [kind.errors(r, kind.predict(r, fitted)) ** 2 for r in held]
         out[left_out] = float(np.sqrt(np.mean(np.concatenate(squares))))
     return out

@@ -1,10 +1,10 @@
-"""Forward selection: calibrate, screen, fit the best jointly, add effects while they gain, compare rivals."""
+"""The search: calibrate, screen, compare, add while it gains, test again, compare rivals."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -12,24 +12,28 @@ import numpy as np
 from models.checks.usable import counted
 from models.effects import effect_words
 from models.identification.fitting.confidence import Part
-from models.identification.fitting.fit import Fit
+from models.identification.fitting.fit import Fit, judged_cost
+from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import QUICK
 from models.identification.kind import Kind
-from models.identification.search.candidates import Trial, best_from, compare_candidates, fair, shared_by, with_each
-from models.identification.search.fitted_model import FittedModel, judged_cost
-from models.identification.search.growing_horizon import predictable, sensitivity_cost
+from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refinement import Known, refined, refined_at_last
-from models.identification.search.refit import finished, refit, step_on, whole
 from models.identification.search.rivals import Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
+from models.identification.search.sensitivity import predictable, sensitivity_cost
 from models.identification.settings import SET
 from models.records.record import Record
+from models.theta import Theta
 
 Progress = Callable[[str, float], None]
 
 
 @dataclass
 class Search:
-    """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate."""
+    """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate.
+    `ended` says why no further effect was sought.
+    """
 
     calibrated: Fit
     augmented: Fit
@@ -40,6 +44,7 @@ class Search:
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     doubts: list[tuple[str, FittedModel, Rival]] = field(default_factory=list)
     score: dict[str, float] = field(default_factory=dict)
+    ended: str = ""
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
     threshold: float = 0.0
     detectable: dict[str, float] = field(default_factory=dict)
@@ -80,52 +85,57 @@ def search(
     progress("calibrating", 0.02)
     records = kind.searched(train)
     splits = kind.splits(records)
-    base = whole(kind, records, [], kind.nominal(), to_the_end=False)
-    parts = [refit(kind, part, [], base.theta, np.inf) for part, _ in splits]
+    base = Fitter.of(kind, records, []).far([kind.nominal()])
+    model = FittedModel.of(kind, splits, [], [base.theta] * len(splits)).near([base.theta] * len(splits))
     found = Search(base, base, trained_share=_trained_share(splits), last_s=began)
     found.note("calibration")
     on_all = judged_cost(kind, records, base.theta)
-    model = _named(FittedModel.of(kind, splits, [], parts), found, on_all, progress, rng, most)
+    grown = _named(model, found, on_all, progress, rng, most)
     if kind.beginnings_s and not found.effects and found.after > SET.clean:
         trials = found.rounds[0][2] if found.rounds else []
-        likeliest = trials[0].thetas[0] if trials else parts[0]
+        likeliest = trials[0].thetas[0] if trials else model.thetas[0]
         found.horizon_s, splits = predictable(kind, splits, likeliest, SET.clean, rng)
         if found.horizon_s < np.inf:
-            parts = [refit(kind, part, [], base.theta) for part, _ in splits]
-            model = _named(FittedModel.of(kind, splits, [], parts), found, on_all, progress, rng, most)
+            shorter = replace(model, splits=splits).far([base.theta] for _ in splits)
+            grown = _named(shorter, found, on_all, progress, rng, most)
+    model = grown
     if found.effects:
         found.refinements, model = refined(model, found.known)
         found.after = model.cost
         found.note("finer shapes")
-        _compare_rivals(model, found, progress)
+        model = _compare_rivals(model, found, progress)
         found.note("rivals")
     progress("fitting the model on all records", 0.85)
-    if found.effects:
-        reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
-        start = base.theta | model.thetas[0]
-        fit = whole(kind, train, found.model, start, max(SET.near, reached))
-        added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
-        found.refinements += added
-    else:
-        found.augmented = finished(kind, train, [], base)
-    rows = sum(map(len, train))
-    found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
+    _finish(model, found, train, base.theta)
     if found.effects and kind.beginnings_s:
         found.sensitivity = sensitivity_cost(kind, splits, found.augmented.theta, rng)
-    if not found.effects:
-        found.calibrated = found.augmented
-    elif sum(map(len, records)) < sum(map(len, train)):
-        found.calibrated = step_on(kind, train, [], base.theta)
     found.note("final fit")
     return found
+
+
+def _finish(model: FittedModel, found: Search, train: Sequence[Record], base: Theta) -> None:
+    """The fits of the base and of the model on all records `train`."""
+    kind, rows = model.kind, sum(map(len, train))
+    plain = Fitter.of(kind, train, [])
+    if found.effects:
+        reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
+        start = Fitter.of(kind, train, found.model).far([base | model.thetas[0]], max(SET.near, reached))
+        fit = Fitter.of(kind, train, found.model).exactly(base | start.theta)
+        added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
+        found.refinements += added
+        found.calibrated = plain.near(base)
+    else:
+        found.calibrated = found.augmented = plain.exactly(base)
+    found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
 
 
 def _named(
     model: FittedModel, found: Search, on_all: float, progress: Progress, rng: np.random.Generator, most: int
 ) -> FittedModel:
     """Effects added to `found` one at a time while validation records gain beyond what the null distribution gives;
-    `model`, the calibrated base, with them. None is searched where the base fitted to all records costs no more than
-    chance `on_all` of them, whatever fits to a part cost elsewhere: a slip event that these miss is no effect.
+    `model`, the calibrated base, with them. `found.ended` says why no more were sought. None is where the base fitted
+    to all records costs no more than chance `on_all` of them, whatever fits to a part cost elsewhere: a slip event that
+    these miss is no effect.
     """
     kind = model.kind
     progress("null distribution by parametric bootstrap", 0.15)
@@ -135,32 +145,50 @@ def _named(
     found.note("null distribution")
     found.before = found.after = min(model.cost, on_all)
     found.rounds = []
-    for number in range(1, most + 1):
-        if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)) or (
-            found.effects and found.explained > max(SET.explained, 1 - kind.next_share)
-        ):
-            break
+    while True:
+        number = len(found.rounds) + 1
+        found.ended = _ended(kind, found, most)
+        if found.ended:
+            return model
         progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
         screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
         found.note("screening")
-        moved = partial(_moved, progress, number)
-        trials, model = fair(model, compare_candidates(model, screened, moved))
+        trials, model = fair(model, compare_candidates(model, screened, partial(_moved, progress, number)))
         found.after = model.cost
         if not found.effects:
             found.before = found.after
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
         if not trials or not _accept(kind, found, trials[0]):
-            break
+            found.ended = "no gain"
+            return model
         _add(found, trials[0])
-        found.after = float(trials[0].blocks.mean())
-        model = _test_again(model.fitted(trials[0].thetas, found.effects), found)
+        model = model.fitted(trials[0].thetas, found.effects).far([theta] for theta in trials[0].thetas)
+        found.after = min(float(trials[0].blocks.mean()), model.cost)
+        model = _test_again(model, found)
         found.note("testing again")
-    return model
+
+
+def _ended(kind: Kind, found: Search, most: int) -> str:
+    """Why no further effect is sought: what is left is chance, or so little beside what the effects explain that the
+    error of their form may be as large, or there are enough effects; "" where one is.
+    """
+    if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)):
+        return "chance"
+    if len(found.rounds) >= most:
+        return "most"
+    possible = float(np.log(found.after / found.null_cost))
+    return "form" if found.effects and possible <= _wanted(kind, found) else ""
+
+
+def _wanted(kind: Kind, found: Search) -> float:
+    """What a further effect has to gain."""
+    first = next(iter(found.gains.values()), 0.0)
+    return max(found.threshold, kind.next_share * first)
 
 
 def _moved(progress: Progress, number: int, name: str, share: float) -> None:
-    """The candidate `name` is next; `share` of the round `number` is done."""
+    """The candidate `name` leads; `share` of the round `number` is done."""
     progress(f"fitting candidates, round {number}: {effect_words(name)}", 0.3 + 0.15 * (number - 1) + 0.15 * share)
 
 
@@ -186,13 +214,11 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
 def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
     """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
     starts = (with_each(theta.without(dropped), beside) for theta in model.thetas)
-    return model.refitted(best_from, starts, [*effects, *beside])
+    return model.far(starts, [*effects, *beside], effort=QUICK)
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
-    first = next(iter(found.gains.values()), None)
-    enough = found.threshold if first is None else max(found.threshold, kind.next_share * first)
-    return trial.gain > enough and trial.drop > SET.least_drop
+    return trial.gain > _wanted(kind, found) and trial.drop > SET.least_drop
 
 
 def _add(found: Search, best: Trial) -> None:
@@ -201,18 +227,40 @@ def _add(found: Search, best: Trial) -> None:
     found.known.update(best.refinements)
 
 
-def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> None:
-    """The rivals of each effect of `found` that the records do not separate, and its score against all others."""
-    for k, effect in enumerate(found.effects):
-        progress(f"comparing rivals of {effect_words(effect)}", 0.82 + 0.03 * k / len(found.effects))
-        _, screened, trials = next(row for row in found.rounds if row[2] and row[2][0].effect == effect)
-        rivals = rivals_of(model, effect, found.gains[effect], screened, trials)
+def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> FittedModel:
+    """The rivals of each effect of `found` that the records do not separate, and its score against all others. A rival
+    that leads clearly takes the effect's place, and is compared in its turn.
+    """
+    left = [*found.effects]
+    for _ in range(2 * len(left)):
+        if not left:
+            break
+        effect = left.pop(0)
+        progress(f"comparing rivals of {effect_words(effect)}", 0.82)
+        row = next((row for row in found.rounds if row[2] and row[2][0].effect == effect), found.rounds[0])
+        rivals = rivals_of(model, effect, found.gains[effect], row[1], row[2])
+        ahead = min(rivals, key=lambda rival: rival.apart, default=None)
+        if ahead and ahead.apart < -SET.apart and not ahead.alike:
+            model = _replaced(model, found, effect, ahead)
+            left.append(ahead.effect)
+            continue
         alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)
         names = (*(rival.effect for rival in alike), *model.kind.equivalents.get(effect, ()))
         found.equivalent[effect] = tuple(name for name in dict.fromkeys(names) if name not in found.effects)
         found.doubts += [(effect, model, rival) for rival in alike if rival.effect not in found.effects]
         nearest = min((rival.apart for rival in rivals if not rival.alike), default=SET.never)
         found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
+    return model
+
+
+def _replaced(model: FittedModel, found: Search, effect: str, rival: Rival) -> FittedModel:
+    """`found` and the model with the `rival` in the place of the `effect`."""
+    found.effects[found.effects.index(effect)] = rival.effect
+    found.gains = {rival.effect if name == effect else name: gain for name, gain in found.gains.items()}
+    found.gains[rival.effect] += float(np.log(model.cost / rival.fitted.cost))
+    found.refinements = [name for name in rival.fitted.effects if name not in found.effects]
+    found.after = rival.fitted.cost
+    return rival.fitted
 
 
 def _trained_share(splits: Sequence[tuple[Sequence[Record], Sequence[Record]]]) -> float:

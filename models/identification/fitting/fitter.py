@@ -1,0 +1,216 @@
+"""One way to fit: from close by, or from anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from operator import attrgetter
+
+import numpy as np
+
+from models.effects import REFINEMENTS
+from models.identification.fitting.fit import Fit, FreeParameter, axes, costs_of, evaluate_all, judged_cost
+from models.identification.fitting.gauss_newton import GaussNewton
+from models.identification.fitting.horizon import FROM_CLOSE, THOROUGH, Effort, around, lengths, scattered
+from models.identification.kind import Array, Kind
+from models.identification.settings import SET
+from models.records.record import Record
+from models.theta import Theta
+from models.workers import cores, each
+
+by_cost: Callable[[Fit], float] = attrgetter("cost")
+
+
+@dataclass(frozen=True)
+class Fitter:
+    """Regularised least squares of one model: residuals of `records` under a `criterion` of `kind`, in their noise,
+    over `axes`, the base's parameters and those of `effects`.
+    """
+
+    kind: Kind
+    records: Sequence[Record]
+    effects: tuple[str, ...]
+    criterion: int
+    axes: Sequence[FreeParameter]
+
+    @classmethod
+    def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int | None = None) -> Fitter:
+        """The fitter of the base with `effects`; without a criterion to the free run."""
+        wanted = kind.free_run if criterion is None else criterion
+        return cls(kind, records, tuple(effects), wanted, axes(kind, effects))
+
+    def near(
+        self, start: Theta, widths: Sequence[float] = (*SET.narrow, SET.fine[-1]), rounds: int = SET.most_rounds
+    ) -> Fit:
+        """A descent from `start`, with derivatives as secants that look across jags: first wide, then narrower."""
+        x = self.at(start)
+        if not len(x):
+            (r,) = self.residuals([x])
+            return Fit(Theta(), float(r @ r), len(r), np.zeros((len(r), 0)), r, "nothing to fit")
+        end = self._solver.descend(x, widths, rounds)
+        return Fit(self.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual, end.why)
+
+    def far(self, starts: Sequence[Theta], enough: float = SET.near, effort: Effort | None = None) -> Fit:
+        """The best fit from anywhere: from each of `starts` as it is; where that leaves more than `enough` for each
+        residual of a time series, on growing prefixes from many points around the starts and around the nominal base,
+        with other points again until none does better.
+        """
+        fits = [self.near(self._opened(start)) for start in starts]
+        left = [judged_cost(self.kind, self.records, fit.theta) for fit in fits]
+        chosen = effort or (FROM_CLOSE if base_known(self.kind) else THOROUGH)
+        for seed in range(0 if not self.kind.beginnings_s else 1 if effort else SET.seeds):
+            best, least = fits[int(np.argmin(left))], min(left)
+            if least <= enough:
+                break
+            growth = Growth(self, begins(self.kind, [best.theta, *starts]), chosen, seed)
+            fits.append(self.near(growth.over(self.records)))
+            left.append(judged_cost(self.kind, self.records, fits[-1].theta))
+            if seed and left[-1] > (1 - SET.refines) * least:
+                break
+        return fits[int(np.argmin(left))]
+
+    def _opened(self, start: Theta) -> Theta:
+        """Where a kind's smoother criteria, if it is no time series, lead from `start`."""
+        first = 0 if not self.kind.beginnings_s else self.criterion
+        for criterion in range(first, self.criterion):
+            start = start | Fitter.of(self.kind, self.records, self.effects, criterion).near(start).theta
+        return start
+
+    def exactly(self, start: Theta) -> Fit:
+        """`near` at the kind's final criterion; where that leaves more than a missed slip event would, also from the
+        best of many points close by.
+        """
+        fitter = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
+        best = fitter.near(start, SET.fine)
+        if self.kind.beginnings_s and best.chi2 > SET.events:
+            some = self.lowest(around(self.axes, best.theta, SET.near_by), SET.down_from)
+            best = min([best, *each(lambda point: fitter.near(point, SET.fine), some)], key=by_cost)
+        return best
+
+    def beyond(self, effect: str, start: Theta) -> Fit:
+        """`near`, with the parameters of `effect` that must not be small (`least`) on the better side of zero."""
+        sides = [replace(self, axes=[_side(axis, effect, sign) for axis in self.axes]) for sign in (1.0, -1.0)]
+        return min((side.near(start) for side in sides), key=by_cost)
+
+    def lowest(self, thetas: Sequence[Theta], count: int) -> list[Theta]:
+        """The `count` of `thetas` with the lowest cost, lowest first."""
+        parts = [thetas[i :: cores()] for i in range(min(cores(), len(thetas)))]
+        costs = np.empty(len(thetas))
+        for i, part in enumerate(each(self.costs, parts)):
+            costs[i :: cores()] = part
+        return [thetas[k] for k in np.argsort(costs, kind="stable")[:count]]
+
+    def costs(self, thetas: Sequence[Theta]) -> list[float]:
+        """Sum of squares of the records' residuals at each of `thetas`."""
+        return costs_of(self.kind, self.records, thetas, self.criterion)
+
+    def theta(self, x: Array) -> Theta:
+        """The parameters by name at the point `x` (n,)."""
+        return Theta.of((a.name, float(v)) for a, v in zip(self.axes, x, strict=True))
+
+    def at(self, theta: Theta) -> Array:
+        """The point (n,) of `theta`, within the bounds; declared values where it has none."""
+        return self._solver.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
+
+    def residuals(self, points: Sequence[Array], criterion: int | None = None) -> Array:
+        """Residuals (P, m) at each point: of the records, and of the parameters that have a prior."""
+        chosen = self.criterion if criterion is None else criterion
+        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], chosen)
+        priors = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
+        if not priors:
+            return rows
+        own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
+        return np.concatenate([rows, own], axis=1)
+
+    def jacobian(self, x: Array, secant: float) -> Array:
+        """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
+        solver = self._solver
+        steps = np.diag(secant * solver.scale)
+        points = [np.clip(x + sign * step, solver.lower, solver.upper) for step in steps for sign in (1.0, -1.0)]
+        rows = self.residuals(points) if points else np.zeros((0, self.residuals([x]).shape[1]))
+        lengths = [max(float(np.sum(up - down)), 1e-300) for up, down in zip(points[::2], points[1::2], strict=True)]
+        return np.asarray(((rows[::2] - rows[1::2]) / np.array(lengths)[:, None]).T)
+
+    @cached_property
+    def _solver(self) -> GaussNewton:
+        ends = np.array([(a.parameter.lower, a.parameter.upper, a.scale) for a in self.axes]).reshape(-1, 3)
+        finer = self.criterion == self.kind.final != self.kind.free_run
+        coarse = partial(self.residuals, criterion=self.kind.free_run) if finer else None
+        return GaussNewton(self.residuals, ends[:, 0], ends[:, 1], ends[:, 2], max(4, self.kind.lanes), coarse)
+
+
+@dataclass
+class Growth:
+    """One model fitted on growing prefixes, from the first slip events to whole records. Every length is started from
+    the fits of the length before, from the `starts` again, and from effects redrawn on the bases found so far, because
+    a short prefix cannot show every effect. The best fit so far is always kept. Of the newest effect not even the size
+    is known, so that it begins as declared, too; another `seed` draws other starts. `fits` are those of the last
+    length, the best first, without their rows.
+    """
+
+    model: Fitter
+    starts: Sequence[Theta]
+    effort: Effort
+    seed: int = 0
+    fits: list[Fit] = field(default_factory=list)
+
+    def on(self, number: int, records: Sequence[Record]) -> Growth:
+        """To the next length, `records` being the prefixes number `number`; itself."""
+        fitter, kept = replace(self.model, records=records), self.effort.kept[number]
+        found = [fit.theta for fit in self.fits]
+        points = found + list(self.starts) + (self._redrawn(found[: SET.bases]) if found else self._scattered())
+        best = fitter.lowest(points, kept)
+        if found and kept > 1 and found[0] not in best:
+            best[-1] = found[0]
+        late = number >= SET.ranked_from
+        widths, rounds = (SET.narrow, 2 * SET.rounds) if late else (SET.narrow[-1:], self.effort.rounds)
+        self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=by_cost)
+        return self
+
+    def over(self, records: Sequence[Record]) -> Theta:
+        """Where the best fit on the whole `records` ends."""
+        for number, parts in lengths(self.model.kind, records):
+            self.on(number, parts)
+        return self.fits[0].theta
+
+    @property
+    def newest(self) -> str:
+        """The newest effect that is no refinement, or ""."""
+        named = self.model.kind.catalogue
+        return next((name for name in reversed(self.model.effects) if named[name] not in REFINEMENTS), "")
+
+    def _scattered(self) -> list[Theta]:
+        """Points around the nominal base and the starts' effects, with every size of the newest one."""
+        kind, newest, starts = self.model.kind, self.newest, list(self.starts)
+        if newest:
+            starts.append(starts[-1].with_(newest, kind.catalogue[newest].start()))
+        return scattered(kind, self.model.axes, starts, self.effort.starts, self.seed, newest)
+
+    def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
+        """Each base of `found` with effects drawn around their declared values: a drift does not show at first."""
+        kind, count = self.model.kind, self.effort.starts // 2
+        moved = [axis for axis in self.model.axes if axis.parameter.effect in self.model.effects]
+        bases = [theta.only(kind.in_base) for theta in found]
+        return scattered(kind, moved, bases, count, self.seed + 1, self.newest) if moved else []
+
+
+def begins(kind: Kind, starts: Sequence[Theta]) -> list[Theta]:
+    """`starts`, and the first at the nominal base: one fitted without an effect may compensate for it."""
+    return [*starts, starts[0] | Theta.declared(p for p in kind.base if p.fit)]
+
+
+def base_known(kind: Kind) -> bool:
+    """Whether priors are so narrow that the base cannot be off by a slip event."""
+    fitted = [p for p in kind.base if p.fit and not p.effect]
+    return bool(fitted) and all(SET.near_start * p.spread <= SET.settled * abs(p.value) for p in fitted)
+
+
+def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:
+    """The axis with its parameter beyond `least` on one side of zero."""
+    p = axis.parameter
+    if not p.least or p.effect != effect:
+        return axis
+    lower, upper = (p.least, p.upper) if sign > 0 else (p.lower, -p.least)
+    begin = float(np.copysign(max(abs(p.value), p.least), sign))
+    return replace(axis, parameter=replace(p, lower=lower, upper=upper, value=begin))

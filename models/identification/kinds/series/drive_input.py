@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
 OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
 """Parameters of the logging, not of the rig that a controller drives."""
+KEPT = 64
+"""Records whose inputs are kept: a fit runs over the same ones thousands of times."""
 
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
@@ -37,7 +40,8 @@ def interval(record: Record) -> float:
     return float(t[-1] - t[0]) / (len(t) - 1)
 
 
-def evenly(record: Record, columns: Sequence[str]) -> Record:
+@lru_cache(maxsize=KEPT)
+def evenly(record: Record, columns: tuple[str, ...]) -> Record:
     """`record` itself where its samples are even in time, else its `columns` at twice as many even times."""
     t = record["t_s"]
     if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) < SET.uneven * interval(record):
@@ -47,7 +51,7 @@ def evenly(record: Record, columns: Sequence[str]) -> Record:
     return Record(record.name, record.kind, {"t_s": even, **there})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Feed:
     """A loop's `commands` every `dt` s in `substeps`; each `every`-th output from `first` on belongs to a sample."""
 
@@ -82,6 +86,7 @@ def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
     return 1e-4 if fine else 3.3e-4
 
 
+@lru_cache(maxsize=KEPT)
 def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = True) -> Feed:
     """The loop's input for `record`; `delay` in s of a switch that is logged as on or off alone, `rigid` and `fine` as
     in `internal_step`.

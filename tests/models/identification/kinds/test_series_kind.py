@@ -191,7 +191,7 @@ def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
 def test_a_prediction_that_runs_away_costs_much_and_warns_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     kind = SeriesKind.build(Plate(0.193), Vibro(), 5e-5)
     record = Record("r", "vibro", {"t_s": 2e-3 * np.arange(4), "drive_on": np.zeros(4), "position_m": np.zeros(4)})
-    monkeypatch.setattr(SeriesKind, "_runs", lambda *_: [np.array([np.nan, np.inf, -1e306, 0.0])])
+    monkeypatch.setattr(SeriesKind, "_runs", lambda *_, **__: np.array([[np.nan, np.inf, -1e306, 0.0]]))
     left = kind.residual(record, Theta(), 0)
     assert np.isfinite(left).all()
     assert np.min(np.abs(left[:3])) > 1e3

@@ -104,8 +104,3 @@ def products(rows: Array) -> Any:
         for j in range(i):
             out[j, i] = out[i, j]
     return out
-
-
-def products(rows: Array) -> Array:
-    """rows @ rows.T"""
-    return rows @ rows.T

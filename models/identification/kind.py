@@ -111,10 +111,6 @@ class Kind(ABC):
         """`residual` at several points."""
         return list(self.stacked(record, thetas, criterion))
 
-    def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
-        """`residual` at several points, (P, rows)."""
-        return np.array(self.residuals(record, thetas, criterion))
-
     @abstractmethod
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The error measure that is reported (`measure` says in words which), pooled over the records."""

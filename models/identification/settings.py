@@ -176,7 +176,7 @@ class SearchSettings:
     low_pass_samples: int = setting(10, "samples", "what the slow view keeps of a period of its cut-off")
     tail: float = setting(8.0, "1", "standard deviations beyond which a difference counts less, as at a jump")
     shaken_s: float = setting(6.0, "s", "length of record that a search uses of a shaken body")
-    beginnings_s: tuple[float, ...] = setting((2.0, 5.0, 12.0, 28.0), "s", "growing prefixes of a search")
+    beginnings_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 18.0, 30.0), "s", "growing prefixes of a search")
     shaken_beginnings_s: tuple[float, ...] = setting((0.4, 1.0, 2.0), "s", "the same of a shaken body")
     memory_s: float = setting(0.2, "s", "memory of the observer of the residual")
     held_s: float = setting(1.0, "s", "the same of a shaken body")

@@ -15,6 +15,7 @@ from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.fitting.horizon import FROM_CLOSE, THOROUGH, Effort, around, lengths, scattered
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
+from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
 from models.workers import cores, each
@@ -25,7 +26,7 @@ by_cost: Callable[[Fit], float] = attrgetter("cost")
 @dataclass(frozen=True)
 class Fitter:
     """Regularised least squares of one model: residuals of `records` under a `criterion` of `kind`, in their noise,
-    over `axes`, the base's parameters and those of `effects`.
+    over `axes`, the base's parameters and those of `effects`; `fixed` are the values of all others.
     """
 
     kind: Kind
@@ -33,6 +34,7 @@ class Fitter:
     effects: tuple[str, ...]
     criterion: int
     axes: Sequence[FreeParameter]
+    fixed: Theta = Theta()
 
     @classmethod
     def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int | None = None) -> Fitter:
@@ -44,12 +46,12 @@ class Fitter:
         self, start: Theta, widths: Sequence[float] = (*SET.narrow, SET.fine[-1]), rounds: int = SET.most_rounds
     ) -> Fit:
         """A descent from `start`, with derivatives as secants that look across jags: first wide, then narrower."""
-        x = self.at(start)
+        x, own = self.at(start), replace(self, fixed=start.only({*self.effects, *self.kind.in_base}))
         if not len(x):
-            (r,) = self.residuals([x])
-            return Fit(Theta(), float(r @ r), len(r), np.zeros((len(r), 0)), r, "nothing to fit")
-        end = self._solver.descend(x, widths, rounds)
-        return Fit(self.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual, end.why)
+            (r,) = own.residuals([x])
+            return Fit(own.fixed, float(r @ r), len(r), np.zeros((len(r), 0)), r, "nothing to fit")
+        end = own._solver.descend(x, widths, rounds)
+        return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual, end.why)
 
     def far(self, starts: Sequence[Theta], enough: float = SET.near, effort: Effort | None = None) -> Fit:
         """The best fit from anywhere: from each of `starts` as it is; where that leaves more than `enough` for each
@@ -59,14 +61,15 @@ class Fitter:
         fits = [self.near(self._opened(start)) for start in starts]
         left = [judged_cost(self.kind, self.records, fit.theta) for fit in fits]
         chosen = effort or (FROM_CLOSE if base_known(self.kind) else THOROUGH)
-        for seed in range(0 if not self.kind.beginnings_s else 1 if effort else SET.seeds):
+        rounds = 0 if not self.kind.beginnings_s else 1 if effort else SET.seeds
+        for seed in range(1, 1 + rounds):
             best, least = fits[int(np.argmin(left))], min(left)
             if least <= enough:
                 break
-            growth = Growth(self, begins(self.kind, [best.theta, *starts]), chosen, seed)
+            growth = Growth(self.plain(), begins(self.kind, [best.theta, *starts]), chosen, seed)
             fits.append(self.near(growth.over(self.records)))
             left.append(judged_cost(self.kind, self.records, fits[-1].theta))
-            if seed and left[-1] > (1 - SET.refines) * least:
+            if seed > 1 and left[-1] > (1 - SET.refines) * least:
                 break
         return fits[int(np.argmin(left))]
 
@@ -88,6 +91,18 @@ class Fitter:
             best = min([best, *each(lambda point: fitter.near(point, SET.fine), some)], key=by_cost)
         return best
 
+    def plain(self) -> Fitter:
+        """The same over the base's parameters and those that say how large each effect is and of what kind: size, place
+        and what its grid spans. Finer shapes of many numbers follow anything on a short record.
+        """
+        named = self.kind.catalogue
+
+        def first(p: Parameter) -> bool:
+            effect = named[p.effect]
+            return p.name in {effect.amplitude().name, effect.of_role("place"), *effect.grid}
+
+        return replace(self, axes=[a for a in self.axes if not a.parameter.effect or first(a.parameter)])
+
     def beyond(self, effect: str, start: Theta) -> Fit:
         """`near`, with the parameters of `effect` that must not be small (`least`) on the better side of zero."""
         sides = [replace(self, axes=[_side(axis, effect, sign) for axis in self.axes]) for sign in (1.0, -1.0)]
@@ -107,7 +122,7 @@ class Fitter:
 
     def theta(self, x: Array) -> Theta:
         """The parameters by name at the point `x` (n,)."""
-        return Theta.of((a.name, float(v)) for a, v in zip(self.axes, x, strict=True))
+        return self.fixed | {a.name: float(v) for a, v in zip(self.axes, x, strict=True)}
 
     def at(self, theta: Theta) -> Array:
         """The point (n,) of `theta`, within the bounds; declared values where it has none."""

@@ -135,7 +135,7 @@ class GaussNewton:
         both = np.array(lengths[::2]) + np.array(lengths[1::2])
         along = (rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None]
         turned, square = np.linalg.inv(basis), products(np.vstack([along, r]))
-        slope = Slope(x, r, along, turned, turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1])
+        slope = Slope(x, r, np.asarray(along, dtype=float), turned, turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1])
         return slope, (x, r) if self.slopes else self._best(points, rows)
 
     def _steps(self, here: Slope) -> list[Array]:

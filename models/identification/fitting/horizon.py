@@ -23,9 +23,9 @@ class Effort:
     rounds: int
 
 
-THOROUGH = Effort(512, (16, 6, 3, 2, 1), SET.rounds)
-QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
-FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1), 3)
+THOROUGH = Effort(512, (16, 8, 6, 4, 3, 2), SET.rounds)
+QUICK = Effort(128, (4, 4, 3, 3, 2, 1), 3)
+FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1, 1), 3)
 
 
 def lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, list[Record]]]:

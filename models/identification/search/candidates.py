@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from operator import attrgetter, itemgetter
 
 import numpy as np
@@ -173,7 +174,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
             for start in row.starts
             for point in with_each(base.with_(row.effect, start), beside)
         ]
-        fitter = Fitter.of(kind, model.part, [*model.effects, row.effect, *beside])
+        fitter = Fitter.of(kind, model.part, [*model.effects, row.effect, *beside]).plain()
         growths[row.effect] = Growth(fitter, starts, FROM_CLOSE if base_known(kind) else QUICK)
     return eliminate(model.part, growths, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
 
@@ -194,7 +195,7 @@ def eliminate(
     leader = next(iter(running))
     for number, parts in lengths(kind, records):
         moved(leader, number / (len(kind.beginnings_s) + 1))
-        grown = each(lambda growth, to=(number, parts): growth.on(*to).fits, list(running.values()))
+        grown = each(partial(_longer, number, parts), list(running.values()))
         for growth, fits in zip(running.values(), grown, strict=True):
             growth.fits = fits
         costs = {name: growth.fits[0].chi2 for name, growth in running.items()}
@@ -211,6 +212,10 @@ def eliminate(
             if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or _by_chance(growth.fits[0])
         }
     return {name: growth.fits[0] for name, growth in running.items()}
+
+
+def _longer(number: int, parts: Sequence[Record], growth: Growth) -> list[Fit]:
+    return growth.on(number, parts).fits
 
 
 def _by_chance(fit: Fit) -> bool:

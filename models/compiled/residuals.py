@@ -55,7 +55,8 @@ def weighed(
 ) -> Any:
     """Residuals (lanes, m // averaged) of `predicted` (lanes, n) at the rows `counted` (m,): `(measured - predicted) /
     noise_std`, within -`most` and `most`, and `most` where it is no number; means of `averaged` neighbours times the
-    root of it, which keeps white noise's variance; `less_in_the_tail`.
+    root of it, which keeps white noise's variance; of these r the pseudo-Huber `r sqrt(2/(1 + sqrt(1 + (r/tail)^2)))`:
+    r where small, then root of 2 `tail` |r|.
     """
     out = np.empty((len(predicted), len(counted) // averaged))
     d, per, root = np.empty(len(measured)), 1.0 / noise_std, math.sqrt(averaged) / averaged
@@ -69,23 +70,9 @@ def weighed(
             for k in range(i * averaged + 1, (i + 1) * averaged):
                 total += d[counted[k]]
             row[i] = total * root
-        _lessen(row, tail)
-    return out
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _lessen(r: Array, tail: float) -> None:
-    per = 1.0 / tail
-    for k in range(len(r)):
-        share = r[k] * per
-        r[k] *= math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + share * share)))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def less_in_the_tail(r: Array, tail: float) -> Any:
-    """Pseudo-Huber `r sqrt(2/(1 + sqrt(1 + (r/tail)^2)))`: `r` (n,) where small, then root of 2 `tail` |r|."""
-    out = r.copy()
-    _lessen(out, tail)
+        for i in range(len(row)):
+            share = row[i] / tail
+            row[i] *= math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + share * share)))
     return out
 
 

@@ -13,13 +13,15 @@ _COLUMNS = 512  # of `products` at a time: two dozen rows of it stay in a core's
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def delayed(samples: Array, late: Array) -> Any:
-    """`samples` (n,), straight between them, as columns (n, lanes), each so many samples `late` (lanes,)."""
+def in_time(samples: Array, late: Array, steps: int, first: int, every: int) -> Any:
+    """Columns (steps, lanes) of `samples` (n,) that are so many samples `late` (lanes,), put back in time: number k at
+    step `first + every k`, straight between them and constant beyond.
+    """
     last = len(samples) - 1
-    out = np.empty((len(samples), len(late)))
-    for k in range(len(samples)):
+    out = np.empty((steps, len(late)))
+    for k in range(steps):
         for lane in range(len(late)):
-            at = min(max(k + late[lane], 0.0), float(last))
+            at = min(max((k - first) / every + late[lane], 0.0), float(last))
             j = int(at)
             out[k, lane] = samples[j] if at == j else (samples[j + 1] - samples[j]) * (at - j) + samples[j]
     return out
@@ -53,35 +55,24 @@ def weighed(
 ) -> Any:
     """Residuals (lanes, m // averaged) of `predicted` (lanes, n) at the rows `counted` (m,): `(measured - predicted) /
     noise_std`, within -`most` and `most`, and `most` where it is no number; means of `averaged` neighbours times the
-    root of it, which keeps white noise's variance; `less_in_the_tail`.
+    root of it, which keeps white noise's variance; of these r the pseudo-Huber `r sqrt(2/(1 + sqrt(1 + (r/tail)^2)))`:
+    r where small, then root of 2 `tail` |r|.
     """
     out = np.empty((len(predicted), len(counted) // averaged))
-    share, root = 1.0 / noise_std, math.sqrt(averaged)
+    d, per, root = np.empty(len(measured)), 1.0 / noise_std, math.sqrt(averaged) / averaged
     for lane in range(len(out)):
-        row, of = out[lane], predicted[lane]
+        of, row = predicted[lane], out[lane]
+        for k in range(len(d)):
+            off = (measured[k] - of[k]) * per
+            d[k] = max(off, -most) if off <= most else most
         for i in range(len(row)):
-            total = 0.0
-            for k in range(i * averaged, (i + 1) * averaged):
-                d = (measured[counted[k]] - of[counted[k]]) * share
-                total += max(d, -most) if d <= most else most
-            row[i] = total / averaged * root
+            total = d[counted[i * averaged]]
+            for k in range(i * averaged + 1, (i + 1) * averaged):
+                total += d[counted[k]]
+            row[i] = total * root
         for i in range(len(row)):
-            row[i] = _lessened(row[i], tail)
-    return out
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _lessened(r: float, tail: float) -> float:
-    share = r / tail
-    return r * math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + share * share)))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def less_in_the_tail(r: Array, tail: float) -> Any:
-    """Pseudo-Huber `r sqrt(2/(1 + sqrt(1 + (r/tail)^2)))`: `r` (n,) where small, then root of 2 `tail` |r|."""
-    out = np.empty(len(r))
-    for k in range(len(r)):
-        out[k] = _lessened(r[k], tail)
+            share = row[i] / tail
+            row[i] *= math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + share * share)))
     return out
 
 
@@ -93,12 +84,12 @@ def products(rows: Array) -> Any:
     p, m = rows.shape
     out = np.zeros((p, p))
     for start in range(0, m, _COLUMNS):
-        stop = min(start + _COLUMNS, m)
         for i in range(p):
+            one = rows[i, start : start + _COLUMNS]
             for j in range(i + 1):
-                total = 0.0
-                for k in range(start, stop):
-                    total += rows[i, k] * rows[j, k]
+                other, total = rows[j, start : start + _COLUMNS], 0.0
+                for k in range(len(one)):
+                    total += one[k] * other[k]
                 out[i, j] += total
     for i in range(p):
         for j in range(i):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.compiled.residuals import Array, delayed, products, sampled, weighed
+from models.compiled.residuals import Array, in_time, products, sampled, weighed
 
 N, LANES = 400, 8
 
@@ -23,7 +23,10 @@ def test_what_an_observer_sees_late_is_straight_between_samples(late: Array) -> 
     samples, at = np.random.default_rng(0).standard_normal(N), np.arange(N)
     samples[50:70] = np.nan
     want = np.stack([np.interp(at + n, at, samples) for n in late], axis=1)
-    np.testing.assert_allclose(delayed(samples, late), want, rtol=1e-12)
+    np.testing.assert_allclose(in_time(samples, late, N, 0, 1), want, rtol=1e-12)
+    steps = np.arange(4 * N + 3)
+    want = np.stack([np.interp((steps - 1) / 4 + n, at, samples) for n in late], axis=1)
+    np.testing.assert_allclose(in_time(samples, late, len(steps), 1, 4), want, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("late", [np.zeros(LANES), np.r_[0.0, np.linspace(-0.02, 0.05, LANES - 1)]])

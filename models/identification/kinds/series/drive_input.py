@@ -51,7 +51,7 @@ def evenly(record: Record, columns: tuple[str, ...]) -> Record:
     return Record(record.name, record.kind, {"t_s": even, **there})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Feed:
     """A loop's `commands` every `dt` s in `substeps`; each `every`-th output from `first` on belongs to a sample."""
 
@@ -60,13 +60,6 @@ class Feed:
     substeps: int
     first: int = 0
     every: int = 1
-
-    def spread(self, samples: Array) -> Array:
-        """A measured column at the loop's own intervals, straight between samples."""
-        if self.every == 1 and not self.first:
-            return samples
-        at = (np.arange(len(self.commands)) - self.first) / self.every
-        return np.asarray(np.interp(at, np.arange(len(samples)), samples))
 
     def samples(self, output: Array) -> Array:
         """The loop's output at the record's samples."""
@@ -86,17 +79,23 @@ def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
     return 1e-4 if fine else 3.3e-4
 
 
-@lru_cache(maxsize=KEPT)
 def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = True) -> Feed:
     """The loop's input for `record`; `delay` in s of a switch that is logged as on or off alone, `rigid` and `fine` as
     in `internal_step`.
     """
-    command, dt = record[drive.commanded], interval(record)
+    dt = interval(record)
     pieces = max(1, round(dt / internal_step(drive, rigid, fine)))
     if not drive.held:
-        return Feed(command, dt, pieces)
-    mean = switched(command, dt, pieces, delay if logged_whole(command) else 0.0)
-    return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
+        return Feed(record[drive.commanded], dt, pieces)
+    return Feed(_held(record, drive.commanded, pieces, delay), dt / pieces, 1, 1, pieces)
+
+
+@lru_cache(maxsize=KEPT // 4)  # these are long
+def _held(record: Record, column: str, pieces: int, delay: float) -> Array:
+    """A switch's commands, from one step before the record to one after it."""
+    command = record[column]
+    mean = switched(command, interval(record), pieces, delay if logged_whole(command) else 0.0)
+    return np.concatenate([[0.0], mean, mean[-1:]])
 
 
 def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

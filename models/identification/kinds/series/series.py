@@ -39,7 +39,12 @@ def low_passed(signal: Array, dt: float) -> Array:
     """`signal` (..., n) below 2 Hz: Butterworth, second order, forward and back, so without phase."""
     if signal.shape[-1] < 16 or SET.low_pass_hz * 2 * dt >= 1:
         return signal
-    return np.asarray(scipy.signal.sosfiltfilt(scipy.signal.butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
+    return np.asarray(scipy.signal.sosfiltfilt(_butterworth(dt), signal))
+
+
+@lru_cache(maxsize=KEPT)
+def _butterworth(dt: float) -> Array:
+    return np.asarray(scipy.signal.butter(2, SET.low_pass_hz * 2 * dt, output="sos"))
 
 
 @lru_cache(maxsize=KEPT)

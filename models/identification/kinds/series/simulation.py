@@ -9,7 +9,7 @@ import numpy as np
 from models.assembly.model import Assembly, assemble, followed_by
 from models.checks.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel
-from models.compiled.residuals import delayed, sampled
+from models.compiled.residuals import in_time, sampled
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
@@ -42,9 +42,9 @@ def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
 
 
 @lru_cache(maxsize=KEPT)
-def _observed(even: Record, column: str, fed: Feed) -> Array:
-    """What an observer sees at the loop's own intervals: NaN where the sensor gives nothing."""
-    return fed.spread(np.where(gone(even), np.nan, even[column]))
+def _observed(even: Record, column: str) -> Array:
+    """What an observer sees: NaN where the sensor gives nothing."""
+    return np.where(gone(even), np.nan, even[column])
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,8 @@ class Runner:
         shown = np.empty((len(fed.commands), LANES))
         seen, gain = shown, 0.0
         if memory:
-            seen, gain = delayed(_observed(even, self.drive.measured, fed), late / fed.dt), fed.dt / memory
+            samples, gain = _observed(even, self.drive.measured), fed.dt / memory
+            seen = in_time(samples, late / (fed.every * fed.dt), len(shown), fed.first, fed.every)
         if not self.drive.anchored and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)

@@ -34,7 +34,7 @@ class Fitter:
     effects: tuple[str, ...]
     criterion: int
     axes: Sequence[FreeParameter]
-    fixed: Theta = Theta()
+    fixed: Theta = field(default_factory=Theta)
 
     @classmethod
     def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int | None = None) -> Fitter:

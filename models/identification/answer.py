@@ -13,12 +13,11 @@ from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment import propose, words_of
 from models.identification.finding import CandidateRow, Check, Finding, Fitted, FoundEffect, Proposal
-from models.identification.judgement import Judged, Predicted
 from models.identification.kinds.reports import AnyKind, report_of
-from models.identification.preparation import Prepared
 from models.identification.residual_dependence import dependence_of
 from models.identification.search.forward_selection import Search
 from models.identification.settings import SET
+from models.identification.steps import Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record
 from models.words.sentences import Sentences, sentence
@@ -26,11 +25,13 @@ from models.words.sentences import Sentences, sentence
 TEXT: Final = Sentences(__file__)
 
 
-def answer(prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, seed: int) -> Finding:
+def answer(
+    prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, train: Sequence[Record], seed: int
+) -> Finding:
     """All that is known of the records and the model, but for how long it took."""
-    kind, train, verdict, theta = prepared.kind, prepared.train, judged.verdict, predicted.thetas["augmented"]
+    kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
-    proposal = _proposal(prepared, found, seed)
+    proposal = _proposal(prepared, found, train, seed)
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train))
     return Finding(
         kind=kind.name,
@@ -51,7 +52,7 @@ def answer(prepared: Prepared, found: Search, predicted: Predicted, judged: Judg
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
             *_statements(kind, found, verdict, words),
-            *_proposed(kind, found, train, prepared.holdout),
+            *_proposed(kind, found, predicted),
             *report.statements(kind, predicted.thetas, train),
         ),
         equations=tuple(report.equations(kind, theta)),
@@ -68,12 +69,11 @@ def answer(prepared: Prepared, found: Search, predicted: Predicted, judged: Judg
     )
 
 
-def _proposal(prepared: Prepared, found: Search, seed: int) -> Proposal | None:
+def _proposal(prepared: Prepared, found: Search, train: Sequence[Record], seed: int) -> Proposal | None:
     """The motion of the next record."""
     hidden = prepared.hidden
-    shown = shown_with(prepared.rig, prepared.train, hidden) if hidden else None
-    searched = prepared.kind.searched(prepared.train)
-    return propose(prepared.kind, searched, found, shown, np.random.default_rng(seed))
+    shown = shown_with(prepared.rig, train, hidden) if hidden else None
+    return propose(prepared.kind, prepared.kind.searched(train), found, shown, np.random.default_rng(seed))
 
 
 def _reasons(
@@ -151,13 +151,13 @@ def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str
     return said
 
 
-def _proposed(kind: AnyKind, found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
+def _proposed(kind: AnyKind, found: Search, predicted: Predicted) -> list[str]:
     """On which records an effect was proposed, if from a residual, and what follows from it."""
     said = []
     for name in found.effects:
         on = kind.catalogue[name].proposed_on
-        again = [r.name for r in train if r.name in on]
-        tested = [r.name for r in holdout if r.name not in on]
+        again = [trace.name for trace in predicted.traces if trace.role == "train" and trace.name in on]
+        tested = [trace.name for trace in predicted.traces if trace.role == "holdout" and trace.name not in on]
         if on:
             said += [
                 TEXT("statement.proposed", effect=name, records=on),

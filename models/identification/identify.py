@@ -1,21 +1,45 @@
-"""Records in; what the model lacks, and the better model, out."""
+"""Records in; what the model lacks, and the better model, out: examine, prepare, search, predict, judge, answer."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
+from models.checks.examine import examine, stopping
+from models.checks.excitation import cannot_show, inseparable
+from models.checks.finding import RecordFinding
+from models.checks.usable import lead_in_s
 from models.identification.answer import answer
-from models.identification.finding import Finding
-from models.identification.judgement import Judged, Predicted
-from models.identification.kinds import NOTHING_KNOWN, Known
+from models.identification.finding import STAGES, Finding, Trace
+from models.identification.fitting.confidence import drawn, intervals
+from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
+from models.identification.kinds.reports import AnyKind
+from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
-from models.identification.preparation import Prepared
-from models.identification.search.forward_selection import search
+from models.identification.record_checks import check_parts, check_records
+from models.identification.search.forward_selection import Search, search
 from models.identification.settings import SET
+from models.identification.steps import Judged, Predicted, Prepared
+from models.identification.verdict import (
+    at_bounds,
+    by_chance,
+    chance_error,
+    model_checks,
+    residual_checks,
+    setback_findings,
+    setbacks,
+    verdict_of,
+)
+from models.parameter import Name
 from models.records.record import Record
+from models.rigs.columns import TIME
 from models.rigs.rig import Rig
+from models.theta import Theta
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 def close(
@@ -35,26 +59,118 @@ def close(
     `seed` give the same numbers. Raises ValueError for records from which nothing is identifiable.
     """
     began = time.monotonic()
-    prepared = Prepared.of(rig, train, holdout, known)
-    found = search(prepared.kind, prepared.train, progress, np.random.default_rng(seed), most)
+    findings = examined(rig, train, holdout)
+    train, holdout = [ready(record, rig) for record in train], [ready(record, rig) for record in holdout]
+    prepared = prepare(rig, train, known, findings)
+    check_parts(prepared.kind, train, holdout)
+    found = search(prepared.kind, train, progress, np.random.default_rng(seed), most)
     progress("held-out records", 0.95)
-    predicted = Predicted.of(prepared.kind, found, {"train": prepared.train, "holdout": prepared.holdout})
-    judged = Judged.of(prepared, found, predicted.error["holdout"], seed)
+    predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
+    judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
     progress("the next experiment", 0.97)
-    finding = answer(prepared, found, predicted, judged, seed)
-    model = _model(prepared, predicted, judged, seed)
+    finding = answer(prepared, found, predicted, judged, train, seed)
+    model = _model(prepared.kind, predicted, judged, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
     progress("done", 1.0)
     return replace(finding, seconds=time.monotonic() - began), model
 
 
-def _model(prepared: Prepared, predicted: Predicted, judged: Judged, seed: int) -> Model:
-    held_out: Mapping[str, float] = {s: float(e) for s, e in predicted.error["holdout"].items() if np.isfinite(e)}
-    return Model(
-        prepared.kind.name,
-        predicted.thetas,
-        judged.verdict,
-        {"records": ", ".join(record.name for record in prepared.train), "seed": str(seed)},
-        held_out,
-        own_effects_of(predicted.thetas, prepared.kind.catalogue),
-        judged.worse,
-    )
+def examined(rig: Rig, train: Sequence[Record], holdout: Sequence[Record]) -> tuple[RecordFinding, ...]:
+    """The findings on the records. Raises ValueError for records from which nothing is identifiable."""
+    findings = examine(rig, [*train, *holdout])
+    stop = stopping(findings)
+    if stop is not None:
+        raise ValueError(TEXT("stopped", **stop.to_dict()))
+    check_records(train, holdout)
+    return findings
+
+
+def prepare(rig: Rig, train: Sequence[Record], known: Known, findings: tuple[RecordFinding, ...]) -> Prepared:
+    """For training records that are `ready`."""
+    kind = kind_for(rig, train, known)
+    declared = {**kind.catalogue, **{effect.id: effect for effect in kind.effects}}
+    kind, hidden = narrowed(kind, rig, train)
+    return Prepared(rig, kind, declared, hidden, findings)
+
+
+def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKind, dict[str, str]]:
+    """`kind` with the effects that `records` can show and the inseparable ones; why they cannot show others, by id."""
+    hidden = cannot_show(rig, records, kind.effects)
+    if hidden:
+        kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
+    if isinstance(kind, SeriesKind):
+        kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
+    return kind, hidden
+
+
+def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]]) -> Predicted:
+    """The `parts` of the data, each of which may be empty, at the stages of what was `found`."""
+    nominal = kind.nominal()
+    values = [nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta]
+    traces, errors = list[Trace](), dict[str, dict[str, float]]()
+    for part, records in parts.items():
+        outputs = [dict(zip(STAGES, kind.predictions(record, values), strict=True)) for record in records]
+        stages = STAGES if records else ()
+        errors[part] = {stage: kind.error(records, [one[stage] for one in outputs]) for stage in stages}
+        traces += [_trace(kind, record, part, one) for record, one in zip(records, outputs, strict=True)]
+    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), errors)
+
+
+def _trace(kind: AnyKind, record: Record, role: str, predicted: dict[str, np.ndarray]) -> Trace:
+    axes = ("t_s", "frequency_Hz", "period_s")
+    axis = next((name for name in axes if name in record.columns), next(iter(record.columns)))
+    measured = np.asarray(kind.measured(record))
+    return Trace(record.name, role, axis, record[axis], measured, predicted, kind.signals(record))
+
+
+def judge(
+    prepared: Prepared,
+    found: Search,
+    train: Sequence[Record],
+    holdout: Sequence[Record],
+    error: Mapping[str, float],
+    seed: int,
+) -> Judged:
+    """The verdict on what was `found`; `error` is that of the held-out records by stage, empty without any."""
+    kind, fit, rng = prepared.kind, found.augmented, np.random.default_rng(seed)
+    fitted = intervals(kind, fit, found.model, found.parts)
+    likely = _draws(kind, found, rng)
+    near = _draws(kind, found, rng, [name for name, estimate in fitted.items() if estimate.identifiable])
+    residuals = residual_checks(kind, train, fit, near, effects=found.effects)
+    allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
+    chance, floor = chance_error(kind, holdout, fit, likely), kind.noise_floor(holdout or train)
+    worse = setbacks(error, floor, kind.error_unit)
+    findings = (*_setbacks(kind, found, worse, error, chance, holdout), *prepared.findings)
+    longest_s = max(_seconds(record) for record in train)
+    checks = (*residuals, *model_checks(kind, found, fitted, error, findings, allowed, chance, longest_s))
+    return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
+
+
+def _draws(kind: AnyKind, found: Search, rng: np.random.Generator, only: Collection[Name] | None = None) -> list[Theta]:
+    """Draws of the values of the last fit, or of `only` those named."""
+    return [drawn(kind, found.augmented, found.model, rng, only) for _ in range(SET.draws)]
+
+
+def _setbacks(
+    kind: AnyKind,
+    found: Search,
+    worse: Mapping[str, str],
+    error: Mapping[str, float],
+    chance: float,
+    holdout: Sequence[Record],
+) -> tuple[RecordFinding, ...]:
+    """Findings on the stages that are `worse`; without effects the last stage is the one before it."""
+    last = "augmented" if found.effects else "calibrated"
+    said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
+    weakened = None if by_chance(error.get(last, np.nan), chance) else last
+    return setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model), weakened)
+
+
+def _seconds(record: Record) -> float:
+    """How long in s its residuals count; infinite for a table, whose rows have no time."""
+    return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
+
+
+def _model(kind: AnyKind, predicted: Predicted, judged: Judged, provenance: dict[str, str]) -> Model:
+    held_out = {stage: float(error) for stage, error in predicted.error["holdout"].items() if np.isfinite(error)}
+    own = own_effects_of(predicted.thetas, kind.catalogue)
+    return Model(kind.name, predicted.thetas, judged.verdict, provenance, held_out, own, judged.worse)

@@ -19,8 +19,8 @@ import numpy as np
 from models.effects import CATALOGUE
 from models.identification.experiment import propose
 from models.identification.finding import Proposal
+from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
-from models.identification.preparation import narrowed
 from models.identification.search.forward_selection import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig

@@ -96,6 +96,10 @@ class Kind(ABC):
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
 
+    def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
+        """`predict` at several points."""
+        return [self.predict(record, theta) for theta in thetas]
+
     @abstractmethod
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """What a fit minimises: differences in units of their standard deviation, of fixed length for a record, about

@@ -142,9 +142,11 @@ class SeriesKind(Kind):
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """The free run from the driven column alone, from rest where the record starts (a magnet's below it)."""
+        return self.predictions(record, [theta])[0]
+
+    def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
         placed = not self.drive.anchored and self.quantity in record.columns
-        outputs = self._from_the_start(record, self._runs(record, [theta], None, placed))
-        return np.asarray(outputs[0])
+        return list(self._from_the_start(record, self._runs(record, thetas, None, placed)))
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Differences in units of the noise, with less weight in the jump of a slip event; see `Kind.residual`."""
@@ -229,10 +231,14 @@ class SeriesKind(Kind):
         there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta.base)) for x in (measured, predicted))
         return foreseen - there, there
 
-    def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
-        """Rms error of `records` under an observer with the time constant `memory` in s; None: free-running."""
-        errors = [record[self.quantity] - self._runs(record, [theta], memory)[0] for record in records]
-        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    def foresight_rms(self, records: Sequence[Record], thetas: Sequence[Theta], memory: float | None) -> list[float]:
+        """Rms error of `records` at each of `thetas` under an observer with the time constant `memory` in s; None:
+        free-running.
+        """
+        outputs = [self._runs(record, thetas, memory) for record in records]
+        measured = np.concatenate([record[self.quantity] for record in records])
+        errors = (measured - np.concatenate(own) for own in zip(*outputs, strict=True))
+        return [float(np.sqrt(np.mean(error**2))) for error in errors]
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         return {"t_s": record["t_s"], self.quantity: predicted}

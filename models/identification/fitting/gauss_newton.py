@@ -133,9 +133,18 @@ class GaussNewton:
                 lengths.append(share)
         rows = (self.slopes or self.residuals)(points)
         both = np.array(lengths[::2]) + np.array(lengths[1::2])
-        along = (rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None]
-        turned, square = np.linalg.inv(basis), products(np.vstack([along, r]))
-        slope = Slope(x, r, np.asarray(along, dtype=float), turned, turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1])
+        along: Array = (rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None]
+        turned: Array = np.linalg.inv(basis)
+        square = products(np.vstack([along, r]))
+        normal, gradient = turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1]
+        slope = Slope(
+            x,
+            r,
+            np.asarray(along, dtype=float),
+            turned,
+            turned.T @ square[:-1, :-1] @ turned,
+            turned.T @ square[:-1, -1],
+        )
         return slope, (x, r) if self.slopes else self._best(points, rows)
 
     def _steps(self, here: Slope) -> list[Array]:

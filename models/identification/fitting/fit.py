@@ -67,12 +67,12 @@ def _scale(p: Parameter) -> float:
 
 def evaluate(kind: Kind, records: Sequence[Record], theta: Theta, criterion: int) -> Array:
     """The residuals (m,) of all records at `theta`, one record after the other."""
-    return evaluate_all(kind, records, [theta], criterion)[0]
+    return np.asarray(evaluate_all(kind, records, [theta], criterion)[0])
 
 
 def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], criterion: int) -> Array:
     """`evaluate` at each of `thetas`, (P, m)."""
-    return np.concatenate([kind.stacked(record, thetas, criterion) for record in records], axis=1)
+    return np.hstack([kind.stacked(record, thetas, criterion) for record in records])
 
 
 def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], criterion: int) -> list[float]:

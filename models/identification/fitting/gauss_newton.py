@@ -133,19 +133,11 @@ class GaussNewton:
                 lengths.append(share)
         rows = (self.slopes or self.residuals)(points)
         both = np.array(lengths[::2]) + np.array(lengths[1::2])
-        along: Array = (rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None]
-        turned: Array = np.linalg.inv(basis)
+        along = np.asarray((rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None])
+        turned = np.asarray(np.linalg.inv(basis), dtype=float)
         square = products(np.vstack([along, r]))
         normal, gradient = turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1]
-        slope = Slope(
-            x,
-            r,
-            np.asarray(along, dtype=float),
-            turned,
-            turned.T @ square[:-1, :-1] @ turned,
-            turned.T @ square[:-1, -1],
-        )
-        return slope, (x, r) if self.slopes else self._best(points, rows)
+        return Slope(x, r, along, turned, normal, gradient), (x, r) if self.slopes else self._best(points, rows)
 
     def _steps(self, here: Slope) -> list[Array]:
         """Gauss-Newton steps of several lengths and dampings; a parameter that pushes against its bound stays there."""

@@ -85,10 +85,10 @@ class GaussNewton:
             height, (x, r) = here.cost, self._lowest(here, seen)
             gain = height - float(r @ r)
             last = number == len(widths) - 1
-            if last and gain < SET.enough * height:
+            if last and gain <= SET.enough * height:
                 why = "settled"
                 break
-            number += not last and gain < SET.refines * height
+            number += not last and gain <= SET.refines * height
             wanted = SET.secant_rms * widths[number] * np.sqrt(len(r))
             norms = np.maximum(np.sqrt(np.diag(here.normal)), _TINY)
             reach = self._limited(np.clip(wanted / norms, reach / 3, reach * 3))

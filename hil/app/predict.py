@@ -50,7 +50,8 @@ def predict(
     rows = len(next(iter(columns.values())))
     document = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
     lines = (
-        TEXT("predict.rms", column=name, rms=Quantity(value, unit_at_end(name)[1])) for name, value in differences.items()
+        TEXT("predict.rms", column=name, rms=Quantity(value, unit_at_end(name)[1]))
+        for name, value in differences.items()
     )
     done = TEXT("predict.done", stage=stage, rows=rows, out=out)
     answer(json_output, {**document, "rows": rows, "rms": differences}, done, *lines)

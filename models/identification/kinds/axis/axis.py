@@ -100,9 +100,13 @@ class AxisKind(Kind):
         return self.coordinates.force_unit
 
     @property
+    def error_unit(self) -> str:
+        return "%"
+
+    @property
     def measure(self) -> str:
         word, cut = self.coordinates.names[3], f"{2 * self.band:g} Hz"
-        return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
+        return f"norm of the {word} error, relative to the norm of the {word}, both low-passed at {cut} without phase shift"
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N (torque in N m) that the measured motion needs, one value a row."""

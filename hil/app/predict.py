@@ -49,10 +49,8 @@ def predict(
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
     document = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
-    lines = (
-        TEXT("predict.rms", column=name, rms=Quantity(value, unit_at_end(name)[1]))
-        for name, value in differences.items()
-    )
+    errors = {name: Quantity(value, unit_at_end(name)[1]) for name, value in differences.items()}
+    lines = (TEXT("predict.rms", column=name, rms=error) for name, error in errors.items())
     done = TEXT("predict.done", stage=stage, rows=rows, out=out)
     answer(json_output, {**document, "rows": rows, "rms": differences}, done, *lines)
 

@@ -75,7 +75,7 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         kind="pull",
         quantity="force_N",
         unit="N",
-        measure="rms of the free-running prediction, low-passed at 2 Hz",
+        measure="rms error of the free-running prediction, low-passed at 2 Hz",
         columns=("force_N",),
         error_unit="N",
         verdict=verdict,

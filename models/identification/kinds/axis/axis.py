@@ -106,7 +106,8 @@ class AxisKind(Kind):
     @property
     def measure(self) -> str:
         word, cut = self.coordinates.names[3], f"{2 * self.band:g} Hz"
-        return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
+        relative = f"norm of the {word} error, relative to the norm of the {word}"
+        return f"{relative}, both low-passed at {cut} without phase shift"
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N (torque in N m) that the measured motion needs, one value a row."""

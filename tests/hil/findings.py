@@ -147,7 +147,7 @@ def spectrum_finding() -> Finding:
         "kind": "dma",
         "quantity": "storage_modulus_Pa and loss_modulus_Pa",
         "unit": "Pa",
-        "measure": "norm of the error of the complex modulus over its norm in %",
+        "measure": "norm of the error of the complex modulus, relative to the norm of the modulus",
         "columns": ("storage_modulus_Pa", "loss_modulus_Pa"),
         "error_unit": "%",
         "error": {"train": numbers, "holdout": {}},

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hil.app.close_loop import TEXT, noted_record
 from hil.app.console import answer, note, output_to_notes
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
 from models.effects import Catalogue

@@ -12,6 +12,7 @@ class CheckSettings:
     step_s: tuple[float, float] = setting((1e-6, 1.0), "s", "least and most usual interval between samples of a record")
     record_s: float = setting(0.2, "s", "shortest record")
     stamps_uneven: float = setting(0.05, "1", "share of the usual interval by which stamps may scatter")
+    stamps_even: float = setting(1e-3, "1", "share of the interval that rounding may move stamps which count as even")
     stamps_pause: float = setting(20.0, "1", "usual intervals, beyond which samples are not lost but the record pauses")
     stamps_back: float = setting(0.9, "1", "share of stamps that go back, where rows are in reverse order")
     stamps_short: float = setting(0.2, "1", "usual intervals, a step below which does not count for the scatter")

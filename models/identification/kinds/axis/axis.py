@@ -133,13 +133,13 @@ class AxisKind(Kind):
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Filtered force error in units of its noise, 100 a second."""
-        return self.residuals(record, [theta], criterion)[0]
+        return np.asarray(self.stacked(record, [theta], criterion)[0])
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
+    def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
         errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
         of = self._moved(record)
         errors[:, ~used(record) | of.still] = 0.0
-        return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
+        return np.ascontiguousarray(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The authors' relative force error in %, pooled; rows at rest or near a gap do not count."""

@@ -69,7 +69,7 @@ class SeriesKind(Kind):
     resolution: float = 0.0
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     catalogue: Catalogue = CATALOGUE
-    measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
+    measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
     final: ClassVar[int] = 3  # the free run at fine steps
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little

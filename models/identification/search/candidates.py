@@ -14,7 +14,7 @@ from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter, Growth, base_known, begins
 from models.identification.fitting.horizon import FROM_CLOSE, QUICK, lengths
 from models.identification.kind import Array, Kind
-from models.identification.search.fitted_model import Fits, FittedModel, ahead
+from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
 from models.parameter import Name
@@ -79,9 +79,10 @@ def compare_candidates(
     trials = each(lambda name: _near(model, name, fitted[name].theta), finalists)
     if series and min(trial.blocks.mean() for trial in trials) > SET.near:
         moved(finalists[0], 0.9)
-        alone, trials = trials, each(lambda trial: _completed(model, trial, fitted[trial.effect].theta), trials)
-        trials = from_the_best(model, alone, trials)
-    return sorted((_within_name(model, trial) for trial in trials), key=lambda trial: -trial.gain)
+        trials = each(lambda trial: _completed(model, trial, fitted[trial.effect].theta), trials)
+    leader = max(trials, key=attrgetter("gain"))
+    trials = each(lambda trial: _within_name(model, _from_base_of(model, leader, trial)), trials)
+    return sorted(trials, key=lambda trial: -trial.gain)
 
 
 def _near(model: FittedModel, name: str, start: Theta) -> Trial:
@@ -98,19 +99,6 @@ def _within_name(model: FittedModel, trial: Trial) -> Trial:
     return trial if called is plain else Trial.of(model, trial.effect, called)
 
 
-def _refinements(kind: Kind, name: str) -> list[str]:
-    """Refinements that a candidate may need before it can be compared: those that are catalogue effects themselves, and
-    those that split a changed resistance between nose and slip limit.
-    """
-    known = {effect.id for effect in kind.effects}
-    named = kind.catalogue
-    return [
-        c
-        for c in named[name].refined_by
-        if c in known or (named[c].answers("shared") and kind.name in named[c].kinds and c not in kind.in_base)
-    ]
-
-
 def _completed(so_far: FittedModel, trial: Trial, sought: Theta) -> Trial:
     """`trial` fitted quickly from anywhere, also from the point that its elimination `sought`, with the cost of its
     refinements where that is lower: of two imperfect candidates that one leads which its refinements complete.
@@ -120,44 +108,23 @@ def _completed(so_far: FittedModel, trial: Trial, sought: Theta) -> Trial:
     plain = so_far.far(starts, effects, effort=QUICK)
     again = Trial.of(so_far, trial.effect, plain)
     best = again if again.gain > trial.gain else trial
-    refinements = [c for c in _refinements(so_far.kind, trial.effect) if c not in so_far.effects]
-    if not refinements or best.blocks.mean() <= SET.near:
+    shared = shared_by(so_far.kind, trial.effect)
+    if not shared or best.blocks.mean() <= SET.near:
         return best
-    finer = so_far.far(([theta, sought] for theta in best.thetas), [*effects, *refinements], effort=QUICK)
+    finer = so_far.far(([theta, sought] for theta in best.thetas), [*effects, *shared], effort=QUICK)
     better = Trial.of(so_far, trial.effect, finer)
     blocks = better.blocks if better.gain > best.gain else best.blocks
     return replace(best, blocks=blocks, refinements={finer.effects: finer.thetas})
 
 
-def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[Trial]) -> list[Trial]:
-    """The `helped` trials, with the confounders of the best one and its catalogue refinements also fitted from its
-    base: none may win by a luckier search. Where such a refinement does about as well without the best one, the best
-    one is judged `alone`.
-    """
-    kind, effects, named = model.kind, model.effects, model.kind.catalogue
-    rows = {trial.effect: trial for trial in helped}
-    if not rows:
-        return []
-    best = max(helped, key=lambda trial: trial.gain)
-    both = next(iter(best.refinements.values()), None)
-    beside = [c for c in _refinements(kind, best.effect) if named[c] not in REFINEMENTS] if both else []
-    alike = [name for name in rows if named[best.effect].looks_like(named[name])]
-
-    def again(name: str) -> Trial:
-        owns = both if both and name in beside else rows[name].thetas
-        bases = (base.only({*effects, *kind.in_base}) for base in both or best.thetas)
-        starts = (base.with_(name, own.effects[name]) for base, own in zip(bases, owns, strict=True))
-        return Trial.of(model, name, model.near(starts, [*effects, name]))
-
-    for trial in each(again, list(dict.fromkeys((*beside, *alike)))):
-        name = trial.effect
-        if name not in rows or trial.gain > rows[name].gain:
-            rows[name] = trial
-        if name in beside and (
-            rows[name].gain > best.gain - SET.shaped or ahead(best.blocks, rows[name].blocks) < SET.apart
-        ):
-            rows[best.effect] = next(trial for trial in alone if trial.effect == best.effect)
-    return list(rows.values())
+def _from_base_of(model: FittedModel, leader: Trial, trial: Trial) -> Trial:
+    """The better of `trial` and of the same from the base of the `leader`: none may lead by a luckier search."""
+    if trial is leader:
+        return trial
+    pairs = zip(leader.thetas, trial.thetas, strict=True)
+    starts = (base.without(leader.effect).with_(trial.effect, own.effects[trial.effect]) for base, own in pairs)
+    again = Trial.of(model, trial.effect, model.near(starts, [*model.effects, trial.effect]))
+    return replace(again, refinements=trial.refinements) if again.gain > trial.gain else trial
 
 
 def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
@@ -242,8 +209,18 @@ def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -
 
 
 def shared_by(kind: Kind, name: str) -> list[str]:
-    """The refinements that a candidate may need and that no search names by itself."""
-    return [c for c in _refinements(kind, name) if CATALOGUE.get(c) in REFINEMENTS]
+    """The refinements that a candidate needs before it can be compared, and that no search names by itself: those that
+    split a changed resistance between nose and slip limit.
+    """
+    named = kind.catalogue
+    return [
+        c
+        for c in named[name].refined_by
+        if named[c] in REFINEMENTS
+        and named[c].answers("shared")
+        and kind.name in named[c].kinds
+        and c not in kind.in_base
+    ]
 
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Kind, Split
 from models.identification.kinds import kind_for
 from models.identification.search.candidates import Trial, from_the_best
 from models.identification.search.fitted_model import FittedModel
-from models.identification.search.refit import step_on
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
@@ -69,7 +69,7 @@ def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
 
 
 def fitted(kind: Kind, splits: list[Split], model: list[str], start: dict[str, float]) -> list[dict[str, float]]:
-    return [step_on(kind, part, model, start).theta for part, _ in splits]
+    return [Fitter.of(kind, part, model).near(start).theta for part, _ in splits]
 
 
 def trial(kind: Kind, splits: list[Split], before: np.ndarray, name: str, fits: list[dict[str, float]]) -> Trial:

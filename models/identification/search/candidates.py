@@ -212,15 +212,8 @@ def shared_by(kind: Kind, name: str) -> list[str]:
     """The refinements that a candidate needs before it can be compared, and that no search names by itself: those that
     split a changed resistance between nose and slip limit.
     """
-    named = kind.catalogue
-    return [
-        c
-        for c in named[name].refined_by
-        if named[c] in REFINEMENTS
-        and named[c].answers("shared")
-        and kind.name in named[c].kinds
-        and c not in kind.in_base
-    ]
+    finer = (effect for effect in REFINEMENTS if effect.id in kind.catalogue[name].refined_by)
+    return [e.id for e in finer if e.answers("shared") and kind.name in e.kinds and e.id not in kind.in_base]
 
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:

@@ -44,11 +44,8 @@ def rivals_of(
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
     rest = [name for name in model.effects if name not in own]
-    tried = {
-        trial.effect: trial
-        for trial in trials
-        if set(rest) == {*trial.thetas[0].effects} - {trial.effect, *kind.in_base}
-    }
+    beside = {effect, *rest, *kind.in_base}
+    tried = {trial.effect: trial for trial in trials if {*trial.thetas[0].effects} <= {trial.effect, *beside}}
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     strong = [row.effect for row in screened if row.starts and row.share >= SET.rival_has * share][: SET.pool]
     starts = {row.effect: row.starts for row in screened}
@@ -56,9 +53,8 @@ def rivals_of(
 
     def rival(name: str) -> Rival:
         pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
-        points = [
-            [near, *(tried[name].thetas[k : k + 1] if name in tried else ())] for k, (near, _) in enumerate(pairs)
-        ]
+        known = tried[name].thetas if name in tried else ()
+        points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
         fitted = model.far(points, [*rest, name], effort=QUICK).within_name(name)
         for effects, thetas in tried[name].refinements.items() if name in tried else ():
             fitted = min(fitted, model.fitted(thetas, effects), key=lambda one: one.cost)

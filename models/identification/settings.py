@@ -114,7 +114,7 @@ class SearchSettings:
     never: float = setting(6.0, "1", "standard errors assumed for rivals that no fit brought close")
     positions: int = setting(24, "1", "positions at which a local effect is tried")
     screened_starts: int = setting(2, "1", "best starts of an effect that are kept")
-    imitated_s: float = setting(5.0, "s", "length of records that estimates chance, where predictions are slow")
+    imitated_s: float = setting(10.0, "s", "length of records that estimates chance, where predictions are slow")
     imitations: int = setting(2, "1", "imitated records without an effect, which show chance")
     screened_secant: float = setting(0.1, "1", "width of secants when screening")
     blocks: int = setting(40, "1", "blocks of a record whose costs are compared")

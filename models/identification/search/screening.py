@@ -11,6 +11,7 @@ import numpy as np
 from models.effects.effect import Effect
 from models.identification.fitting.fit import evaluate_all, judged_cost
 from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -132,11 +133,11 @@ def screen(
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
-    """Which records of `part` are imitated: the first few seconds of time series with an observer, else all."""
+    """What of `part` is imitated: the first few seconds of time series with an observer, else all."""
     if kind.criteria == 1 or any(TIME not in record.columns for record in part):
         return list(part)
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
-    return list(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))])
+    return prefixes(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))], SET.imitated_s)
 
 
 def null_distribution(

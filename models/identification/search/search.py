@@ -32,7 +32,7 @@ Progress = Callable[[str, float], None]
 @dataclass
 class Search:
     """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate.
-    `ended` says why no further effect was sought.
+    `ended` says why no further effect was sought (`_ended`).
     """
 
     calibrated: Fit
@@ -44,7 +44,7 @@ class Search:
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     doubts: list[tuple[str, FittedModel, Rival]] = field(default_factory=list)
     score: dict[str, float] = field(default_factory=dict)
-    ended: str = ""
+    ended: str = "chance"
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
     threshold: float = 0.0
     detectable: dict[str, float] = field(default_factory=dict)
@@ -160,7 +160,7 @@ def _named(
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
         if not trials or not _accept(kind, found, trials[0]):
-            found.ended = "no gain"
+            found.ended = "gain"
             return model
         _add(found, trials[0])
         model = model.fitted(trials[0].thetas, found.effects).far([theta] for theta in trials[0].thetas)
@@ -171,7 +171,8 @@ def _named(
 
 def _ended(kind: Kind, found: Search, most: int) -> str:
     """Why no further effect is sought: what is left is chance, or so little beside what the effects explain that the
-    error of their form may be as large, or there are enough effects; "" where one is.
+    error of their form may be as large, or there are enough effects; "" where one is. The fourth reason is that no
+    candidate gains enough ("gain").
     """
     if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)):
         return "chance"

@@ -7,7 +7,7 @@ import numpy as np
 
 from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.horizon import QUICK, prefixes
+from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, opening
 from models.identification.search.fitted_model import FittedModel, ahead
@@ -55,7 +55,10 @@ def rivals_of(
         pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
         known = tried[name].thetas if name in tried else ()
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
-        fitted = model.far(points, [*rest, name], effort=QUICK).within_name(name)
+        fitted = model.far(points, [*rest, name], seeds=0)
+        if fitted.cost <= SET.behind * model.cost:
+            fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
+        fitted = fitted.within_name(name)
         for effects, thetas in tried[name].refinements.items() if name in tried else ():
             fitted = min(fitted, model.fitted(thetas, effects), key=lambda one: one.cost)
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)

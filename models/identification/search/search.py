@@ -14,7 +14,6 @@ from models.effects import effect_words
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit, judged_cost
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.horizon import QUICK
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel
@@ -123,7 +122,7 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record], base: Th
         fit = Fitter.of(kind, train, found.model).exactly(base | start.theta)
         added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
         found.refinements += added
-        found.calibrated = plain.near(base)
+        found.calibrated = found.calibrated if kind.searched(train) == train else plain.near(base)
     else:
         found.calibrated = found.augmented = plain.exactly(base)
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
@@ -215,7 +214,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
 def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
     """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
     starts = (with_each(theta.without(dropped), beside) for theta in model.thetas)
-    return model.far(starts, [*effects, *beside], effort=QUICK)
+    return model.far(starts, [*effects, *beside], seeds=1)
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

@@ -29,6 +29,8 @@ _NAMES: Final = MappingProxyType(
         "period_index": "number of the period",
         "tracking_rmse": "rms tracking error",
         "tracking_max": "largest tracking error",
+        "hard_violations": "violations of hard limits",
+        "settled_within": "settling time",
         "storage_modulus": "storage modulus G′",
         "loss_modulus": "loss modulus G″",
     }

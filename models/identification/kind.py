@@ -107,9 +107,13 @@ class Kind(ABC):
         corrects the model, to `criteria` - 1, the free run; most kinds have one criterion.
         """
 
+    def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
+        """`residual` at several points, as rows one after the other in memory."""
+        return np.array([self.residual(record, theta, criterion) for theta in thetas])
+
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
-        return [self.residual(record, theta, criterion) for theta in thetas]
+        return list(self.stacked(record, thetas, criterion))
 
     @abstractmethod
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

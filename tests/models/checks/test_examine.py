@@ -447,7 +447,7 @@ def of_magnet(made: Record) -> dict[str, str]:
 def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
     assert of_magnet(led()) == {}
     assert "mm ahead of carriage_position_m" in of_magnet(led(offset=0.013))["zeros_apart"]
-    assert "jumps by up to 1" in of_magnet(led(jump=0.015))["place_jumps"]
+    assert "jumps by 1" in of_magnet(led(jump=0.015))["place_jumps"]
     made = led()
     exchanged = {**made.columns, "position_m": made["carriage_position_m"], "carriage_position_m": made["position_m"]}
     assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]

@@ -174,7 +174,7 @@ def _periodogram(pieces: Array, dt: float) -> tuple[Array, Array]:
     transform = np.fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)), axis=1)
     power = np.abs(transform) ** 2 * (dt / np.sum(window**2))
     power[:, 1 : (n + 1) // 2] *= 2
-    return np.fft.rfftfreq(n, dt), power
+    return np.asarray(np.fft.rfftfreq(n, dt), dtype=float), power
 
 
 def _above_most(power: Array, times: float, width: int) -> Mask:

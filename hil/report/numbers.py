@@ -58,7 +58,11 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "candidates": [_as_json(candidate) for candidate in finding.candidates],
         "statements": list(finding.statements),
         "equations": [line_text(line) for line in finding.equations],
-        "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
+        "records": [
+            {"name": trace.name, "role": trace.role, "rows": len(trace.measured)}
+            | ({"treated": list(trace.treated)} if trace.treated else {})
+            for trace in finding.traces
+        ],
         "residual": finding.dependence and _as_json(finding.dependence),
         "timings": finding.timings,
     }

@@ -146,8 +146,8 @@ def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str
         shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
         said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
     if verdict == "unknown":
-        structured = found.after >= SET.clean * found.null_cost
-        said.append(TEXT("statement.structured" if structured else "statement.too_small"))
+        count = found.effects if found.ended == "most" else found.rounds[-1][1] if found.rounds else ()
+        said.append(TEXT(f"statement.ended_{found.ended}", n=len(count)))
     return said
 
 

@@ -119,7 +119,7 @@ def _trace(kind: AnyKind, record: Record, role: str, predicted: dict[str, np.nda
     axes = ("t_s", "frequency_Hz", "period_s")
     axis = next((name for name in axes if name in record.columns), next(iter(record.columns)))
     measured = np.asarray(kind.measured(record))
-    return Trace(record.name, role, axis, record[axis], measured, predicted, kind.signals(record))
+    return Trace(record.name, role, axis, record[axis], measured, predicted, kind.signals(record), record.treated or ())
 
 
 def judge(

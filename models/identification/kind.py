@@ -27,8 +27,7 @@ class Kind(ABC):
 
     A fit goes through `criteria` criteria and ends at number `final`: the last one, or the same computed more exactly.
     `judges` are the criteria that validate a model; of each block the better one counts, because the observer may lose
-    a slip event that the free run keeps, and the reverse. With `slow_view`, `residual` has one more criterion, number
-    `criteria`, which shows only the slow part of the free run.
+    a slip event that the free run keeps, and the reverse.
 
     Below `least_gain`, by which two searches of the same criterion may differ, nothing is named. A further effect must
     gain `next_share` of the first one's gain: little where a law can be exact, more where a bad form would need other
@@ -39,7 +38,6 @@ class Kind(ABC):
     criteria: ClassVar[int] = 1
     final: ClassVar[int] = 0
     judges: ClassVar[tuple[int, ...]] = (0,)
-    slow_view: ClassVar[bool] = False
     least_gain: ClassVar[float] = 0.05
     next_share: ClassVar[float] = 0.05
     lanes: ClassVar[int] = 1
@@ -144,6 +142,10 @@ class Kind(ABC):
         in N (torques in N m); None where the residual is no force.
         """
         return None
+
+    def slow_rows(self, record: Record) -> int:
+        """Rows of the residual whose mean shows what is slow in it; 1 where a row is no sample in time."""
+        return 1
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """The part of `records` that a search uses: all, or prefixes where a short run shows as much."""

@@ -12,7 +12,7 @@ import numpy as np
 from models.effects import REFINEMENTS
 from models.identification.fitting.fit import Fit, FreeParameter, axes, costs_of, evaluate_all, judged_cost
 from models.identification.fitting.gauss_newton import GaussNewton
-from models.identification.fitting.horizon import FROM_CLOSE, THOROUGH, Effort, around, lengths, scattered
+from models.identification.fitting.horizon import around, lengths, scattered
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.parameter import Parameter
@@ -53,20 +53,18 @@ class Fitter:
         end = own._solver.descend(x, widths, rounds)
         return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual, end.why)
 
-    def far(self, starts: Sequence[Theta], enough: float = SET.near, effort: Effort | None = None) -> Fit:
-        """The best fit from anywhere: from each of `starts` as it is; where that leaves more than `enough` for each
+    def far(self, starts: Sequence[Theta], enough: float = SET.near, seeds: int = SET.seeds) -> Fit:
+        """The best fit from anywhere: from close by each of `starts`; where that leaves more than `enough` for each
         residual of a time series, on growing prefixes from many points around the starts and around the nominal base,
-        with other points again until none does better.
+        at most `seeds` times with other points, until none does better.
         """
         fits = [self.near(self._opened(start)) for start in starts]
         left = [judged_cost(self.kind, self.records, fit.theta) for fit in fits]
-        chosen = effort or (FROM_CLOSE if base_known(self.kind) else THOROUGH)
-        rounds = 0 if not self.kind.beginnings_s else 1 if effort else SET.seeds
-        for seed in range(1, 1 + rounds):
+        for seed in range(1, 1 + (seeds if self.kind.beginnings_s else 0)):
             best, least = fits[int(np.argmin(left))], min(left)
             if least <= enough:
                 break
-            growth = Growth(self.plain(), begins(self.kind, [best.theta, *starts]), chosen, seed)
+            growth = Growth(self.plain(), begins(self.kind, [best.theta, *starts]), seed)
             fits.append(self.near(growth.over(self.records)))
             left.append(judged_cost(self.kind, self.records, fits[-1].theta))
             if seed > 1 and left[-1] > (1 - SET.refines) * least:
@@ -166,20 +164,19 @@ class Growth:
 
     model: Fitter
     starts: Sequence[Theta]
-    effort: Effort
     seed: int = 0
     fits: list[Fit] = field(default_factory=list)
 
     def on(self, number: int, records: Sequence[Record]) -> Growth:
         """To the next length, `records` being the prefixes number `number`; itself."""
-        fitter, kept = replace(self.model, records=records), self.effort.kept[number]
+        fitter, kept = replace(self.model, records=records), SET.kept[number]
         found = [fit.theta for fit in self.fits]
         points = found + list(self.starts) + (self._redrawn(found[: SET.bases]) if found else self._scattered())
         best = fitter.lowest(points, kept)
         if found and kept > 1 and found[0] not in best:
             best[-1] = found[0]
         late = number >= SET.ranked_from
-        widths, rounds = (SET.narrow, 2 * SET.rounds) if late else (SET.narrow[-1:], self.effort.rounds)
+        widths, rounds = (SET.narrow, 2 * SET.rounds) if late else (SET.narrow[-1:], SET.first_rounds)
         self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=by_cost)
         return self
 
@@ -200,11 +197,11 @@ class Growth:
         kind, newest, starts = self.model.kind, self.newest, list(self.starts)
         if newest:
             starts.append(starts[-1].with_(newest, kind.catalogue[newest].start()))
-        return scattered(kind, self.model.axes, starts, self.effort.starts, self.seed, newest)
+        return scattered(kind, self.model.axes, starts, SET.points, self.seed, newest)
 
     def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
         """Each base of `found` with effects drawn around their declared values: a drift does not show at first."""
-        kind, count = self.model.kind, self.effort.starts // 2
+        kind, count = self.model.kind, SET.points // 2
         moved = [axis for axis in self.model.axes if axis.parameter.effect in self.model.effects]
         bases = [theta.only(kind.in_base) for theta in found]
         return scattered(kind, moved, bases, count, self.seed + 1, self.newest) if moved else []
@@ -213,12 +210,6 @@ class Growth:
 def begins(kind: Kind, starts: Sequence[Theta]) -> list[Theta]:
     """`starts`, and the first at the nominal base: one fitted without an effect may compensate for it."""
     return [*starts, starts[0] | Theta.declared(p for p in kind.base if p.fit)]
-
-
-def base_known(kind: Kind) -> bool:
-    """Whether priors are so narrow that the base cannot be off by a slip event."""
-    fitted = [p for p in kind.base if p.fit and not p.effect]
-    return bool(fitted) and all(SET.near_start * p.spread <= SET.settled * abs(p.value) for p in fitted)
 
 
 def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:

@@ -1,7 +1,6 @@
 """Where fits from anywhere begin: points around starts, and prefixes of records that grow."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -12,20 +11,6 @@ from models.identification.kind import Kind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
-
-
-@dataclass(frozen=True)
-class Effort:
-    """Starts to evaluate, how many to descend from at each length (whole records last), rounds at the first lengths."""
-
-    starts: int
-    kept: tuple[int, ...]
-    rounds: int
-
-
-THOROUGH = Effort(512, (16, 8, 6, 4, 3, 2), SET.rounds)
-QUICK = Effort(128, (4, 4, 3, 3, 2, 1), 3)
-FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1, 1), 3)
 
 
 def lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, list[Record]]]:

@@ -11,8 +11,8 @@ import scipy
 
 from models.effects import CATALOGUE, REFINEMENTS
 from models.identification.fitting.fit import Fit
-from models.identification.fitting.fitter import Fitter, Growth, base_known, begins
-from models.identification.fitting.horizon import FROM_CLOSE, QUICK, lengths
+from models.identification.fitting.fitter import Fitter, Growth, begins
+from models.identification.fitting.horizon import lengths
 from models.identification.kind import Array, Kind
 from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.screening import Screened
@@ -105,13 +105,13 @@ def _completed(so_far: FittedModel, trial: Trial, sought: Theta) -> Trial:
     """
     effects = [*so_far.effects, trial.effect]
     starts = [[theta, sought.only(so_far.kind.in_base | set(effects))] for theta in trial.thetas]
-    plain = so_far.far(starts, effects, effort=QUICK)
+    plain = so_far.far(starts, effects, seeds=1)
     again = Trial.of(so_far, trial.effect, plain)
     best = again if again.gain > trial.gain else trial
     shared = shared_by(so_far.kind, trial.effect)
     if not shared or best.blocks.mean() <= SET.near:
         return best
-    finer = so_far.far(([theta, sought] for theta in best.thetas), [*effects, *shared], effort=QUICK)
+    finer = so_far.far(([theta, sought] for theta in best.thetas), [*effects, *shared], seeds=1)
     better = Trial.of(so_far, trial.effect, finer)
     blocks = better.blocks if better.gain > best.gain else best.blocks
     return replace(best, blocks=blocks, refinements={finer.effects: finer.thetas})
@@ -142,7 +142,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
             for point in with_each(base.with_(row.effect, start), beside)
         ]
         fitter = Fitter.of(kind, model.part, [*model.effects, row.effect, *beside]).plain()
-        growths[row.effect] = Growth(fitter, starts, FROM_CLOSE if base_known(kind) else QUICK)
+        growths[row.effect] = Growth(fitter, starts)
     return eliminate(model.part, growths, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
 
 
@@ -212,15 +212,8 @@ def shared_by(kind: Kind, name: str) -> list[str]:
     """The refinements that a candidate needs before it can be compared, and that no search names by itself: those that
     split a changed resistance between nose and slip limit.
     """
-    named = kind.catalogue
-    return [
-        c
-        for c in named[name].refined_by
-        if named[c] in REFINEMENTS
-        and named[c].answers("shared")
-        and kind.name in named[c].kinds
-        and c not in kind.in_base
-    ]
+    finer = (effect for effect in REFINEMENTS if effect.id in kind.catalogue[name].refined_by)
+    return [e.id for e in finer if e.answers("shared") and kind.name in e.kinds and e.id not in kind.in_base]
 
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:

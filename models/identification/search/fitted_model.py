@@ -11,7 +11,6 @@ import numpy as np
 
 from models.identification.fitting.fit import Fit, judged
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.horizon import Effort
 from models.identification.kind import Array, Kind, Split
 from models.identification.settings import SET
 from models.records.record import Record
@@ -49,10 +48,10 @@ class FittedModel:
         starts: Iterable[Sequence[Theta]],
         effects: Sequence[str] | None = None,
         enough: float = SET.near,
-        effort: Effort | None = None,
+        seeds: int = SET.seeds,
     ) -> FittedModel:
         """The same from anywhere, several starts a split."""
-        return self._by(starts, effects, lambda fitter, some: fitter.far(some, enough, effort))
+        return self._by(starts, effects, lambda fitter, some: fitter.far(some, enough, seeds))
 
     def _by(
         self, starts: Iterable[_Start], effects: Sequence[str] | None, fit: Callable[[Fitter, _Start], Fit]

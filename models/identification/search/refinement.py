@@ -5,7 +5,6 @@ from collections.abc import MutableMapping, Sequence
 from models.effects import CATALOGUE, REFINEMENTS
 from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.horizon import QUICK
 from models.identification.kind import Kind
 from models.identification.search.candidates import better_without
 from models.identification.search.fitted_model import FittedModel, fewest
@@ -26,10 +25,9 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
-        enough = 1 + SET.shaped if CATALOGUE.get(curve) in REFINEMENTS else SET.near  # a free curve is near or far
         if finer not in known:
             starts = ([theta.with_(curve, _begin(curve))] for theta in rows[-1].thetas)
-            known[finer] = rows[-1].far(starts, finer, enough, QUICK).thetas
+            known[finer] = rows[-1].far(starts, finer, seeds=1).thetas
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
     number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])

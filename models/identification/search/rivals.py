@@ -7,7 +7,7 @@ import numpy as np
 
 from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.horizon import QUICK, prefixes
+from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, opening
 from models.identification.search.fitted_model import FittedModel, ahead
@@ -44,11 +44,8 @@ def rivals_of(
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
     rest = [name for name in model.effects if name not in own]
-    tried = {
-        trial.effect: trial
-        for trial in trials
-        if set(rest) == {*trial.thetas[0].effects} - {trial.effect, *kind.in_base}
-    }
+    beside = {effect, *rest, *kind.in_base}
+    tried = {trial.effect: trial for trial in trials if {*trial.thetas[0].effects} <= {trial.effect, *beside}}
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     strong = [row.effect for row in screened if row.starts and row.share >= SET.rival_has * share][: SET.pool]
     starts = {row.effect: row.starts for row in screened}
@@ -56,10 +53,12 @@ def rivals_of(
 
     def rival(name: str) -> Rival:
         pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
-        points = [
-            [near, *(tried[name].thetas[k : k + 1] if name in tried else ())] for k, (near, _) in enumerate(pairs)
-        ]
-        fitted = model.far(points, [*rest, name], effort=QUICK).within_name(name)
+        known = tried[name].thetas if name in tried else ()
+        points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
+        fitted = model.far(points, [*rest, name], seeds=0)
+        if fitted.cost <= SET.behind * model.cost:
+            fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
+        fitted = fitted.within_name(name)
         for effects, thetas in tried[name].refinements.items() if name in tried else ():
             fitted = min(fitted, model.fitted(thetas, effects), key=lambda one: one.cost)
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)

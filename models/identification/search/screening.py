@@ -11,6 +11,7 @@ import numpy as np
 from models.effects.effect import Effect
 from models.identification.fitting.fit import evaluate_all, judged_cost
 from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -32,72 +33,80 @@ class Screened:
 
 
 @dataclass(frozen=True)
-class _View:
-    """The residual of a fit at `theta` with the fitted directions, `basis`, taken out."""
+class _Scale:
+    """The residual of a fit in means of `window` neighbours, with the fitted directions, `basis`, taken out."""
 
-    fitter: Fitter
-    theta: Theta
+    window: int
     residual: Array
     basis: Array
 
     @classmethod
-    def at(cls, fitter: Fitter, theta: Theta) -> _View:
-        x = fitter.at(theta)
-        jacobian = fitter.jacobian(x, SET.screened_secant)
-        basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
-        return cls(fitter, theta, fitter.residuals([x])[0], basis)
+    def of(cls, window: int, residual: Array, jacobian: Array) -> _Scale:
+        basis = np.linalg.qr(_means(jacobian.T, window).T)[0]
+        left = _means(residual[None], window)[0]
+        return cls(window, left - basis @ (basis.T @ left), basis)
 
-    def cleared(self, vectors: Array) -> Array:
-        return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
-
-    def best(self, taken: Sequence[str] = ()) -> list[Screened]:
-        """Each candidate not `taken` in its best shape, with the starts of the best few shapes; best first."""
-
-        def tried(effect: type[Effect]) -> Screened:
-            shapes = sorted(self.explained(effect, list(_shapes(effect, self.fitter.records))), key=_by_share)
-            starts = (start for row in shapes[: SET.screened_starts] for start in row.starts)
-            return replace(shapes[0], starts=tuple(starts))
-
-        wanted = [effect for effect in self.fitter.kind.effects if effect.id not in taken]
-        return sorted(each(tried, wanted), key=_by_share)
-
-    def explained(self, effect: type[Effect], shapes: Sequence[Mapping[str, float]]) -> list[Screened]:
-        """`effect` in each of `shapes`, all evaluated together."""
+    def measured(self, effect: type[Effect], start: Mapping[str, float], seen: Array) -> Screened:
+        """What the residual's changes `seen` (1 or 2, m) along the amplitude (and its quadrature, where there is a
+        phase) explain of it.
+        """
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
-        size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
-        starts = [{**effect.start(), **shape, **size} for shape in shapes]
-        phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
-        thetas = [self.theta.with_(effect.id, {**start, **at}) for start in starts for at in phases]
-        kind, n = self.fitter.kind, len(phases)
-        shown = []
-        step = n * max(1, kind.lanes // n)
-        for first in range(0, len(thetas), step):
-            seen = evaluate_all(kind, self.fitter.records, thetas[first : first + step], self.fitter.criterion)
-            own = starts[first // n : (first + step) // n]
-            shown += [self._measured(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(own)]
-        return shown
-
-    def _measured(self, effect: type[Effect], start: dict[str, float], seen: Array) -> Screened:
-        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against itself."""
-        amplitude, phase = effect.amplitude(), effect.of_role("phase")
-        beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows of the priors
-        columns = [np.concatenate([row - self.residual[: len(row)], beliefs]) for row in seen]
-        D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
-        size, power = float(np.linalg.norm(D)), float(r @ r)
+        D, r = _means(seen, self.window).T, self.residual
+        D = D - self.basis @ (self.basis.T @ D)
+        size, power, own = float(np.linalg.norm(D)), float(r @ r), dict(start)
         if not (0 < power < np.inf) or not np.isfinite(size) or size < 1e-9 * np.sqrt(power):
-            return Screened(effect.id, 0.0, (start,), np.inf)
+            return Screened(effect.id, 0.0, (own,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
         share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
         size *= 1 / np.sqrt(len(seen))
         if phase is not None:
-            start[phase] = float(np.arctan2(factor[1], factor[0]))
+            own[phase] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
         reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
-        wanted = start[amplitude.name] * scale
-        start[amplitude.name] = float(np.clip(wanted, *reach))
-        if not reach[0] <= wanted <= reach[1] and wanted * start[amplitude.name] <= 0:
+        wanted = own[amplitude.name] * scale
+        own[amplitude.name] = float(np.clip(wanted, *reach))
+        if not reach[0] <= wanted <= reach[1] and wanted * own[amplitude.name] <= 0:
             share = 0.0
-        return Screened(effect.id, share, (start,), abs(effect.probe) * float(np.sqrt(power)) / size)
+        return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
+
+
+def _means(rows: Array, window: int) -> Array:
+    """Means of `window` neighbours of `rows` (k, m) times its root, so that white noise keeps its variance."""
+    if window < 2:
+        return rows
+    whole = rows[:, : rows.shape[1] // window * window]
+    return np.asarray(whole.reshape(len(rows), -1, window).mean(axis=2) * np.sqrt(window))
+
+
+def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Screened]:
+    """Each candidate not `taken` in its best shape beside the fit at `theta`, with the starts of the best few shapes at
+    each scale; best first.
+    """
+    kind, x = fitter.kind, fitter.at(theta)
+    here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
+    windows = {1, kind.slow_rows(fitter.records[0])}
+    scales = [_Scale.of(window, here, jacobian) for window in sorted(windows)]
+
+    def tried(effect: type[Effect]) -> Screened:
+        amplitude, phase = effect.amplitude(), effect.of_role("phase")
+        size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
+        starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, fitter.records)]
+        phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
+        n, shown = len(phases), [list[Screened]() for _ in scales]
+        some = max(1, kind.lanes // n)
+        for k in range(0, len(starts), some):
+            thetas = [theta.with_(effect.id, {**start, **at}) for start in starts[k : k + some] for at in phases]
+            rows = evaluate_all(kind, fitter.records, thetas, fitter.criterion)
+            seen = np.zeros((len(rows), len(here)))  # the priors' rows do not change
+            seen[:, : rows.shape[1]] = rows - here[: rows.shape[1]]
+            for scale, own in zip(scales, shown, strict=True):
+                pairs = enumerate(starts[k : k + some])
+                own += [scale.measured(effect, start, seen[n * i : n * i + n]) for i, start in pairs]
+        best = [sorted(own, key=_by_share)[: SET.screened_starts] for own in shown]
+        leader = min((rows[0] for rows in best), key=_by_share)
+        return replace(leader, starts=tuple(start for rows in best for row in rows for start in row.starts))
+
+    return sorted(each(tried, [effect for effect in kind.effects if effect.id not in taken]), key=_by_share)
 
 
 def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
@@ -118,25 +127,18 @@ def _by_share(row: Screened) -> float:
 def screen(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
 ) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the views show."""
-    rows: dict[str, Screened] = {}
-    for criterion in (kind.free_run, *((kind.criteria,) if kind.slow_view else ())):
-        fitter = Fitter.of(kind, records, effects, criterion)
-        view = _View.at(fitter, fitter.near(theta, [SET.screened_secant], 2 * SET.opened).theta)
-        for row in view.best((*effects, *dropped)):
-            other = rows.get(row.effect, row)
-            better = row if row.share >= other.share else other
-            starts = row.starts if other is row else (*row.starts, *other.starts)
-            rows[row.effect] = replace(better, starts=starts)
-    return sorted(rows.values(), key=_by_share)
+    """Every candidate's share of the residual beyond `effects`, best first: the larger of what it shows of each sample
+    and of what is slow.
+    """
+    return _ranked(Fitter.of(kind, records, effects), theta, (*effects, *dropped))
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
-    """Which records of `part` are imitated: the first few seconds of time series with an observer, else all."""
+    """What of `part` is imitated: the first few seconds of time series with an observer, else all."""
     if kind.criteria == 1 or any(TIME not in record.columns for record in part):
         return list(part)
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
-    return list(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))])
+    return prefixes(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))], SET.imitated_s)
 
 
 def null_distribution(
@@ -154,7 +156,7 @@ def null_distribution(
             again = fitter.near(theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         cost = max(cost, left)
-        rows = _View.at(fitter, own).best()
+        rows = _ranked(fitter, own)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)

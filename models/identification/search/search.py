@@ -14,7 +14,6 @@ from models.effects import effect_words
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit, judged_cost
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.horizon import QUICK
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel
@@ -32,7 +31,7 @@ Progress = Callable[[str, float], None]
 @dataclass
 class Search:
     """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate.
-    `ended` says why no further effect was sought.
+    `ended` says why no further effect was sought (`_ended`).
     """
 
     calibrated: Fit
@@ -44,7 +43,7 @@ class Search:
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     doubts: list[tuple[str, FittedModel, Rival]] = field(default_factory=list)
     score: dict[str, float] = field(default_factory=dict)
-    ended: str = ""
+    ended: str = "chance"
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
     threshold: float = 0.0
     detectable: dict[str, float] = field(default_factory=dict)
@@ -123,7 +122,7 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record], base: Th
         fit = Fitter.of(kind, train, found.model).exactly(base | start.theta)
         added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
         found.refinements += added
-        found.calibrated = plain.near(base)
+        found.calibrated = found.calibrated if kind.searched(train) == train else plain.near(base)
     else:
         found.calibrated = found.augmented = plain.exactly(base)
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
@@ -160,7 +159,7 @@ def _named(
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
         if not trials or not _accept(kind, found, trials[0]):
-            found.ended = "no gain"
+            found.ended = "gain"
             return model
         _add(found, trials[0])
         model = model.fitted(trials[0].thetas, found.effects).far([theta] for theta in trials[0].thetas)
@@ -171,7 +170,8 @@ def _named(
 
 def _ended(kind: Kind, found: Search, most: int) -> str:
     """Why no further effect is sought: what is left is chance, or so little beside what the effects explain that the
-    error of their form may be as large, or there are enough effects; "" where one is.
+    error of their form may be as large, or there are enough effects; "" where one is. The fourth reason is that no
+    candidate gains enough ("gain").
     """
     if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)):
         return "chance"
@@ -214,7 +214,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
 def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
     """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
     starts = (with_each(theta.without(dropped), beside) for theta in model.thetas)
-    return model.far(starts, [*effects, *beside], effort=QUICK)
+    return model.far(starts, [*effects, *beside], seeds=1)
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

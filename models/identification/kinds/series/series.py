@@ -71,9 +71,8 @@ class SeriesKind(Kind):
     catalogue: Catalogue = CATALOGUE
     measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
-    final: ClassVar[int] = 3  # the free run at fine steps
+    final: ClassVar[int] = 2  # the free run at fine steps
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little
-    slow_view: ClassVar[bool] = True
     next_share: ClassVar[float] = 0.6
     least_gain: ClassVar[float] = 0.4
     lanes: ClassVar[int] = LANES
@@ -157,16 +156,13 @@ class SeriesKind(Kind):
         outputs = self._runs(record, thetas, memory, fine=criterion == self.final)
         if not memory:
             outputs = self._from_the_start(record, outputs)
-        slow = criterion == self.criteria
-        rows, tail = (np.arange(len(record)), np.inf) if slow else (_rows(record), SET.tail)
-        averaged = 1 if slow or len(rows) < 2 * self.averaged else self.averaged
+        rows = _rows(record)
+        averaged = 1 if len(rows) < 2 * self.averaged else self.averaged
         noise, measured = self.noise_std, record[self.quantity]
-        left: Array = weighed(outputs, measured, rows, averaged, noise, SET.diverged, tail)
-        if not slow:
-            return left
-        dt = interval(record)
-        every = max(1, round(1 / (SET.low_pass_samples * SET.low_pass_hz * dt)))
-        return np.ascontiguousarray(low_passed(left, dt)[:, ::every])
+        return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, SET.tail))
+
+    def slow_rows(self, record: Record) -> int:
+        return max(1, round(SET.slow_s / (interval(record) * self.averaged)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, over the samples that count, interpolated between them."""

@@ -80,9 +80,13 @@ def test_calls_of_two_threads_do_not_mix(forks: bool, monkeypatch: pytest.Monkey
     monkeypatch.setattr(workers, "_FORKS", forks)
     found: dict[int, list[int]] = {}
 
+    def late(k: int) -> int:
+        time.sleep(0.002)
+        return k
+
     def called(factor: int) -> None:
         for _ in range(5):
-            found[factor] = each(lambda k: factor * k + int(time.sleep(0.002) or 0), range(12))
+            found[factor] = each(lambda k: late(factor * k), range(12))
 
     threads = [threading.Thread(target=called, args=(factor,)) for factor in (1, 1000)]
     for thread in threads:

@@ -87,9 +87,11 @@ def test_widths_give_way_where_a_width_no_longer_gains() -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         A, phase = rng.standard_normal((40, 3)), rng.uniform(0, 2 * np.pi, 40)
-        ground = valley(
-            lambda x, A=A, p=phase: 10 * A @ x + 2 * np.sin(30 * A @ x + p), [-5.0] * 3, [5.0] * 3, [0.1] * 3
-        )
+
+        def ripple(x: Array, A: Array = A, phase: Array = phase) -> Array:
+            return np.asarray(10 * A @ x + 2 * np.sin(30 * A @ x + phase))
+
+        ground = valley(ripple, [-5.0] * 3, [5.0] * 3, [0.1] * 3)
         ends = [ground.descend(np.array([1.0, -2.0, 1.5]), widths, 60) for widths in ([1.0, 0.03], [1.0], [0.03])]
         assert ends[0].why == ends[1].why == "settled"
         costs.append([end.cost for end in ends])

@@ -64,7 +64,7 @@ def joint(torque_noise: float = 0.05, angle_noise: float = 0.0, gravity: float =
 def test_the_weight_on_a_joint_is_found_with_the_joints_numbers(angle_noise: float) -> None:
     record = joint(angle_noise=angle_noise)
     kind = AxisKind.from_rig(RIG, [record])
-    start = {name: 1.3 * value for name, value in Theta.of({**BASE, **GRAVITY}).items()}
+    start = Theta.of({name: 1.3 * value for name, value in {**BASE, **GRAVITY}.items()})
     theta = Fitter.of(kind, [record], ["gravity_over_angle"]).far([start]).theta
     assert {name: theta[name] for name in BASE} == pytest.approx(BASE, rel=0.03, abs=0.03)
     assert {name: theta[name] for name in GRAVITY} == pytest.approx(GRAVITY, rel=0.02)

@@ -10,7 +10,6 @@ import pytest
 
 from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter, Growth
-from models.identification.fitting.horizon import QUICK
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import eliminate
 from models.records.record import Record, read_record
@@ -28,7 +27,7 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
 
     def ended(behind: float) -> tuple[set[str], int]:
         names = ("incline_gravity", "actuator_lag")
-        growths = {name: Growth(Fitter.of(kind, records, [name]), [nominal], QUICK) for name in names}
+        growths = {name: Growth(Fitter.of(kind, records, [name]), [nominal]) for name in names}
         return set(eliminate(records, growths, 3, behind)), growths["actuator_lag"].fits[0].count
 
     assert ended(6.0)[0] == {"incline_gravity"}
@@ -63,7 +62,7 @@ class Stated(Growth):
 def stated(kind: SeriesKind, record: Record, leaves: dict[str, float], count: int = 100) -> dict[str, Stated]:
     """Growths of single effects with what each leaves."""
     fitters = {name: Fitter.of(kind, [record], [name]) for name in leaves}
-    return {name: Stated(fitters[name], [Theta()], QUICK, leaves=left, count=count) for name, left in leaves.items()}
+    return {name: Stated(fitters[name], [Theta()], leaves=left, count=count) for name, left in leaves.items()}
 
 
 def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out(

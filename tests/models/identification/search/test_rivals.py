@@ -71,9 +71,9 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
     taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
     blocks = FittedModel.of(kind, splits, [], taper).blocks
     trial = Trial(LumenTaper.id, tuple(taper), blocks + 1, blocks)
-    (rival,) = rivals_of(model, SPRING, 4.0, [], [trial])
-    assert rival.effect == LumenTaper.id
-    assert rival.alike
+    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, 4.0, [], [trial])}
+    assert rivals[LumenTaper.id].alike
+    assert rivals[LumenTaper.id].fitted.cost <= model.fitted(taper, [LumenTaper.id]).cost * 1.001
 
 
 def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:

@@ -90,14 +90,14 @@ class Fitter:
         return best
 
     def plain(self) -> Fitter:
-        """The same over the base's parameters and those that say how large each effect is and of what kind: size, place
-        and what its grid spans. Finer shapes of many numbers follow anything on a short record.
+        """The same over the base's parameters and those that say how large each effect is and of what kind: size,
+        place, phase and what its grid spans. Finer shapes of many numbers follow anything on a short record.
         """
         named = self.kind.catalogue
 
         def first(p: Parameter) -> bool:
             effect = named[p.effect]
-            return p.name in {effect.amplitude().name, effect.of_role("place"), *effect.grid}
+            return p.name in {effect.amplitude().name, effect.of_role("place"), effect.of_role("phase"), *effect.grid}
 
         return replace(self, axes=[a for a in self.axes if not a.parameter.effect or first(a.parameter)])
 

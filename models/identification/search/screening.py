@@ -57,16 +57,14 @@ class _Scale:
         if not (0 < power < np.inf) or not np.isfinite(size) or size < 1e-9 * np.sqrt(power):
             return Screened(effect.id, 0.0, (own,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
-        share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
         size *= 1 / np.sqrt(len(seen))
         if phase is not None:
             own[phase] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
-        reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
         wanted = own[amplitude.name] * scale
-        own[amplitude.name] = float(np.clip(wanted, *reach))
-        if not reach[0] <= wanted <= reach[1] and wanted * own[amplitude.name] <= 0:
-            share = 0.0
+        own[amplitude.name] = float(np.clip(wanted, 0.9 * amplitude.lower, 0.9 * amplitude.upper))
+        within = max(own[amplitude.name] / wanted, 0.0) if wanted else 0.0
+        share = 1 - float(np.sum((r + within * (D @ factor)) ** 2)) / power
         return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
 
 

@@ -3,15 +3,16 @@
 import os
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context, parent_process
+from signal import SIG_DFL, SIGINT, signal
 from threading import Thread
 from typing import Any, TypeVar
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 _FORKS = sys.platform == "linux"  # elsewhere a forked process may not use what its parent had loaded
-_SHARED: dict[str, Any] = {}  # what the workers inherit: the function and its items
+_INHERITED: dict[str, Any] = {}  # in a worker: the function and its items
 
 
 def end_with_parent() -> None:
@@ -39,19 +40,19 @@ def each(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
     count = min(cores(), len(items))
     if count < 2 or parent_process() is not None:
         return [function(item) for item in items]
-    _SHARED.update(function=function, items=items)
-    try:
-        with _executor(count) as workers:
-            return list(workers.map(_one, range(len(items))))
-    finally:
-        _SHARED.clear()
-
-
-def _executor(count: int) -> Executor:
     if not _FORKS:
-        return ThreadPoolExecutor(count)
-    return ProcessPoolExecutor(count, get_context("fork"), end_with_parent)
+        with ThreadPoolExecutor(count) as threads:
+            return list(threads.map(function, items))
+    with ProcessPoolExecutor(count, get_context("fork"), _begin, (function, items)) as workers:
+        return list(workers.map(_one, range(len(items))))
+
+
+def _begin(function: Callable[[Any], Any], items: Sequence[Any]) -> None:
+    """What a forked worker inherits, nothing of it copied. An interrupt ends it as its parent."""
+    _INHERITED.update(function=function, items=items)
+    signal(SIGINT, SIG_DFL)
+    end_with_parent()
 
 
 def _one(number: int) -> Any:
-    return _SHARED["function"](_SHARED["items"][number])
+    return _INHERITED["function"](_INHERITED["items"][number])

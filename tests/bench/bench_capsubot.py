@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from models.identification import close
-from models.identification.fitting.fit import Problem
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
@@ -46,9 +47,8 @@ def ladder(kind: VibroTableKind, theta: Theta, effects: Sequence[str], rest: Rec
     out = []
     for count in range(len(effects) + 1):
         some = list(effects[:count])
-        fit = theta.only(some)
-        for secant in (0.3, 0.1):
-            fit = fit | Problem.of(kind, [rest], some, 0).descend(fit, secant, 12).theta
+        start = theta.only(some)
+        fit = start | Fitter.of(kind, [rest], some, 0).near(start, SET.narrow).theta
         out.append(1e3 * kind.error([held], [kind.predict(held, fit)]))
     return out
 

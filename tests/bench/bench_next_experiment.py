@@ -21,7 +21,7 @@ from models.identification.experiment import propose
 from models.identification.finding import Proposal
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
-from models.identification.search.forward_selection import search
+from models.identification.search.search import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at

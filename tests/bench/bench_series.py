@@ -12,7 +12,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-from models.identification.search.refit import whole
+from models.identification.fitting.fitter import Fitter
 from tests.bench.bench_tracing import close_series, read_series
 
 _HEADER = (
@@ -31,7 +31,8 @@ def line(folder: Path, out: Path) -> str:
     held = replace(kind, base=base)
     effects = tuple(sorted(found.effects))
     start = found | told
-    true = start | whole(held, train, effects, start).theta
+    fitter = Fitter.of(held, train, effects)
+    true = start | fitter.exactly(fitter.far([start]).theta).theta
     left = kind.error(holdout, [kind.predict(record, true) for record in holdout])
     within = all(
         low <= value <= high for name, value in told.items() for low, high in [report["calibration"][name]["ci95"]]

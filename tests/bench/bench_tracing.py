@@ -21,11 +21,10 @@ from typing import Any, Final
 import numpy as np
 
 from hil.app.main import run as capsule
-from models.identification.fitting.fit import Problem
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import read_model
-from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
@@ -266,8 +265,8 @@ def _from_the_truth(row: dict[str, Any], out: Path) -> str:
     folder = out / f"{row['kind']}_{row['effect']}_{row['seed']}"
     kind, train, holdout, found = read_series(folder, folder)
     start = found | {name: value for name, value in row["truth"].items() if name in found}
-    near = Problem.of(kind, train, sorted(found.effects), kind.free_run).narrowing(start, (*SET.narrow, *SET.fine))
-    end = Problem.of(kind, train, sorted(found.effects), kind.final).narrowing(near.theta, (*SET.narrow, *SET.fine))
+    fitter = Fitter.of(kind, train, sorted(found.effects))
+    end = fitter.exactly(fitter.near(start).theta)
     floors = [
         kind.error(holdout, [kind.predict(r, theta) for r in holdout]) / row["floor"]
         for theta in (found, found | end.theta)

@@ -187,8 +187,8 @@ class GaussNewton:
     def _room(self, x: Array, step: Array) -> float:
         """The share of `step` that stays within the bounds."""
         ahead = np.where(step > 0, self.upper - x, x - self.lower)
-        moving = step != 0
-        return float(np.clip(np.min(ahead[moving] / np.abs(step[moving]), initial=1.0), 0.0, 1.0))
+        short = ahead < np.abs(step)
+        return float(max(np.min(ahead[short] / np.abs(step[short]), initial=1.0), 0.0))
 
 
 def _height(point: tuple[Array, Array]) -> float:

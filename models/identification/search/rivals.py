@@ -10,7 +10,7 @@ from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, opening
-from models.identification.search.fitted_model import FittedModel, ahead
+from models.identification.search.fitted_model import Fits, FittedModel, ahead
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
 from models.records.record import Record
@@ -51,7 +51,7 @@ def rivals_of(
     starts = {row.effect: row.starts for row in screened}
     made = _predicted(model) if kind.beginnings_s else [part for part, _ in model.splits]
 
-    def rival(name: str) -> Rival:
+    def rival(name: str) -> tuple[float, bool, Fits, tuple[str, ...]]:
         pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
         known = tried[name].thetas if name in tried else ()
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
@@ -62,13 +62,17 @@ def rivals_of(
         for effects, thetas in tried[name].refinements.items() if name in tried else ():
             fitted = min(fitted, model.fitted(thetas, effects), key=lambda one: one.cost)
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)
-        return _compared(model, name, fitted, gain, close or name in kind.equivalents.get(effect, ()))
+        found = _compared(model, name, fitted, gain, close or name in kind.equivalents.get(effect, ()))
+        return found.apart, found.alike, fitted.thetas, fitted.effects  # a kind and its records stay where they are
 
     possible = {e.id for e in kind.effects} - {effect, *rest}
     waiting = [name for name in dict.fromkeys((*tried, *strong, *_like(kind, [effect]))) if name in possible]
     rivals = dict[str, Rival]()
     while waiting:
-        found = each(rival, waiting)
+        found = [
+            Rival(name, apart, alike, model.fitted(thetas, effects))
+            for name, (apart, alike, thetas, effects) in zip(waiting, each(rival, waiting), strict=True)
+        ]
         rivals |= {one.effect: one for one in found}
         alike = _like(kind, [one.effect for one in found if one.alike])
         waiting = [name for name in alike if name in possible and name not in rivals]

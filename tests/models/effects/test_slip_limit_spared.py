@@ -8,12 +8,12 @@ import pytest
 from models.drives.pull import Pull
 from models.effects import CATALOGUE
 from models.formula import line_text
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.reports.series import about_the_rig, equations
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import compare_candidates
 from models.identification.search.fitted_model import FittedModel, ahead
-from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.settings import SET
 from models.records.record import read_record
@@ -42,7 +42,7 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     assert isinstance(full, SeriesKind)
     kind = replace(full, effects=tuple(CATALOGUE[effect] for effect in RIVALS[name]))
     splits = [(records[:1], records[1:])]
-    base = refit(kind, records[:1], [], kind.nominal())
+    base = Fitter.of(kind, records[:1], []).far([kind.nominal()]).theta
     trials = compare_candidates(FittedModel.of(kind, splits, [], [base]), screen(kind, records[:1], [], base))
     assert trials[0].effect == answer_of(name)
     assert all(ahead(trials[0].blocks, trial.blocks) > SET.apart for trial in trials[1:])

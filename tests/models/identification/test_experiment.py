@@ -10,13 +10,11 @@ from hil.app.close_loop import next_toml
 from models.checks.excitation import cannot_show, shown_with
 from models.effects import CATALOGUE
 from models.identification.experiment import Candidate, Question, propose, question, words_of
-from models.identification.fitting.fit import Problem
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.motion_plan import Move, Plan, Room
-from models.identification.search.forward_selection import Search
-from models.identification.search.refit import whole
-from models.identification.settings import SET
+from models.identification.search.search import Search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
@@ -40,7 +38,8 @@ def test_the_next_record_shows_what_the_records_cannot_within_their_places() -> 
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= hidden.keys()
     unseen = [CATALOGUE[name] for name in hidden]
     kind = kind_for(RIG, records)
-    found = Search(*[whole(kind, records, [], kind.nominal(), to_the_end=False)] * 2)
+    fit = Fitter.of(kind, records, []).far([kind.nominal()])
+    found = Search(fit, fit)
     proposal = propose(kind, records, found, shown_with(RIG, records, unseen), np.random.default_rng(0))
     assert proposal is not None
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= set(proposal.shows) <= hidden.keys()
@@ -77,8 +76,7 @@ def one_pass() -> Record:
 
 @pytest.fixture(scope="module")
 def asked() -> Question:
-    problem = Problem.of(KIND, [one_pass()], DRYING.effects, KIND.criteria - 1)
-    rival = replace(DRYING, theta=problem.narrowing(DRYING.theta, SET.wide).theta)
+    rival = replace(DRYING, theta=Fitter.of(KIND, [one_pass()], DRYING.effects).near(DRYING.theta).theta)
     return question(KIND, [one_pass()], TAPER, rival, np.random.default_rng(0))
 
 

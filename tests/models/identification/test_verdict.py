@@ -12,7 +12,7 @@ from models.identification.finding import Check, Fitted
 from models.identification.fitting.fit import Fit
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.forward_selection import Search
+from models.identification.search.search import Search
 from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
 from models.records.record import Record
 from models.rigs.reader import Noise

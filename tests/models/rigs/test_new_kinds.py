@@ -22,7 +22,7 @@ from hil.app.close_loop import result_files
 from hil.app.init import init
 from models.checks.examine import examine
 from models.drives.drive import Drive
-from models.identification.fitting.fit import Problem
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds.series.series import SeriesKind
 from models.laws.geometry import Capsule
 from models.records.record import Record, read_record, record_of
@@ -76,7 +76,7 @@ def test_it_is_assembled_predicted_and_calibrated(rig: Rig) -> None:
     place = np.interp(t[::every], rows[:, 0], rows[:, 1])
     record = Record("jet", "thruster", {"t_s": t[::every], "jet": jet[::every], "position_m": place})
     kind = SeriesKind.build(surface_of(rig), drive_of(rig), 1e-5, [record])
-    fit = Problem.of(kind, [record], [], kind.final).narrowing(kind.nominal())
+    fit = Fitter.of(kind, [record], [], kind.final).near(kind.nominal())
     assert fit.theta["thrust_N"] == pytest.approx(THRUST, rel=2e-3)
     assert np.std(kind.predict(record, fit.theta) - place) < 0.02 * np.std(place)
 

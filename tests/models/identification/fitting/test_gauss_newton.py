@@ -2,7 +2,7 @@
 uphill.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -19,14 +19,19 @@ Array = NDArray[np.float64]
 def valley(
     function: Callable[[Array], Array], lower: list[float], upper: list[float], scale: list[float]
 ) -> GaussNewton:
-    return GaussNewton(lambda points: [function(x) for x in points], np.array(lower), np.array(upper), np.array(scale))
+    return GaussNewton(stacked(function), np.array(lower), np.array(upper), np.array(scale))
+
+
+def stacked(function: Callable[[Array], Array]) -> Callable[[Sequence[Array]], Array]:
+    """Residuals of many points at once, a row each."""
+    return lambda points: np.array([function(x) for x in points])
 
 
 @given(st.integers(0, 1000), st.floats(0.3, 3.0))
 def test_linear_least_squares_within_bounds(seed: int, half: float) -> None:
     rng = np.random.default_rng(seed)
     A, b = rng.standard_normal((30, 3)), 5 * rng.standard_normal(30)
-    found = valley(lambda x: A @ x - b, [-half] * 3, [half] * 3, [0.1] * 3).descend(np.zeros(3), 0.1, 30)
+    found = valley(lambda x: A @ x - b, [-half] * 3, [half] * 3, [0.1] * 3).descend(np.zeros(3), [0.1], 30)
     assert found.cost == pytest.approx(2 * lsq_linear(A, b, (-half, half)).cost, rel=1e-3)
 
 
@@ -38,7 +43,7 @@ def test_never_ends_higher_than_it_began(start: list[float], secant: float, jag:
 
     x = np.array(start)
     inside = np.clip(x, -1 + 2e-9, 1 - 2e-9)
-    found = valley(rough, [-1.0] * 3, [1.0] * 3, [0.1] * 3).descend(inside, secant, 6)
+    found = valley(rough, [-1.0] * 3, [1.0] * 3, [0.1] * 3).descend(inside, [secant], 6)
     assert found.cost <= float(rough(inside) @ rough(inside))
     assert np.all(np.abs(found.x) <= 1)
 
@@ -53,9 +58,7 @@ def test_powers_of_time_under_quantisation() -> None:
 
     data = seen(true)
     ground = valley(lambda x: seen(x) - data, [-0.02, -3e-4, -5e-6], [0.03, 3e-4, 5e-6], [1e-3, 1e-6, 2e-8])
-    x = np.array([6e-3, 0.0, 0.0])
-    for secant in (0.3, 0.1):
-        x = ground.descend(x, secant, 12).x
+    x = ground.descend(np.array([6e-3, 0.0, 0.0]), (0.3, 0.1), 24).x
     assert x == pytest.approx(true, rel=0.05)
 
 
@@ -63,14 +66,95 @@ def test_a_parameter_that_starts_at_its_bound_leaves_it() -> None:
     t = np.linspace(0, 1, 200)
     data = 2.0 * t + 0.5
     found = valley(lambda x: 100 * (x[0] * t + x[1] - data), [0.0, 0.0], [5.0, 5.0], [0.1, 0.1]).descend(
-        np.array([1e-8, 1e-8]), 0.3, 12
+        np.array([1e-8, 1e-8]), [0.3], 12
     )
     assert found.x == pytest.approx([2.0, 0.5], rel=1e-4)
 
 
 def test_a_parameter_without_effect_stays() -> None:
     t = np.linspace(0, 1, 50)
-    found = valley(lambda x: x[0] * t - t, [-9.0, -9.0], [9.0, 9.0], [0.1, 0.1]).descend(np.array([0.0, 3.0]), 0.1, 12)
+    found = valley(lambda x: x[0] * t - t, [-9.0, -9.0], [9.0, 9.0], [0.1, 0.1]).descend(
+        np.array([0.0, 3.0]), [0.1], 12
+    )
     assert found.x[0] == pytest.approx(1.0, abs=1e-6)
     assert np.isfinite(found.jacobian).all()
     assert not found.jacobian[:, 1].any()
+
+
+def test_widths_give_way_where_a_width_no_longer_gains() -> None:
+    """Under a ripple narrow secants are caught at once and wide ones stop above the end: in turn they come lowest."""
+    costs = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        A, phase = rng.standard_normal((40, 3)), rng.uniform(0, 2 * np.pi, 40)
+
+        def ripple(x: Array, A: Array = A, phase: Array = phase) -> Array:
+            return np.asarray(10 * A @ x + 2 * np.sin(30 * A @ x + phase))
+
+        ground = valley(ripple, [-5.0] * 3, [5.0] * 3, [0.1] * 3)
+        ends = [ground.descend(np.array([1.0, -2.0, 1.5]), widths, 60) for widths in ([1.0, 0.03], [1.0], [0.03])]
+        assert ends[0].why == ends[1].why == "settled"
+        costs.append([end.cost for end in ends])
+    in_turn, wide, narrow = np.mean(costs, axis=0)
+    assert in_turn < wide < 0.1 * narrow
+
+
+def test_a_width_that_never_gains_costs_one_round() -> None:
+    """At the bottom already: a round a width, and one that settles the last."""
+    rounds = 0
+
+    def counted(points: Sequence[Array]) -> Array:
+        nonlocal rounds
+        rounds += len(points) == 4  # both sides along two directions
+        return np.array([[x[0], x[1], 1.0] for x in points])
+
+    ends = np.ones(2)
+    found = GaussNewton(counted, -ends, ends, 0.1 * ends, batch=12).descend(np.zeros(2), (0.3, 0.1, 0.03), 40)
+    assert found.why == "settled"
+    assert rounds == 3
+    assert found.x == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_too_few_rounds_are_said() -> None:
+    found = valley(lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]), [-3.0] * 2, [3.0] * 2, [0.1] * 2).descend(
+        np.array([-1.2, 1.0]), [0.1], 1
+    )
+    assert found.why == "rounds"
+
+
+@given(st.integers(0, 1000))
+def test_slopes_of_other_residuals_lead_to_the_minimum_of_the_residuals_themselves(seed: int) -> None:
+    """The others are off by a constant, as coarser steps are: of no matter to the slopes, all the more to the end."""
+    rng = np.random.default_rng(seed)
+    A, b, off = rng.standard_normal((30, 3)), 5 * rng.standard_normal(30), 3 * rng.standard_normal(30)
+    fine, coarse = stacked(lambda x: A @ x - b), stacked(lambda x: A @ x - b + off)
+    ends = np.full(3, 20.0)
+    found = GaussNewton(fine, -ends, ends, np.full(3, 0.1), slopes=coarse).descend(np.zeros(3), [0.1], 30)
+    best = np.linalg.lstsq(A, b, rcond=None)[0]
+    assert found.x == pytest.approx(best, abs=1e-3 * float(np.abs(best).max()))
+    assert found.residual == pytest.approx(A @ found.x - b)
+    assert found.jacobian == pytest.approx(A, abs=1e-6)
+    assert found.gradient == pytest.approx(A.T @ (A @ found.x - b), abs=0.1 * float(np.linalg.norm(A.T @ b)))
+
+
+def test_slopes_of_other_residuals_never_lead_uphill() -> None:
+    """Though they point the wrong way."""
+    ends = np.ones(1)
+    ground = GaussNewton(
+        stacked(lambda x: np.array([x[0] + 2.0, 1.0])),
+        -ends,
+        ends,
+        0.1 * ends,
+        slopes=stacked(lambda x: np.array([-x[0], 0.0])),
+    )
+    assert ground.descend(np.array([0.5]), [0.1], 6).x[0] <= 0.5
+
+
+def test_the_products_are_those_of_the_derivatives() -> None:
+    rng = np.random.default_rng(4)
+    A, b = rng.standard_normal((700, 4)), rng.standard_normal(700)
+    found = valley(lambda x: A @ x - b, [-9.0] * 4, [9.0] * 4, [0.1] * 4).descend(np.zeros(4), [0.1], 1)
+    assert found.jacobian == pytest.approx(A, abs=1e-9)
+    assert found.normal == pytest.approx(A.T @ A)
+    assert found.gradient == pytest.approx(-A.T @ b)
+    assert found.turned @ np.linalg.inv(found.turned) == pytest.approx(np.eye(4), abs=1e-9)

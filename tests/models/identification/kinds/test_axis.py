@@ -11,13 +11,13 @@ from scipy.optimize import least_squares
 from models.checks.usable import used
 from models.effects.effect import Effect
 from models.formula import line_text
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import ready
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.moved import CARRIED
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.kinds.reports import axis as report
 from models.identification.kinds.reports.axis import find_ripple
-from models.identification.search.refit import refit
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
@@ -169,7 +169,8 @@ def test_a_gap_counts_for_nothing_as_far_as_the_filters_reach() -> None:
     assert filled_in[(record["t_s"] > 2.0) & (record["t_s"] < 2.3)].all()
     assert filled_in.sum() == pytest.approx(0.3 / whole["t_s"][1], abs=4)
     assert 0.5 < np.mean(KIND.residual(record, TRUE) ** 2) < 1.5
-    theta = refit(KIND, [record], [], Theta.of({**TRUE, "coulomb_friction_N": 1.2 * TRUE["coulomb_friction_N"]}))
+    start = Theta.of({**TRUE, "coulomb_friction_N": 1.2 * TRUE["coulomb_friction_N"]})
+    theta = Fitter.of(KIND, [record], []).far([start]).theta
     assert theta["coulomb_friction_N"] == pytest.approx(TRUE["coulomb_friction_N"], rel=0.01)
 
 

@@ -11,11 +11,11 @@ from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
 from models.formula import line_text
 from models.identification.fitting.fit import Fit
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
 from models.identification.kinds.reports import axis as report
-from models.identification.search.refit import refit
 from models.identification.verdict import residual_checks
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
@@ -64,8 +64,8 @@ def joint(torque_noise: float = 0.05, angle_noise: float = 0.0, gravity: float =
 def test_the_weight_on_a_joint_is_found_with_the_joints_numbers(angle_noise: float) -> None:
     record = joint(angle_noise=angle_noise)
     kind = AxisKind.from_rig(RIG, [record])
-    start = {name: 1.3 * value for name, value in Theta.of({**BASE, **GRAVITY}).items()}
-    theta = refit(kind, [record], ["gravity_over_angle"], start)
+    start = Theta.of({name: 1.3 * value for name, value in {**BASE, **GRAVITY}.items()})
+    theta = Fitter.of(kind, [record], ["gravity_over_angle"]).far([start]).theta
     assert {name: theta[name] for name in BASE} == pytest.approx(BASE, rel=0.03, abs=0.03)
     assert {name: theta[name] for name in GRAVITY} == pytest.approx(GRAVITY, rel=0.02)
     assert np.mean(kind.residual(record, theta) ** 2) < 1.4

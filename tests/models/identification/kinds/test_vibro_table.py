@@ -22,7 +22,7 @@ from models.identification.kinds.vibro_table.solver import (
     suspension_force,
 )
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
-from models.identification.search.forward_selection import search
+from models.identification.search.search import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.theta import Theta

@@ -1,16 +1,13 @@
-"""No candidate is named because its search was luckier, nor for what its refinement does."""
+"""No candidate is named because its search was luckier, nor for what another one does."""
 
 import tomllib
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from models.identification.kind import Kind, Split
 from models.identification.kinds import kind_for
-from models.identification.search.candidates import Trial, from_the_best
+from models.identification.search.candidates import Trial, _from_base_of, compare_candidates
 from models.identification.search.fitted_model import FittedModel
-from models.identification.search.refit import step_on
+from models.identification.search.screening import screen
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
@@ -18,59 +15,42 @@ from tests.plant.series import make_series
 
 SECONDS = 12.0
 LATE_S = 0.05
+LAG = Theta.of({("actuator_lag", "time_s"): LATE_S})
 
 
 @pytest.fixture(scope="module")
-def late(tmp_path_factory: pytest.TempPathFactory) -> tuple[Kind, list[Split], dict[str, float]]:
-    """Kind, splits and the true base of a series whose measurement is late."""
+def late(tmp_path_factory: pytest.TempPathFactory) -> FittedModel:
+    """A series whose measurement is late, and its true base on every split."""
     folder = make_series("magnetic", "sensor_delay", 3, tmp_path_factory.mktemp("late"), SECONDS)
     rig = read_rig(folder / "rig.toml")
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2, 3)]
     kind = kind_for(rig, records)
     answer = tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
-    return kind, kind.splits(records), kind.nominal() | {k: v for k, v in answer.items() if k in kind.nominal()}
+    base = kind.nominal() | {k: v for k, v in answer.items() if k in kind.nominal()}
+    splits = kind.splits(records)
+    return FittedModel.of(kind, splits, [], [base] * len(splits))
 
 
-def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(
-    late: tuple[Kind, list[Split], dict[str, float]],
-) -> None:
-    kind, splits, base = late
-    before = FittedModel.of(kind, splits, [], [base] * len(splits)).blocks
-    lag = fitted(kind, splits, ["actuator_lag"], Theta.of({**base, ("actuator_lag", "time_s"): LATE_S}))
-    stuck = [Theta.of({**base, "magnet_stiffness_N_per_m": 21.3, ("sensor_delay", "delay_s"): 0.02})] * len(splits)
-    rows = [trial(kind, splits, before, "actuator_lag", lag), trial(kind, splits, before, "sensor_delay", stuck)]
-    assert rows[1].gain < rows[0].gain
-    best = max(
-        from_the_best(FittedModel.of(kind, splits, [], [base] * len(splits)), rows, rows), key=lambda row: row.gain
-    )
-    assert best.effect == "sensor_delay"
-    assert best.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
+def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(late: FittedModel) -> None:
+    base = late.thetas[0]
+    lag = Trial.of(late, "actuator_lag", late.near([base | LAG] * len(late.splits), ["actuator_lag"]))
+    off = base | {"magnet_stiffness_N_per_m": 21.3, ("sensor_delay", "delay_s"): 0.02}
+    stuck = Trial.of(late, "sensor_delay", late.fitted([off] * len(late.splits), ["sensor_delay"]))
+    assert stuck.gain < lag.gain
+    again = _from_base_of(late, lag, stuck)
+    assert again.gain > lag.gain
+    assert again.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
+    assert _from_base_of(late, lag, lag) is lag
 
 
-def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
-    late: tuple[Kind, list[Split], dict[str, float]],
-) -> None:
-    kind, splits, base = late
-    before = FittedModel.of(kind, splits, [], [base] * len(splits)).blocks
-    model = ["actuator_lag", "sensor_delay"]
-    lag = fitted(kind, splits, model[:1], Theta.of({**base, ("actuator_lag", "time_s"): LATE_S}))
-    alone = trial(kind, splits, before, "actuator_lag", lag)
-    both = fitted(
-        kind, splits, model, Theta.of({**base, ("actuator_lag", "time_s"): 1e-4, ("sensor_delay", "delay_s"): LATE_S})
-    )
-    put_right = trial(kind, splits, before, "actuator_lag", both)
-    helped = replace(alone, blocks=put_right.blocks, refinements={tuple(model): tuple(both)})
-    rows = {
-        row.effect: row
-        for row in from_the_best(FittedModel.of(kind, splits, [], [base] * len(splits)), [alone], [helped])
-    }
-    assert rows["actuator_lag"] is alone
-    assert rows["sensor_delay"].gain > alone.gain
-
-
-def fitted(kind: Kind, splits: list[Split], model: list[str], start: dict[str, float]) -> list[dict[str, float]]:
-    return [step_on(kind, part, model, start).theta for part, _ in splits]
-
-
-def trial(kind: Kind, splits: list[Split], before: np.ndarray, name: str, fits: list[dict[str, float]]) -> Trial:
-    return Trial(name, tuple(fits), before, FittedModel.of(kind, splits, [], fits).blocks)
+def test_a_candidate_does_not_lead_by_what_a_look_alike_beside_it_does(late: FittedModel) -> None:
+    """A lag and a delay together explain what the delay alone does."""
+    rows = [
+        row
+        for row in screen(late.kind, late.part, [], late.thetas[0])
+        if row.effect in ("actuator_lag", "sensor_delay")
+    ]
+    trials = compare_candidates(late, rows)
+    assert trials[0].effect == "sensor_delay"
+    assert trials[0].thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
+    assert all(trial.gain < trials[0].gain - 0.1 for trial in trials[1:])

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from models.effects import CATALOGUE
+from models.identification.fitting.fit import judged_cost
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.fitted_model import judged
-from models.identification.search.refit import refit, whole
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.theta import Theta
 from plant import layout as at
 from plant.drives import TrueMagnet
 from plant.rig import STEP_S, Plant, TruePlate, Truth
@@ -23,7 +24,7 @@ from tests.models.identification.search.test_vibro_search import read_series
 from tests.plant.series import make_series
 
 
-def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
+def left(folder: Path, *effects: str) -> tuple[float, Theta]:
     """What a joint fit of base and `effects` leaves of a record: its mean square in units of the noise; and the fit."""
     rig, records, _ = read_series(folder)
     full = kind_for(rig, records)
@@ -34,18 +35,19 @@ def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
         start = start.with_(name, CATALOGUE[name].start()) | {
             (name, CATALOGUE[name].amplitude().name): CATALOGUE[name].probe
         }
-    fit = whole(kind, records[:1], list(effects), start)
+    fitter = Fitter.of(kind, records[:1], effects)
+    fit = fitter.exactly(fitter.far([start]).theta)
     return fit.chi2, fit.theta
 
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
 def test_nothing_hidden_on_a_plate_leaves_noise(name: str, tmp_path: Path) -> None:
-    assert left(make_series(name, None, 2, tmp_path, 5.0, rate_Hz=200.0))[0] < SET.near  # type: ignore[arg-type]
+    assert left(make_series(name, None, 2, tmp_path, 5.0, rate_Hz=200.0))[0] < SET.near
 
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
 def test_a_drag_on_a_plate_is_found(name: str, tmp_path: Path) -> None:
-    folder = make_series(name, "viscous_drag", 2, tmp_path, 8.0, rate_Hz=200.0)  # type: ignore[arg-type]
+    folder = make_series(name, "viscous_drag", 2, tmp_path, 8.0, rate_Hz=200.0)
     without, with_drag = left(folder)[0], left(folder, "viscous_drag")[0]
     assert without > 3 * with_drag
 
@@ -85,10 +87,10 @@ def test_a_magnet_swings_a_capsule_in_the_air() -> None:
     columns = {"t_s": rows[:, at.O_T], "carriage_position_m": rows[:, at.O_DRIVE], "position_m": place}
     record = Record("swing", "magnetic", columns)
     kind = replace(kind_for(rig, [record]), effects=(CATALOGUE["viscous_drag"],))
-    base = refit(kind, [record], [], kind.nominal())
+    base = Fitter.of(kind, [record], []).far([kind.nominal()]).theta
     start = kind.nominal().with_("viscous_drag", CATALOGUE["viscous_drag"].start()) | {
         ("viscous_drag", "coefficient_N"): 0.01
     }
-    fit = refit(kind, [record], ["viscous_drag"], start)
-    assert float(judged(kind, [record], fit).mean()) < SET.near < float(judged(kind, [record], base).mean())
+    fit = Fitter.of(kind, [record], ["viscous_drag"]).far([start]).theta
+    assert judged_cost(kind, [record], fit) < SET.near < judged_cost(kind, [record], base)
     assert fit["magnet_stiffness_N_per_m"] == pytest.approx(24.0, rel=0.02)

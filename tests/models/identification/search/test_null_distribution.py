@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.identification.fitting.fit import judged_cost
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.fitted_model import judged_cost
 from models.identification.search.screening import null_distribution, records_for_null
 from models.records.record import Record, read_record
 from models.rigs.reader import Noise, read_rig

@@ -11,7 +11,6 @@ from models.effects.force import PeristalticWave
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Array, Kind
 from models.identification.search.refinement import refined_at_last
-from models.identification.search.refit import finished
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -30,8 +29,8 @@ def _slow(signal: Array) -> float:
 
 
 class _Seen(Kind):
-    """A linear world, of which what is slow is reported: noise, a shape that the last stage alone shows, the base's own
-    number, and something that nothing explains.
+    """A linear world, of which what is slow is reported: noise, a shape that the last stage alone shows as the error of
+    coarser steps hides it, the base's own number, and something that nothing explains.
     """
 
     name, criteria, final, judges = "magnetic", 2, 2, (1,)
@@ -46,13 +45,9 @@ class _Seen(Kind):
         self.shape, self.strange = shape, strange
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
-        shown = self.shape - 5 * theta.get(("wave_harmonics", "fifth_sin"), 0.0)
-        seen = (
-            NOISE
-            + (stage == self.final) * (shown * SHAPE + self.strange * STRANGE)
-            + (theta.get("level", 1.0) - 1.0) * LEVEL
-        )
-        return np.asarray(seen)
+        hidden = (stage == self.final) * (self.shape * SHAPE + self.strange * STRANGE)
+        fitted = (theta.get("level", 1.0) - 1.0) * LEVEL - 5 * theta.get(("wave_harmonics", "fifth_sin"), 0.0) * SHAPE
+        return np.asarray(NOISE + hidden + fitted)
 
     def predict(self, record: Record, theta: Theta) -> Array:
         return self.residual(record, theta, self.final)
@@ -101,7 +96,9 @@ def test_a_better_base_is_no_merit_of_a_shape() -> None:
     assert chi2 == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_kind_with_one_stage_is_finished_as_it_is() -> None:
+def test_a_kind_with_one_stage_hides_no_shape_from_its_search() -> None:
     kind: Any = _Seen(shape=0.4, strange=0.0)
     kind.criteria, begun = 1, _begun(kind, 1.4)
-    assert finished(kind, RECORDS, [], begun) is begun
+    added, fit = refined_at_last(kind, RECORDS, ["peristaltic_wave"], [], begun, {})
+    assert not added
+    assert fit is begun

@@ -8,12 +8,12 @@ import pytest
 from models.effects.effect import Effect
 from models.effects.force import InclineGravity, PeristalticWave, Respiration, SpringOverPosition
 from models.effects.friction import LumenTaper
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.candidates import Trial
 from models.identification.search.fitted_model import FittedModel
-from models.identification.search.refit import refit
 from models.identification.search.rivals import rivals_of
 from models.identification.search.screening import screen
 from models.records.record import Record
@@ -45,12 +45,10 @@ def test_a_rival_that_no_round_tried_stands_in_the_class_where_the_records_canno
     assert isinstance(kind, AxisKind)
     splits = kind.splits(records)
     nominal = kind.nominal()
-    base = FittedModel.of(kind, splits, [], [refit(kind, part, [], nominal) for part, _ in splits])
+    base = FittedModel.of(kind, splits, [], [nominal] * len(splits)).far([nominal] for _ in splits)
     screened = screen(kind, base.part, [], base.thetas[0])
     begun = next(row for row in screened if row.effect == SPRING).starts[0]
-    model = base.fitted(
-        [refit(kind, part, [SPRING], theta.with_(SPRING, begun)) for part, theta in base.parts], [SPRING]
-    )
+    model = base.far(([theta.with_(SPRING, begun)] for theta in base.thetas), [SPRING])
     gain = float(np.log(base.cost / model.cost))
     assert gain > 2
     rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, gain, screened, [])}
@@ -67,15 +65,15 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
 
     def fitted(effect: type[Effect], **values: float) -> list[Theta]:
         start = nominal.with_(effect.id, {**effect.start(), **values})
-        return [refit(kind, part, [effect.id], start) for part, _ in splits]
+        return [Fitter.of(kind, part, [effect.id]).far([start]).theta for part, _ in splits]
 
     model = FittedModel.of(kind, splits, [SPRING], fitted(SpringOverPosition, stiffness_N_per_m=10.0))
     taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
     blocks = FittedModel.of(kind, splits, [], taper).blocks
     trial = Trial(LumenTaper.id, tuple(taper), blocks + 1, blocks)
-    (rival,) = rivals_of(model, SPRING, 4.0, [], [trial])
-    assert rival.effect == LumenTaper.id
-    assert rival.alike
+    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, 4.0, [], [trial])}
+    assert rivals[LumenTaper.id].alike
+    assert rivals[LumenTaper.id].fitted.cost <= model.fitted(taper, [LumenTaper.id]).cost * 1.001
 
 
 def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:

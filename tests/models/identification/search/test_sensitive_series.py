@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.growing_horizon import predictable, sensitivity_cost
+from models.identification.search.sensitivity import predictable, sensitivity_cost
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta

@@ -12,10 +12,10 @@ import pytest
 from models.effects import CATALOGUE
 from models.effects.inner_mass import EndStopImpact
 from models.effects.refinements import DAMPING_KNOTS_M_S, DampingOverSpeed
+from models.identification.fitting.fit import judged_cost
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.fitted_model import judged
-from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.settings import SET
 from models.records.record import Record, read_record
@@ -69,14 +69,14 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     full = kind_for(rig, records)
     assert isinstance(full, SeriesKind)
     kind, part = replace(full, effects=tuple(CATALOGUE[name] for name in CANDIDATES)), records[:1]
-    base = refit(kind, part, [], kind.nominal())
-    left = float(judged(kind, part, base).mean())
+    base = Fitter.of(kind, part, []).far([kind.nominal()]).theta
+    left = judged_cost(kind, part, base)
     assert left > SET.near
     fits = {
-        row.effect: refit(kind, part, [row.effect], kind.nominal().with_(row.effect, row.starts[0]))
+        row.effect: Fitter.of(kind, part, [row.effect]).far([kind.nominal().with_(row.effect, row.starts[0])]).theta
         for row in screen(kind, part, [], base)
     }
-    costs = {name: float(judged(kind, part, fit).mean()) for name, fit in fits.items()}
+    costs = {name: judged_cost(kind, part, fit) for name, fit in fits.items()}
     assert min(costs, key=lambda name: costs[name]) == "spring_damping"
     assert costs["spring_damping"] < 1 + 0.2 * (left - 1)  # 1 is the noise
     assert fits["spring_damping"]["spring_damping", "damping_N_s_per_m"] > 0.1
@@ -85,8 +85,8 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
 def test_a_calibration_is_enough_in_the_gut_where_nothing_hides(tmp_path: Path) -> None:
     rig, records, answer = read_series(make_series("vibro", None, 3, tmp_path, 3.0))
     kind = kind_for(rig, records)
-    base = refit(kind, records, [], kind.nominal())
-    assert float(judged(kind, records, base).mean()) < 1.3
+    base = Fitter.of(kind, records, []).far([kind.nominal()]).theta
+    assert judged_cost(kind, records, base) < 1.3
     for name in ("force_N", "spring_stiffness_N_per_m"):
         assert base[name] == pytest.approx(answer[name], rel=0.02)
 

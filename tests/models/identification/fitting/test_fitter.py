@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for, ready
-from models.identification.search.refit import refit
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from tests.plant.series import make_series
@@ -19,7 +19,7 @@ def test_a_clean_pull_is_calibrated_to_the_truth(tmp_path: Path, seed: int) -> N
     rig = read_rig(folder / "rig.toml")
     train = [ready(read_record(folder / f"train_{k}.csv.gz", rig), rig) for k in (1, 2, 3)]
     kind = kind_for(rig, train)
-    found = refit(kind, kind.searched(train), [], kind.nominal())
+    found = Fitter.of(kind, kind.searched(train), []).far([kind.nominal()]).theta
     truth = tomllib.loads((folder / "answer.toml").read_text())
     for name in ("hoop_stress_factor", "friction_coefficient"):
         assert found[name] == pytest.approx(truth[name], rel=5e-3)

@@ -143,9 +143,9 @@ class Kind(ABC):
         """
         return None
 
-    def slow_rows(self, record: Record) -> int:
-        """Rows of the residual whose mean shows what is slow in it; 1 where a row is no sample in time."""
-        return 1
+    def slow(self, record: Record, rows: Array) -> Array:
+        """What is slow in residuals `rows` (k, m) of records like `record`; all of them where no row is in time."""
+        return rows
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """The part of `records` that a search uses: all, or prefixes where a short run shows as much."""

@@ -180,7 +180,9 @@ class SearchSettings:
     uneven: float = setting(0.05, "1", "share of the sampling interval by which even times may be off")
     switch_end: float = setting(0.01, "1", "of a switch's range within which a sample counts as fully on or off")
     low_pass_hz: float = setting(2.0, "Hz", "cut-off of the reported error of a series")
-    slow_s: float = setting(0.25, "s", "time over which a residual's mean shows what is slow in it")
+    slow_s: float = setting(
+        0.2, "s", "time over which a residual's mean shows what is slow in it", "whole mains periods"
+    )
     tail: float = setting(8.0, "1", "standard deviations beyond which a difference counts less, as at a jump")
     shaken_s: float = setting(6.0, "s", "length of record that a search uses of a shaken body")
     beginnings_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 18.0, 30.0), "s", "growing prefixes of a search")

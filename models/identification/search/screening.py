@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -33,75 +34,67 @@ class Screened:
 
 
 @dataclass(frozen=True)
-class _Scale:
-    """The residual of a fit in means of `window` neighbours, with the fitted directions, `basis`, taken out."""
+class _View:
+    """The residual of a fit as `seen`, each sample or what is slow, with the fitted directions, `basis`, taken out."""
 
-    window: int
+    seen: Callable[[Array], Array]
     residual: Array
     basis: Array
 
     @classmethod
-    def of(cls, window: int, residual: Array, jacobian: Array) -> _Scale:
-        basis = np.linalg.qr(_means(jacobian.T, window).T)[0]
-        left = _means(residual[None], window)[0]
-        return cls(window, left - basis @ (basis.T @ left), basis)
+    def of(cls, seen: Callable[[Array], Array], residual: Array, jacobian: Array, width: Array) -> _View:
+        own = seen(residual[None])
+        basis = np.linalg.qr((seen(residual + jacobian.T * width[:, None]) - own).T)[0]
+        return cls(seen, own[0] - basis @ (basis.T @ own[0]), basis)
 
-    def measured(self, effect: type[Effect], start: Mapping[str, float], seen: Array) -> Screened:
-        """What the residual's changes `seen` (1 or 2, m) along the amplitude (and its quadrature, where there is a
+    def measured(self, effect: type[Effect], start: Mapping[str, float], change: Array) -> Screened:
+        """What the residual's changes `change` (1 or 2, m) along the amplitude (and its quadrature, where there is a
         phase) explain of it.
         """
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
-        D, r = _means(seen, self.window).T, self.residual
+        D, r = change.T, self.residual
         D = D - self.basis @ (self.basis.T @ D)
         size, power, own = float(np.linalg.norm(D)), float(r @ r), dict(start)
         if not (0 < power < np.inf) or not np.isfinite(size) or size < 1e-9 * np.sqrt(power):
             return Screened(effect.id, 0.0, (own,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
-        share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
-        size *= 1 / np.sqrt(len(seen))
+        size *= 1 / np.sqrt(len(change))
         if phase is not None:
             own[phase] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
-        reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
         wanted = own[amplitude.name] * scale
-        own[amplitude.name] = float(np.clip(wanted, *reach))
-        if not reach[0] <= wanted <= reach[1] and wanted * own[amplitude.name] <= 0:
-            share = 0.0
+        own[amplitude.name] = float(np.clip(wanted, 0.9 * amplitude.lower, 0.9 * amplitude.upper))
+        within = max(own[amplitude.name] / wanted, 0.0) if wanted else 0.0
+        share = 1 - float(np.sum((r + within * (D @ factor)) ** 2)) / power
         return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
-
-
-def _means(rows: Array, window: int) -> Array:
-    """Means of `window` neighbours of `rows` (k, m) times its root, so that white noise keeps its variance."""
-    if window < 2:
-        return rows
-    whole = rows[:, : rows.shape[1] // window * window]
-    return np.asarray(whole.reshape(len(rows), -1, window).mean(axis=2) * np.sqrt(window))
 
 
 def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Screened]:
     """Each candidate not `taken` in its best shape beside the fit at `theta`, with the starts of the best few shapes at
-    each scale; best first.
+    each view; best first.
     """
-    kind, x = fitter.kind, fitter.at(theta)
+    kind, x, first = fitter.kind, fitter.at(theta), fitter.records[0]
     here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
-    windows = {1, kind.slow_rows(fitter.records[0])}
-    scales = [_Scale.of(window, here, jacobian) for window in sorted(windows)]
+    width = SET.screened_secant * np.array([axis.scale for axis in fitter.axes])
+    views = [_View.of(seen, here, jacobian, width) for seen in (np.asarray, partial(kind.slow, first))]
 
     def tried(effect: type[Effect]) -> Screened:
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
         starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, fitter.records)]
         phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
-        n, shown = len(phases), [list[Screened]() for _ in scales]
+        n, shown = len(phases), [list[Screened]() for _ in views]
         some = max(1, kind.lanes // n)
         for k in range(0, len(starts), some):
             thetas = [theta.with_(effect.id, {**start, **at}) for start in starts[k : k + some] for at in phases]
-            rows = evaluate_all(kind, fitter.records, thetas, fitter.criterion)
-            seen = np.zeros((len(rows), len(here)))  # the priors' rows do not change
-            seen[:, : rows.shape[1]] = rows - here[: rows.shape[1]]
-            for scale, own in zip(scales, shown, strict=True):
-                pairs = enumerate(starts[k : k + some])
-                own += [scale.measured(effect, start, seen[n * i : n * i + n]) for i, start in pairs]
+            rows = np.tile(here, (len(thetas), 1))  # the priors' rows do not change
+            own = evaluate_all(kind, fitter.records, thetas, fitter.criterion)
+            rows[:, : own.shape[1]] = own
+            for view, found in zip(views, shown, strict=True):
+                change = view.seen(rows) - view.seen(here[None])
+                found += [
+                    view.measured(effect, s, change[n * i : n * i + n]) for i, s in enumerate(starts[k : k + some])
+                ]
         best = [sorted(own, key=_by_share)[: SET.screened_starts] for own in shown]
         leader = min((rows[0] for rows in best), key=_by_share)
         return replace(leader, starts=tuple(start for rows in best for row in rows for start in row.starts))

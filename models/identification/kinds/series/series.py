@@ -161,8 +161,14 @@ class SeriesKind(Kind):
         noise, measured = self.noise_std, record[self.quantity]
         return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, SET.tail))
 
-    def slow_rows(self, record: Record) -> int:
-        return max(1, round(SET.slow_s / (interval(record) * self.averaged)))
+    def slow(self, record: Record, rows: Array) -> Array:
+        count = max(1, round(SET.slow_s / (interval(record) * self.averaged)))
+        if rows.shape[1] < count:
+            return rows
+        plain = (rows * np.sqrt(1 + (rows / (2 * SET.tail)) ** 2))[
+            :, : rows.shape[1] // count * count
+        ]  # no tail weight
+        return np.asarray(plain.reshape(len(rows), -1, count).mean(axis=2) * np.sqrt(count))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, over the samples that count, interpolated between them."""

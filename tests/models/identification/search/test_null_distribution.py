@@ -11,9 +11,11 @@ from models.identification.fitting.fit import judged_cost
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.search.screening import null_distribution, records_for_null
+from models.identification.settings import SET
 from models.records.record import Record, read_record
-from models.rigs.reader import Noise, read_rig
+from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
+from models.rigs.tables import Noise
 from models.theta import Theta
 from tests.plant.series import make_series
 
@@ -43,12 +45,14 @@ def test_chance_is_told_from_enough_of_the_records(monkeypatch: pytest.MonkeyPat
     """A piece of a stage's motion goes one way only, in which an asymmetry is an offset; a second of a gut record is as
     little.
     """
-    t = np.arange(0, 12.0, 1e-3)
+    t = np.arange(0, 3 * SET.imitated_s, 1e-3)
     still = Record("made", "axis", {"t_s": t, "position_m": 0.05 * np.cos(2 * np.pi * t / 3), "force_N": np.sin(t)})
     part = AxisKind.from_rig(Rig("axis", noise=Noise(force_std_N=1.0))).splits([still])[0][0]
     assert records_for_null(AxisKind.from_rig(Rig("axis")), part) == part
-    seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
+    seconds = [still.beginning(share * SET.imitated_s) for share in (0.4, 0.6, 0.8, 1.0)]
     monkeypatch.setattr(AxisKind, "criteria", 2)
     assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds)) == 3
     assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds[::-1])) == 2
     assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds[:1])) == 1
+    (one,) = records_for_null(AxisKind.from_rig(Rig("axis")), [still])
+    assert np.ptp(one["t_s"]) == pytest.approx(SET.imitated_s, rel=0.01), "chance shows in the beginning of a long one"

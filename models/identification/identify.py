@@ -16,7 +16,7 @@ from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Trace
-from models.identification.fitting.confidence import drawn, intervals
+from models.identification.fitting.confidence import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.kinds.series.series import SeriesKind
@@ -28,10 +28,8 @@ from models.identification.settings import SET
 from models.identification.verdict import (
     TEXT,
     at_bounds,
-    by_chance,
-    chance_error,
-    model_checks,
-    residual_checks,
+    checks_of_model,
+    checks_of_rest,
     setback_findings,
     setbacks,
     verdict_of,
@@ -80,20 +78,15 @@ def close(
     errors = {"train": _errors(kind, train, thetas), "holdout": _errors(kind, holdout, thetas)}
     held = errors["holdout"]
     spread = intervals(kind, fit, found.model, found.parts)
-    rng = np.random.default_rng(seed)
-    likely = [drawn(kind, fit, found.model, rng) for _ in range(SET.draws)]
-    sure = [name for name, estimate in spread.items() if estimate.identifiable]
-    near = [drawn(kind, fit, found.model, rng, sure) for _ in range(SET.draws)]
-    residuals = residual_checks(kind, train, fit, near, effects=found.effects)
-    chance, floor = chance_error(kind, holdout, fit, likely), kind.noise_floor(holdout or train)
+    rest = checks_of_rest(kind, found, train, holdout, np.random.default_rng(seed))
+    floor = kind.noise_floor(holdout or train)
     worse = setbacks(held, floor, kind.error_unit)
     last = "augmented" if found.effects else "calibrated"
     of_stages = {stage: said for stage, said in worse.items() if found.effects or stage != "augmented"}
-    weakened = None if by_chance(held.get(last, np.nan), chance) else last
+    weakened = last if any(check.id == "held_out" and not check.ok for check in rest) else None
     findings = (*setback_findings(of_stages, holdout, at_bounds(kind, fit, found.model), weakened), *findings)
-    allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
     longest_s = max(_seconds(record) for record in train)
-    checks = (*residuals, *model_checks(kind, found, spread, held, findings, allowed, chance, longest_s))
+    checks = (*rest, *checks_of_model(kind, found, spread, held, findings, longest_s))
     verdict = verdict_of(found.effects, checks)
     progress("the next experiment", 0.97)
     shown = shown_with(rig, train, [declared[name] for name in hidden]) if hidden else None

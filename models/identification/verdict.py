@@ -57,10 +57,12 @@ def checks_of_rest(
 
 def within(left: Left, null: Left) -> tuple[Check, ...]:
     """Whether a model that is `left` with so much is within 1.5 times `null`, the most that fits leave of records that
-    it made, and a tenth of the noise's power, for no law has the exact form. Residuals far below the noise pass.
+    it made, and a tenth of the noise's power, for no law has the exact form: of autocorrelations the squares add.
+    Residuals far below the noise pass.
     """
-    pairs = [(name, value, getattr(null, name)) for name, value in asdict(left).items() if np.isfinite(value)]
-    checks = (_check(name, value, SET.clean * chance + SET.unseen) for name, value, chance in pairs)
+    limits = {name: SET.clean * most + SET.unseen for name, most in asdict(null).items()}
+    limits["whiteness"] = float(np.hypot(SET.clean * null.whiteness, SET.unseen))
+    checks = (_check(name, value, limits[name]) for name, value in asdict(left).items() if np.isfinite(value))
     return tuple(replace(check, ok=check.ok or left.residual_size < SET.unseen) for check in checks)
 
 

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from controller.registry import use_controllers
 from hil.app.close_loop import result_files
 from hil.app.effects import described
-from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.scenario.model_use import values_of
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
 from hil.app.write import check_folder, write_files
-from hil.log.record import read_rig_record
+from hil.log.rig_record import read_rig_record
 from hil.report.numbers import report_json
 from models.effects import CATALOGUE, Catalogue
 from models.identification import Model, close

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from hil.app.close_loop import read_series
 from hil.app.console import print_json, say, summary
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
 from hil.report.words import grouped
 from models.checks.examine import examine, stopping

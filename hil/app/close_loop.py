@@ -11,10 +11,10 @@ from typing import Annotated, Any, Final
 from rich.table import Table
 
 from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
-from hil.log.record import read_rig_record
+from hil.log.rig_record import read_rig_record
 from hil.report.closed_loop import report_html
 from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from hil.app.console import answer, note, printable
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.clock import by_clock, one_table
-from hil.formats.reading import WRITTEN, write_channels
-from hil.log.reader import is_log
-from hil.log.record import file_channels, read_rig_record
+from hil.formats.reading import WRITTEN, is_log, write_channels
+from hil.log.record import file_channels
+from hil.log.rig_record import read_rig_record
 from models.files.toml import check_word
 from models.files.units import split_unit, unit_of
 from models.records.record import as_measured

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.app.close_loop import read_series
 from hil.app.console import answer
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, Records, option
 from hil.app.write import check_file, check_targets, write_files
 from hil.formats.channels import refusing

@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 
 from hil.app.close_loop import TEXT, noted_record
 from hil.app.console import answer, note, output_to_notes
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
+from models.files.units import unit_at_end
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.records.record import Record
+from models.words.sentences import Quantity
 
 
 def predict(
@@ -47,7 +49,8 @@ def predict(
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
     document = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
-    lines = (TEXT("predict.rms", column=name, rms=value) for name, value in differences.items())
+    errors = {name: Quantity(value, unit_at_end(name)[1]) for name, value in differences.items()}
+    lines = (TEXT("predict.rms", column=name, rms=error) for name, error in errors.items())
     done = TEXT("predict.done", stage=stage, rows=rows, out=out)
     answer(json_output, {**document, "rows": rows, "rms": differences}, done, *lines)
 

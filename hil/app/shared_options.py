@@ -40,7 +40,7 @@ def argument(metavar: str, words: str) -> Any:
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
-RigFile = Annotated[Path, option("--rig", "RIG.toml", "What the experimenter believes about the rig.")]
+RigFile = Annotated[Path, option("--rig", "RIG.toml", "The rig file with the nominal values.")]
 Records = Annotated[list[Path], argument("RECORD...", "Records of one rig.")]
 Learn = Annotated[
     bool, typer.Option("--learn", help="When the model breaks, identify in the background and use a model that passes.")

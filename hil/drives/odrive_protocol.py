@@ -168,7 +168,7 @@ class OdriveTable(TurningTable):
     watchdog_timeout_endpoint: int = key("endpoint id of `axis0.config.watchdog_timeout`, likewise", 0, 0, 65535)
     motor_current_A: float = key("maximum current of its motor (Set_Limits)", 10.0, 0.1, 200.0)
     endpoints: Annotated[tuple[tuple[str, int], ...], BeforeValidator(_endpoints)] = key(
-        'further ids of `flat_endpoints.json`, `"path" = id`, of settings to read back (`docs/bus.md` lists them);'
+        'further ids of `flat_endpoints.json`, `"path" = id`, to read back (`docs/deployment.md` lists the settings);'
         " the set-up names those without an id",
         (),
     )

@@ -44,8 +44,18 @@ FORMATS: Final = (
     Format("MATLAB or HDF5", (".mat", ".h5", ".hdf5"), matlab_file.EXTRA, matlab_file.read),
 )
 
+LOGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
+"""Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
+
 _MF4_BEGINS: Final = (b"MDF", b"UnF")  # of a whole MF4 file and of one that was not closed; any other `.dat` is text
 WRITTEN: Final = tuple(one.endings[0] for one in FORMATS if one.write)  # endings of files that can be written
+
+
+def is_log(path: Path) -> bool:
+    """Whether the file is a CAN log, by its name; an MF4 file, which may be one of channels, by its content."""
+    if path.suffix.lower() != ".mf4":
+        return path.suffix.lower() in LOGS
+    return check_source(path, "record") > 0 and mf4_file.holds_frames(path)
 
 
 def format_of(path: Path) -> Format | None:

@@ -11,25 +11,16 @@ from typing import IO, Any, Final
 import can
 
 from hil.formats.channels import library, refusing
-from hil.formats.mf4_file import EXTRA, check_within, holds_frames
-from hil.formats.reading import confined, reading_process
+from hil.formats.mf4_file import EXTRA, check_within
+from hil.formats.reading import confined, is_log, reading_process
 from hil.log.blf_file import PACKED, Logged, direction_of
 from hil.log.blf_reader import Tell, read_blf
 from hil.log.place import record_path
 from models.files.access import check_source, read_json
 
-ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
-"""Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
 _END: Final = 0xFFFF_FFFF
 """Identifier of the entry after the last frame: its time is the length of the sentence that follows."""
 LARGEST_RECORD: Final = 1 << 26  # bytes
-
-
-def is_log(path: Path) -> bool:
-    """Whether the file is a CAN log, by its name; an MF4 file, which may be one of channels, by its content."""
-    if path.suffix.lower() != ".mf4":
-        return path.suffix.lower() in ENDINGS
-    return check_source(path, "record") > 0 and holds_frames(path)
 
 
 def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:

@@ -12,15 +12,14 @@ from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
 from hil.formats.channels import Array, Channel, Heading
 from hil.formats.clock import between, increasing, mean_before
-from hil.formats.reading import format_of, read_channels
-from hil.formats.record import channel_record
+from hil.formats.reading import format_of, is_log, read_channels
 from hil.log.blf_file import RECEIVED, SENT
 from hil.log.blf_reader import Tell
-from hil.log.reader import is_log, read_frames
+from hil.log.reader import read_frames
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 from models.files.csv_reader import read_table
 from models.files.units import split_unit
-from models.records.record import Record, read_record, record_of
+from models.records.record import Record, record_of
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import ColumnMap
@@ -65,15 +64,6 @@ SOURCES: Final[Mapping[str, Sources]] = {
     for kind, one in KINDS.items()
     if one.layout.measured == (sources.measured.column,) and sources.driven.column in sum(one.layout.driven, ())
 }
-
-
-def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """A record of `rig` from a CSV file, a CAN log or a file of another format; `lenient`: see `read_record`."""
-    if is_log(path):
-        return log_record(path, rig, driven_only=driven_only)
-    if format_of(path):
-        return channel_record(path, rig, driven_only=driven_only)
-    return read_record(path, rig, driven_only=driven_only, lenient=lenient)
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:

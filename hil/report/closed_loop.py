@@ -1,5 +1,6 @@
 """The report of a closed loop as one self-contained page: what its template needs."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from hil.report.figure_residuals import agreement_figure, residual_figure, speed
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html, symbol_html
-from hil.report.numbers import error_rows, parameters, smallest_rows
+from hil.report.numbers import error_rows, measured_unit, parameters, smallest_rows
 from hil.report.panels import Panel, closer, panels
 from hil.report.words import (
     PARTS,
@@ -105,6 +106,7 @@ def _part(name: str, estimates: dict[str, Fitted], finding: Finding) -> dict[str
     stayed at its default is a number in the equations.
     """
     effect = finding.effect(name)
+    estimates = {key: replace(one, unit=measured_unit(one.unit, finding.unit)) for key, one in estimates.items()}
     if effect is None:
         return {"name": name, "summary": "", "equations": "", "parameters": parameters(estimates, symbols={})}
     fixed = {p.name: p.value for p in effect.parameters() if p.name not in estimates}

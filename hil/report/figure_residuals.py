@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from hil.report.panels import Panel, binned, pooled
+from hil.report.panels import Panel, binned, largest, pooled
 from hil.report.theme import INK, MUTED, STAGE_COLOURS, Array, axes, line_colour, styled
 from hil.report.words import column_words
 from models.words.quantities import scale
@@ -45,7 +45,7 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
     )
     for row, name in enumerate(names, start=1):
         words, own = column_words(name)
-        along, prefixed = scale(np.concatenate([pool.signals[name] for pool in pools]), own)
+        along, prefixed = scale((largest(pool.signals[name]) for pool in pools), own)
         for column, stage in enumerate((before, after), start=1):
             here = {"row": row, "col": column}
             for number, (pool, rest) in enumerate(zip(pools, rests[stage], strict=True)):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from hil.report.panels import Panel
+from hil.report.panels import Panel, largest
 from hil.report.theme import INK, STAGE_COLOURS, axes, line
 from hil.report.words import column_words
 from models.identification.finding import Proposal
@@ -14,7 +14,7 @@ from models.words.quantities import scale
 
 def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     """Measured and predicted over the record's abscissa; below, the residuals of the models after the nominal one."""
-    factor, unit = scale([*panel.measured, *(v for values in panel.predicted.values() for v in values)], panel.unit)
+    factor, unit = scale(map(largest, (panel.measured, *panel.predicted.values())), panel.unit)
     titles = [f"{panel.quantity} in {unit}", "residual"][: 1 + residual]
     name, axis_unit = column_words(panel.axis)
     x = f"{name} in {axis_unit}" if axis_unit else name

@@ -58,7 +58,11 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "candidates": [_as_json(candidate) for candidate in finding.candidates],
         "statements": list(finding.statements),
         "equations": [line_text(line) for line in finding.equations],
-        "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
+        "records": [
+            {"name": trace.name, "role": trace.role, "rows": len(trace.measured)}
+            | ({"treated": list(trace.treated)} if trace.treated else {})
+            for trace in finding.traces
+        ],
         "residual": finding.dependence and _as_json(finding.dependence),
         "timings": finding.timings,
     }
@@ -119,14 +123,21 @@ def parameters(
 
 
 def smallest_rows(finding: Finding) -> list[list[str]]:
-    """The smallest detectable effects: name, amplitude, value."""
+    """The smallest detectable effects: name, amplitude, value; none where a value was not found."""
     rows = []
     for name, value in sorted(finding.smallest_detectable.items()):
+        if not value > 0:
+            continue
         effect = finding.effect(name)
         amplitude = effect.amplitude() if effect else None
         words, unit = (parameter_words(amplitude.name), amplitude.unit) if amplitude else ("", "")
-        rows.append([effect_words(name), words, quantity(value, unit)])
+        rows.append([effect_words(name), words, quantity(value, measured_unit(unit, finding.unit))])
     return rows
+
+
+def measured_unit(unit: str, measured: str) -> str:
+    """The unit of a number that counts in that of the measured column."""
+    return unit.replace("of the measured unit", measured)
 
 
 def _delogged(name: str, estimate: Fitted) -> Fitted:

@@ -80,6 +80,11 @@ def closer(panel: Panel, share: float = 0.06) -> Panel:
     )
 
 
+def largest(values: Array) -> float:
+    """The size of the largest of the finite `values`; 0 without any."""
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+
+
 def binned(signal: Array, values: Array, bins: int = 72) -> tuple[Array, Array]:
     """Mean of `values` over stretches of `signal` with equally many samples, or over each value; NaN in gaps."""
     good = np.isfinite(signal) & np.isfinite(values)
@@ -89,8 +94,8 @@ def binned(signal: Array, values: Array, bins: int = 72) -> tuple[Array, Array]:
         return levels, np.array([np.mean(values[signal == level]) for level in levels])
     edges = np.unique(np.quantile(signal, np.linspace(0, 1, bins + 1)))
     index = np.clip(np.searchsorted(edges, signal, side="right") - 1, 0, len(edges) - 2)
-    filled = np.unique(index)
-    pairs = [(np.mean(signal[index == i]), np.mean(values[index == i])) for i in filled]
-    centres, means = np.array(pairs).T
+    order = np.argsort(index, kind="stable")
+    ends = np.flatnonzero(np.diff(index[order])) + 1
+    centres, means = (np.array([*map(np.mean, np.split(y[order], ends))]) for y in (signal, values))
     gaps = np.flatnonzero(np.diff(centres) > 0.12 * np.ptp(centres)) + 1
     return np.insert(centres, gaps, np.nan), np.insert(means, gaps, np.nan)

@@ -18,7 +18,6 @@ from models.words.sentences import Sentences, listed
 TEXT: Final = Sentences(__file__)
 PARTS: Final = {"train": "training", "holdout": "held out"}  # of the data
 SHOWN_SHARE: Final = 0.01  # of the residual that a curve must predict to be mentioned
-_MOST_VALUES: Final = 100_000  # that are searched for means
 _WELL_ABOVE: Final = 2.0  # noise floors
 _NAMES: Final = MappingProxyType(
     {
@@ -30,6 +29,8 @@ _NAMES: Final = MappingProxyType(
         "period_index": "number of the period",
         "tracking_rmse": "rms tracking error",
         "tracking_max": "largest tracking error",
+        "hard_violations": "violations of hard limits",
+        "settled_within": "settling time",
         "storage_modulus": "storage modulus G′",
         "loss_modulus": "loss modulus G″",
     }
@@ -130,7 +131,7 @@ def interpolation(finding: Finding) -> str:
     driven = (*(name for names in layout.driven for name in names), *layout.optional)
     shown = [t for t in finding.traces if t.role != "holdout" and last in t.predicted]
     values = [np.atleast_2d(t.predicted[last].T).T for t in shown]
-    if not values or not fitted or sum(part.size for part in values) > _MOST_VALUES:
+    if not values or not fitted or any(len(np.unique(part[:, 0])) > fitted for part in values):
         return ""
     conditions = [
         np.column_stack([part, *(t.signals[name] for name in driven if name in t.signals)])

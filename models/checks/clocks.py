@@ -129,9 +129,10 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
     lags = np.linspace(-SET.lag_longest_s, SET.lag_longest_s, 61)
     best = int(np.argmin([left(lag, 0.0) for lag in lags]))
     fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
-    constant = min((left(lag, 0.0), float(lag)) for lag in fine)
+    constant = min((float(left(lag, 0.0)), float(lag)) for lag in fine)
     ends = np.linspace(-SET.lag_most_drifted_s, SET.lag_most_drifted_s, 41)
-    _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
+    first, then = np.divmod(int(np.argmin([rough(lag, ends) for lag in lags[::2]])), len(ends))
+    start = (lags[2 * first], ends[then])
     found = scipy.optimize.minimize(
         lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120}
     )
@@ -141,14 +142,14 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
     least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
     if gain > least_gain and max(SET.lag_drifted_s, least) < abs(drifted) < most:
         return Lag(middle - drifted / 2, drifted / length, gain)
-    gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
+    gain, offset = 1 - constant[0] / max(float(left(0.0, 0.0)), 1e-300), constant[1]
     inside = 0 < best < len(lags) - 1
     return Lag(offset, 0.0, gain) if inside and abs(offset) > max(SET.lag_s, least) and gain > SET.lag_gain else None
 
 
-def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float], float]:
+def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float | Array], Array]:
     """The sum of squares that the loop over the position `x` and its `speed` leaves of `y`, by how late `y` is in the
-    middle of the record and how far it drifts from beginning to end; on about so many `rows`.
+    middle of the record and how far it drifts from beginning to end (one value or several); on about so many `rows`.
     """
     begin, end = float(view.t[0]), float(view.t[-1])
     even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
@@ -159,12 +160,27 @@ def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable
     if view.kind.follows:  # a wall that dries lets the capsule come later and later, in both directions alike
         loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
     within, _ = np.linalg.qr(loop)
+    interpolated = _interpolation(view.t, y)
 
-    def left(lag: float, drifted: float) -> float:
-        moved = np.interp(at + lag + share * drifted, view.t, y)
-        return float(moved @ moved - np.sum((within.T @ moved) ** 2))
+    def left(lag: float, drifted: float | Array) -> Array:
+        moved = interpolated(at + lag + np.multiply.outer(drifted, share))
+        return np.asarray(np.sum(moved**2, axis=-1) - np.sum((moved @ within) ** 2, axis=-1))
 
     return left
+
+
+def _interpolation(t: Array, y: Array) -> Callable[[Array], Array]:
+    """`y` (n,) straight between the rising times `t`, by times within them; where `t` is even, without a search."""
+    step, rises = (t[-1] - t[0]) / (len(t) - 1), np.append(np.diff(y), 0.0)
+    if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) > SET.stamps_even * step:
+        return lambda at: np.interp(at, t, y)
+
+    def interpolated(at: Array) -> Array:
+        place = np.clip((at - t[0]) / step, 0, len(t) - 1)
+        row = place.astype(np.intp)
+        return np.asarray(y[row] + (place - row) * rises[row])
+
+    return interpolated
 
 
 def _loop(x: Array, speed: Array) -> Array:
@@ -177,9 +193,11 @@ def _loop(x: Array, speed: Array) -> Array:
 
 
 def _play(x: Array, width: float) -> Array:
-    out = np.empty_like(x)
-    position = float(x[0])
-    for i, value in enumerate(x.tolist()):
-        position = min(max(position, value - width), value + width)
-        out[i] = position
-    return out
+    out, position = [], float(x[0])
+    for value in x.tolist():
+        if position < value - width:
+            position = value - width
+        elif position > value + width:
+            position = value + width
+        out.append(position)
+    return np.array(out)

@@ -2,6 +2,9 @@
 left out where it begins in motion or under the load of an earlier motion.
 """
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from models.checks.estimators import Mask, runs_of
@@ -9,7 +12,7 @@ from models.checks.finding import Findings
 from models.checks.positions import POSITIONS, without_steps
 from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
 from models.checks.settings import SET
-from models.checks.view import View
+from models.checks.view import TEXT, View
 from models.records.record import USED, Record, where_measured
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
@@ -32,6 +35,16 @@ def on_one_clock(record: Record, rig: Rig) -> Record:
     return record.with_column(TIME, true).rows(slice(int(np.searchsorted(true, logged[-1], side="right"))))
 
 
+def treated(record: Record, case: str, **values: Any) -> Record:
+    """`record`, which says that this was done to it."""
+    return replace(record, treated=(*(record.treated or ()), TEXT(f"treated.{case}", **values)))
+
+
+def resampled(even: Record, record: Record) -> Record:
+    """`even`, which says that it is `record` at even times, and what was done to that."""
+    return treated(replace(even, treated=record.treated), "resampled", n=len(record))
+
+
 def usable(view: View) -> Mask:
     """Where the measured column holds a value of its own: new, not clipped, no outlier, not filled in."""
     return np.asarray(fresh(view) & ~clipped(view) & ~off(view) & ~silent(view))
@@ -39,23 +52,32 @@ def usable(view: View) -> Mask:
 
 def cleaned(record: Record, rig: Rig) -> Record:
     """`record` with unusable samples of its measured and driven columns interpolated, and columns that say which
-    measured values count and which rows are only simulated; itself where all samples are usable.
+    measured values count and which rows are only simulated; it says what was done to it. A record that was cleaned
+    stays as it is.
     """
+    if record.treated is not None:
+        return record
+    logged, record = record, on_one_clock(record, rig)
+    if record is not logged and rig.clock:
+        record = treated(record, "clock", drift=rig.clock.drift)
     view = View(record, rig)
     if not view.timed or view.measured not in record.columns:
-        return record
+        return replace(record, treated=record.treated or ())
     good = used(record)
     good[good] = usable(View(where_measured(record), rig))
     if not good.all() and good.sum() > 2:
         record = filled(record.with_column(USED, good), view.measured)
-    rows = run_in(view)
-    if rows:
-        record = from_row(record, rows)
-    if view.driven:
-        record = straight_over(record, view.driven, spikes(view, view.driven))
+        record = treated(record, "left_out", column=view.measured, n=int(np.sum(~good)), total=len(good))
+    if rows := run_in(view):
+        record = treated(from_row(record, rows), "run_in", seconds=rows * view.dt)
+    if view.driven and (apart := spikes(view, view.driven)).any():
+        record = straight_over(record, view.driven, apart)
+        record = treated(record, "straightened", column=view.driven, n=int(np.sum(apart)))
     if view.driven in POSITIONS:
-        record = record.with_column(view.driven, without_steps(view, record[view.driven]))
-    return record
+        position = without_steps(view, record[view.driven])
+        if position is not record[view.driven]:
+            record = treated(record.with_column(view.driven, position), "smoothed", column=view.driven)
+    return replace(record, treated=record.treated or ())
 
 
 def used(record: Record) -> Mask:

@@ -67,7 +67,9 @@ class Check:
 
 @dataclass(frozen=True)
 class Trace:
-    """A record as a report draws it: abscissa, measurement, stages' predictions, `signals` to plot residuals over."""
+    """A record as a report draws it: abscissa, measurement, stages' predictions, `signals` to plot residuals over, and
+    how it was `treated` before anything was fitted.
+    """
 
     name: str
     role: str
@@ -76,6 +78,7 @@ class Trace:
     measured: Array
     predicted: dict[str, Array]
     signals: dict[str, Array] = field(default_factory=dict)
+    treated: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

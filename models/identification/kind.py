@@ -96,6 +96,10 @@ class Kind(ABC):
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
 
+    def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
+        """`predict` at several points."""
+        return [self.predict(record, theta) for theta in thetas]
+
     @abstractmethod
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """What a fit minimises: differences in units of their standard deviation, of fixed length for a record, about
@@ -103,9 +107,13 @@ class Kind(ABC):
         corrects the model, to `criteria` - 1, the free run; most kinds have one criterion.
         """
 
+    def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
+        """`residual` at several points, as rows one after the other in memory."""
+        return np.array([self.residual(record, theta, criterion) for theta in thetas])
+
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
-        return [self.residual(record, theta, criterion) for theta in thetas]
+        return list(self.stacked(record, thetas, criterion))
 
     @abstractmethod
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

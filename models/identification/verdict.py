@@ -31,7 +31,7 @@ def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
 
 def _check(name: str, value: float, limit: float) -> Check:
     """The check `name` with its texts."""
-    said, meaning = (TEXT(f"check.{name}.{key}", lags=SET.lags) for key in ("name", "meaning"))
+    said, meaning = (TEXT(f"check.{name}.{key}", lags=SET.lags, stretches=SET.blocks) for key in ("name", "meaning"))
     return Check(name, said, float(value), float(limit), bool(value <= limit), meaning)
 
 
@@ -58,12 +58,12 @@ def checks_of_rest(
 def within(left: Left, null: Left) -> tuple[Check, ...]:
     """Whether a model that is `left` with so much is within 1.5 times `null`, the most that fits leave of records that
     it made, and a tenth of the noise's power, for no law has the exact form: of autocorrelations the squares add.
-    Residuals far below the noise pass.
+    Residuals far below the noise have no structure that counts.
     """
     limits = {name: SET.clean * most + SET.unseen for name, most in asdict(null).items()}
-    limits["whiteness"] = float(np.hypot(SET.clean * null.whiteness, SET.unseen))
-    checks = (_check(name, value, limits[name]) for name, value in asdict(left).items() if np.isfinite(value))
-    return tuple(replace(check, ok=check.ok or left.residual_size < SET.unseen) for check in checks)
+    white = float(np.hypot(SET.clean * null.whiteness, SET.unseen))
+    limits["whiteness"] = white if left.residual_size >= SET.unseen else 1.0
+    return tuple(_check(name, value, limits[name]) for name, value in asdict(left).items() if np.isfinite(value))
 
 
 def checks_of_model(

@@ -28,18 +28,20 @@ USED = "_used"
 LARGEST_SAMPLE = 1e12  # that the checks of records can read
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Record:
     """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling; the
-    `source` file, and the line of each row there.
+    `source` file, and the line of each row there; `treated`: what cleaning did to it, None before it was cleaned. Its
+    columns never change.
     """
 
     name: str
     kind: str
     columns: dict[str, Array]
     source: str = ""
-    lines: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
+    lines: NDArray[np.int64] | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
+    treated: tuple[str, ...] | None = None
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]

@@ -72,7 +72,7 @@ class ClockTable(Table):
         "how well that is known: a calibration looks for it within four of these", 1e-3
     )
     drift: Annotated[float, Field(ge=-MOST_DRIFT, le=MOST_DRIFT)] = key(
-        "by how many seconds more in each second of a record, s/s; taken out before any fit, where the drive is a"
+        "growth of that offset per second of a record, s/s; removed before any fit where the drive is a"
         " position (pull, magnetic)",
         0.0,
     )
@@ -250,7 +250,7 @@ class TissueTable(Table):
         example="60.0",
     )
     lumen_diameter_m: Length | None = key(
-        "inner diameter of the relaxed lumen, less than the capsule's; may stand for `contact_angle_deg`", None
+        "inner diameter of the relaxed lumen, less than the capsule's; may replace `contact_angle_deg`", None
     )
     nose_force_angle_deg: Angle = key("direction of the wall's force on the nose", example="30.0")
     friction_coefficient: Friction = key("coefficient of Coulomb friction; required for a plate", example="0.082")

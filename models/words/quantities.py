@@ -13,7 +13,7 @@ DASH: Final = "–"
 _MINUS: Final = "−"
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))  # of SI
-_PREFIXED: Final = frozenset({"m", "s", "N", "Pa", "A", "V", "m/s", "J", "W", "rad"})
+_PREFIXED: Final = frozenset({"m", "s", "N", "Pa", "A", "V", "m/s", "J", "W", "rad", "N/m", "m/N", "N at 10 mm/s"})
 _NEVER_LARGE: Final = frozenset({"s", "m", "m/s", "rad"})
 _WRITTEN: Final = MappingProxyType({"1": "", "deg": "°", "Ohm": "Ω"})
 _POWER: Final = re.compile(r"(?<=[A-Za-z])\^?([23])(?![0-9])")

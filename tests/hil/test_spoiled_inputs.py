@@ -19,13 +19,15 @@ import pytest
 from hil.app.campaign.file import load_campaign
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario
-from hil.app.scenario.deployment import load_deployment, read_deployed_rig
+from hil.app.scenario.deployment import load_deployment
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.scenario.scenario import load_track_scenario
 from hil.formats.channels import Channel, Heading
 from hil.formats.reading import write_channels
 from hil.log.blf_file import SENT, BlfFile, Logged
 from hil.log.reader import read_frames
-from hil.log.record import file_channels, read_rig_record
+from hil.log.record import file_channels
+from hil.log.rig_record import read_rig_record
 from models.checks.sizes import check_units
 from models.checks.view import View
 from models.identification.model import Model, read_model, read_report

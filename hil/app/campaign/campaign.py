@@ -40,15 +40,15 @@ def campaign(
         ),
     ],
     *,
-    out: Annotated[Path, option("--out", "DIR", "Folder for results and report; resumed where it has some.")] = Path(
-        "out/campaign"
-    ),
-    workers: Annotated[int | None, option("--workers", "N", "Processes; else one a core.")] = None,
+    out: Annotated[
+        Path, option("--out", "DIR", "Folder for results and report; a campaign there is continued.")
+    ] = Path("out/campaign"),
+    workers: Annotated[int | None, option("--workers", "N", "Number of processes; else one per core.")] = None,
     scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")] = None,
     run: Annotated[int | None, option("--run", "N", "Do run N alone and print it.")] = None,
     json_output: Json = False,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, max=MOST_SEED, help="Of folders: sets every random number.")
+        int, typer.Option("--seed", min=0, max=MOST_SEED, help="For folders: sets every random number.")
     ] = 0,
     own: OwnEffects,
 ) -> int:

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from hil.app.close_loop import read_series, result_files
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.write import write_files
-from hil.formats.reading import format_of
-from hil.log.reader import is_log
+from hil.formats.reading import format_of, is_log
 from hil.report.numbers import report_json
 from models.effects import Catalogue
 from models.files.csv_reader import ENDINGS

@@ -24,8 +24,9 @@ from hil.app.shared_options import Json, argument, option
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
+from hil.formats.reading import LOGS, is_log
 from hil.log.place import record_path
-from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
+from hil.log.reader import read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
 from models.files.toml import in_file
 from models.words.sentences import Sentences
@@ -85,11 +86,11 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
         with _heard_on(watched_bus(watch), facts, scenario.drive, loop.control.tick_s) as source:
             yield source, None
         return
-    if path.suffix.lower() in ENDINGS and is_log(path):
+    if path.suffix.lower() in LOGS and is_log(path):
         yield _log(path, load_catalogue()), None
         return
     if path.suffix.lower() != ".toml":
-        raise ValueError(f"{path} must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)})")
+        raise ValueError(f"{path} must be a deployment file (.toml) or a CAN log ({', '.join(LOGS)})")
     deployment = load_deployment(path)
     kind, control, table, limits = deployment.rig.kind, deployment.control, deployment.bus, deployment.operator
     about = f"{kind} rig, {control.controller}, {table.interface} {table.channel}"

@@ -14,7 +14,7 @@ from hil.app.console import output_to_notes, print_json, say, summary
 from hil.app.design.page import design_html
 from hil.app.design.tables import TEXT, balance_lines, command_unit, cycle_table, gains_json, margin_table, words_of
 from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, vibro_tables
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, LearnedModel, Stage, argument, option
 from hil.app.write import own_folder, write_files
 from models.files.toml import check_word

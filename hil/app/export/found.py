@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from models.assembly.model import Assembly, assemble
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue

@@ -56,7 +56,8 @@ def run(
     path: Annotated[Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].")],
     *,
     action: Annotated[
-        str, argument("check|reset", "check: look at all, send nothing; reset: only acknowledge a latched fault.")
+        str,
+        argument("check|reset", "check: examine everything, send nothing; reset: only acknowledge a latched fault."),
     ] = "lead",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
     log: Annotated[Path | None, option("--log", "LOG.blf", "Where the log goes; else the current folder.")] = None,

@@ -26,7 +26,7 @@ def plant(
     *,
     seconds: Annotated[float | None, option("--seconds", "S", "How long; else until Ctrl-C.")] = None,
     lies: Annotated[
-        list[str], several("--lie", "KIND[:TARGET][=VALUE][@S]", "A lie of its localiser or drive, and from when.")
+        list[str], several("--lie", "KIND[:TARGET][=VALUE][@S]", "A lie of its localiser or drive, and its start in s.")
     ],
     json_output: Json = False,
 ) -> None:

@@ -37,7 +37,7 @@ class SimulatedBusTable(NamedTable):
     """`[bus]` of a scenario; all nodes begin with the same epoch, which is not stored."""
 
     where = "bus"
-    force_sensor: bool = key("whether the force sensor sends, too", False)
+    force_sensor: bool = key("whether the force sensor sends too", False)
     longest_s_per_s: float = key(
         "longest wall clock of a simulated second before the run fails; a run has at least 60 s", 60.0
     )
@@ -100,7 +100,7 @@ class JogTable(NamedTable):
     where = "jog"
     script: Words = key(
         "what an operator does from the start of the run, in lines as for `capsule jog --script`: `speed MM_S SECONDS`,"
-        " `position MM SECONDS`, `release SECONDS`, which comes first; released after the last line"
+        " `position MM SECONDS`, `release SECONDS`. The first line is a release; one follows the last line"
     )
     source: str = key("who steers, by the names of `OperatorSetpoint`", "script")
     life_ms: float = key("how long each setpoint is valid after its arrival, less its delay on the bus", 100.0, 1, 200)

@@ -213,11 +213,6 @@ def load_deployment(path: Path, reference: Path | None = None, known: Catalogue 
         )
 
 
-def read_deployed_rig(path: Path) -> Rig:
-    """The rig of a rig or deployment file. Raises ValueError of one sentence."""
-    return _rig(read_toml(path, "rig file")[0], str(path))
-
-
 def read_plant(path: Path) -> DeployedPlant:
     """The simulated plant that a deployment file names; ValueError of one sentence where it names none."""
     raw, _ = read_toml(path, "deployment file")
@@ -317,8 +312,8 @@ def check_no_key(drive: ActuatorTable | None, key_file: str) -> None:
         raise ValueError("bus.key_file must be left out with another maker's drive, which knows no such key; got one")
 
 
-def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
-    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
+def _rig(raw: Mapping[str, Any]) -> Rig:
+    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
 
 
 def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Theta, Acceptance | None]:

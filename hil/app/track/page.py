@@ -18,13 +18,14 @@ from hil.app.track.loop import LoopTrace
 from hil.app.track.score import HARD
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, POINTS, Array, axes, line, line_look, styled, thinned
+from hil.report.words import column_words
 from models.words.quantities import fixed, number, quantity
 from models.words.sentences import Sentences
 from plant import layout as at
 
 Found = dict[str, Any]
 Run = tuple[Found, LoopTrace]
-_WORDS: Final = ("controller", "check", "ticks not ok", "most of a hard limit")
+_WORDS: Final = ("controller", "check", "ticks not ok", "largest use of a hard limit")
 """Columns that hold words."""
 TEXT: Final = Sentences(__file__)
 ACROSS = 2
@@ -39,7 +40,11 @@ def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
         scenario=scenario,
         best=min(one["tracking_rmse_m"] for one in found),
         runs=[_numbers(one) for one in found],
-        checks=[c | {"controller": one["controller"], "said": verdict(c)} for one in found for c in one["checks"]],
+        checks=[
+            c | {"controller": one["controller"], "words": check_words(c), "said": verdict(c)}
+            for one in found
+            for c in one["checks"]
+        ],
         paths=_path(scenario, *runs[0]) if len(runs) == 1 else _errors(scenario, runs),
         inside=_inside(scenario, runs),
     )
@@ -120,7 +125,7 @@ def say(scenario: TrackScenario, found: Sequence[Mapping[str, Any]], out: Path |
     steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
     _print(steps, [[one["controller"], *times(one)] for one in found])
     checks = [
-        [one["controller"], check["check"], number(check["value"]), number(check["limit"]), verdict(check)]
+        [one["controller"], check_words(check), number(check["value"]), number(check["limit"]), verdict(check)]
         for one in found
         for check in one["checks"]
     ]
@@ -149,6 +154,11 @@ def most_used(found: Mapping[str, Any]) -> str:
 def times(found: Mapping[str, Any]) -> list[str]:
     """Median, 99th percentile and maximum of the controller's and the estimator's time for a tick, in ms."""
     return [fixed(found[what][key], 3) for what in ("solve_ms", "estimate_ms") for key in ("median", "p99", "max")]
+
+
+def check_words(check: Mapping[str, Any]) -> str:
+    """What a check compares, and its unit: "settling time, s"."""
+    return ", ".join(filter(None, column_words(check["check"])))
 
 
 def verdict(check: Mapping[str, Any]) -> str:

@@ -25,7 +25,7 @@ TEXT: Final = Sentences(__file__)
 
 
 def track(
-    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and what is believed.")],
+    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and nominal values.")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,

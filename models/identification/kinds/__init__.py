@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from models.assembly.model import effect_parameters
-from models.checks.usable import cleaned, on_one_clock
+from models.checks.usable import cleaned, resampled
 from models.effects import REFINEMENTS
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import evened
@@ -59,7 +59,8 @@ def _with_prior(p: Parameter, spread: float, known: tuple[float, float] | None) 
 
 
 def ready(record: Record, rig: Rig) -> Record:
-    """`record` for its kind: samples that the sensor missed filled in, a stage's at even times."""
+    """`record` for its kind: samples that the sensor missed filled in, a stage's at even times; once."""
     with named(record):
-        record = cleaned(on_one_clock(record, rig), rig)
-        return evened(record, (*record.layout.known(), USED)) if KINDS[record.kind].stage else record
+        clean = cleaned(record, rig)
+        even = evened(clean, (*clean.layout.known(), USED)) if KINDS[record.kind].stage else clean
+        return even if even is clean else resampled(even, clean)

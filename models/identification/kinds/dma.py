@@ -45,7 +45,7 @@ class DmaKind(Kind):
     quantity: str = listed(quantities)
     unit: str = "Pa"
     error_unit: str = "%"
-    measure: str = "norm of the error of the complex modulus over its norm in %"
+    measure: str = "norm of the error of the complex modulus, relative to the norm of the modulus"
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> DmaKind:

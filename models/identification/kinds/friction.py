@@ -42,7 +42,7 @@ class FrictionKind(TableKind):
     quantity: str = FORCE
     load: float | None = None
     std: float | None = None
-    relative: float = SET.friction_untold
+    relative: float = SET.friction_scatter
     extent: Extent | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(None))
     name: str = FRICTION.id
@@ -61,7 +61,7 @@ class FrictionKind(TableKind):
             raise ValueError(f"{names}: records of one series must have the same columns; got {got}")
         quantity, load, catalogue = COEFFICIENT if coefficient else FORCE, rig.contact.load_N, Catalogue.of(rig)
         loaded = coefficient or load is not None or any(LOAD in r.columns for r in records)
-        size, scatter, extent = 1.0, SET.friction_untold, None
+        size, scatter, extent = 1.0, SET.friction_scatter, None
         if known:
             v, loads = np.concatenate([r[SPEED] for r in known]), np.concatenate([_loads(r, load) for r in known])
             read = np.abs(np.concatenate([r[quantity] for r in known]))
@@ -156,7 +156,7 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
         return max(float(np.sqrt(squares / freedom)), SET.friction_finest)
     if off:
         return max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), SET.friction_finest)
-    return SET.friction_untold
+    return SET.friction_scatter
 
 
 def _off_line(x: Array, y: Array) -> Array:

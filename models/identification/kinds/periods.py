@@ -79,7 +79,7 @@ class PeriodsKind(Kind):
     unit: str = "s, N, N"
     error_unit: str = "%"
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: EQUIVALENTS)
-    measure: str = "rms over period, valley and peak of the relative error of their means in %"
+    measure: str = "rms of the relative errors of the mean period, valley and peak"
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> PeriodsKind:

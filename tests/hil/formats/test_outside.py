@@ -15,8 +15,7 @@ import pytest
 
 from hil.app.main import run
 from hil.formats.channels import Channel, Heading
-from hil.formats.reading import FORMATS, write_channels
-from hil.log.reader import ENDINGS as LOGS
+from hil.formats.reading import FORMATS, LOGS, write_channels
 from models.files.csv_reader import ENDINGS
 
 T = 0.01 * np.arange(100)

@@ -15,10 +15,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.formats.reading import is_log
 from hil.log.blf_file import LOST, NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
 from hil.log.log import FrameLog, LockstepLog
 from hil.log.place import keep_older, record_path, write_record
-from hil.log.reader import is_log, read_frames, read_log_record
+from hil.log.reader import read_frames, read_log_record
 
 NODE = """
 import sys, time

@@ -15,7 +15,8 @@ from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
 from hil.bus.protection import Sender
 from hil.log.blf_file import RECEIVED, SENT, WITHHELD, BlfFile, Logged
-from hil.log.record import SOURCES, log_record, read_rig_record
+from hil.log.record import SOURCES, log_record
+from hil.log.rig_record import read_rig_record
 from models.records.record import USED
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig

@@ -9,7 +9,7 @@ import pytest
 
 from controller.model.control_model import control_model
 from controller.signals import Estimate
-from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.bus.codec import without_absent
 from hil.bus.protection import Receiver, Sender
 from hil.log.blf_file import SENT

@@ -111,7 +111,7 @@ def test_an_empty_finding_still_makes_a_page() -> None:
     finding = pull_finding("none", 2.0)
     nothing: dict[str, object] = dict.fromkeys(("traces", "checks", "candidates", "statements", "equations"), ())
     nothing |= {"calibration": {}, "timings": {}, "smallest_detectable": {}, "next_experiment": None}
-    assert "Nothing is missing" in report_html(Finding(**{**finding.__dict__, **nothing}))
+    assert "no missing effect" in report_html(Finding(**{**finding.__dict__, **nothing}))
 
 
 def test_json_has_the_published_keys_and_no_nan() -> None:

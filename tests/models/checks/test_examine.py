@@ -255,6 +255,10 @@ def test_a_clock_that_drifts_is_put_right_as_the_rig_file_says() -> None:
     assert right["position_m"] == pytest.approx(moved, abs=1e-12)
     ideal = np.interp(right["t_s"], whole["t_s"], whole["force_N"])
     assert np.sqrt(np.mean((right["force_N"] - ideal) ** 2)) < NOISE
+    once = cleaned(spoiled, ours)
+    assert once.treated
+    assert "clock" in once.treated[0]
+    assert cleaned(once, ours) is once
     early = on_one_clock(spoiled, rig(clock={"drift": -0.01}))
     assert early["t_s"][-1] <= spoiled["t_s"][-1] < 1.01 * early["t_s"][-1] + 0.1
     with pytest.raises(ValueError, match=r"\[clock\] drift must be left out for kind coil"):
@@ -443,7 +447,7 @@ def of_magnet(made: Record) -> dict[str, str]:
 def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
     assert of_magnet(led()) == {}
     assert "mm ahead of carriage_position_m" in of_magnet(led(offset=0.013))["zeros_apart"]
-    assert "jumps by up to 1" in of_magnet(led(jump=0.015))["place_jumps"]
+    assert "jumps by 1" in of_magnet(led(jump=0.015))["place_jumps"]
     made = led()
     exchanged = {**made.columns, "position_m": made["carriage_position_m"], "carriage_position_m": made["position_m"]}
     assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]
@@ -520,3 +524,13 @@ def test_mains_below_the_noise_are_told_at_rest(hertz: float) -> None:
     frequency, _, amplitude = found.sentence.rpartition(": ")[2].partition(" Hz (")
     assert float(frequency) == pytest.approx(hertz, rel=0.01)
     assert 1e-6 * float(amplitude.partition(" µN")[0]) == pytest.approx(size, rel=0.3)
+
+
+def test_a_record_says_what_cleaning_did_to_it() -> None:
+    made = pull()
+    made["force_N"][[700, 1900]] += 5.0
+    made["position_m"][1200] += 0.05
+    assert cleaned(record(pull()), rig()).treated == ()
+    left_out, straightened = cleaned(record(made), rig()).treated or ()
+    assert left_out.startswith(f"2 of {len(made['t_s'])} values of force_N do not count")
+    assert straightened.startswith("1 value of position_m is straight")

@@ -106,7 +106,8 @@ class AxisKind(Kind):
     @property
     def measure(self) -> str:
         word, cut = self.coordinates.names[3], f"{2 * self.band:g} Hz"
-        return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
+        relative = f"norm of the {word} error, relative to the norm of the {word}"
+        return f"{relative}, both low-passed at {cut} without phase shift"
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N (torque in N m) that the measured motion needs, one value a row."""
@@ -132,13 +133,13 @@ class AxisKind(Kind):
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Filtered force error in units of its noise, 100 a second."""
-        return self.residuals(record, [theta], criterion)[0]
+        return np.asarray(self.stacked(record, [theta], criterion)[0])
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
+    def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
         errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
         of = self._moved(record)
         errors[:, ~used(record) | of.still] = 0.0
-        return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
+        return np.ascontiguousarray(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The authors' relative force error in %, pooled; rows at rest or near a gap do not count."""
@@ -181,7 +182,7 @@ class AxisKind(Kind):
     def _believed(self, record: Record) -> float:
         """The noise assumed for a force whose own is unknown."""
         filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
-        return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
+        return SET.axis_noise * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """The error in % that the noise of the quietest record makes; NaN where a noise is unknown."""

@@ -89,7 +89,7 @@ def _size_of_residual(kind: AxisKind, theta: Theta, records: Sequence[Record]) -
     force, left = kind.coordinates.names[3], kind.error(records, [kind.predict(r, theta) for r in records])
     floor = kind.noise_floor(records)
     if np.isnan(floor):
-        return TEXT("axis_no_floor", force=force, left=left, least=SET.axis_untold)
+        return TEXT("axis_no_floor", force=force, left=left, least=SET.axis_noise)
     return TEXT("axis_floor", force=force, floor=floor, left=left)
 
 

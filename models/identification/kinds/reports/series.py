@@ -33,8 +33,8 @@ def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: S
     said = about_the_rig(kind.drive, kind.noise_std, kind.unit, theta_by_stage["augmented"])
     for key, memory in _MEMORY_S.items():
         if kind.drive.imposed or key != "series_step":
-            rms = {stage: kind.foresight_rms(records, theta, memory) for stage, theta in theta_by_stage.items()}
-            errors = [TEXT("series_error", error=Quantity(e, kind.unit), stage=stage) for stage, e in rms.items()]
+            rms = zip(theta_by_stage, kind.foresight_rms(records, [*theta_by_stage.values()], memory), strict=True)
+            errors = [TEXT("series_error", error=Quantity(e, kind.unit), stage=stage) for stage, e in rms]
             said.append(TEXT(key, errors=errors))
     return said
 

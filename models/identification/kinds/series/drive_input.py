@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
 OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
 """Parameters of the logging, not of the rig that a controller drives."""
+KEPT = 64
+"""Records whose inputs are kept: a fit runs over the same ones thousands of times."""
 
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
@@ -37,7 +40,8 @@ def interval(record: Record) -> float:
     return float(t[-1] - t[0]) / (len(t) - 1)
 
 
-def evenly(record: Record, columns: Sequence[str]) -> Record:
+@lru_cache(maxsize=KEPT)
+def evenly(record: Record, columns: tuple[str, ...]) -> Record:
     """`record` itself where its samples are even in time, else its `columns` at twice as many even times."""
     t = record["t_s"]
     if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) < SET.uneven * interval(record):
@@ -56,13 +60,6 @@ class Feed:
     substeps: int
     first: int = 0
     every: int = 1
-
-    def spread(self, samples: Array) -> Array:
-        """A measured column at the loop's own intervals, straight between samples."""
-        if self.every == 1 and not self.first:
-            return samples
-        at = (np.arange(len(self.commands)) - self.first) / self.every
-        return np.asarray(np.interp(at, np.arange(len(samples)), samples))
 
     def samples(self, output: Array) -> Array:
         """The loop's output at the record's samples."""
@@ -86,12 +83,19 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
     """The loop's input for `record`; `delay` in s of a switch that is logged as on or off alone, `rigid` and `fine` as
     in `internal_step`.
     """
-    command, dt = record[drive.commanded], interval(record)
+    dt = interval(record)
     pieces = max(1, round(dt / internal_step(drive, rigid, fine)))
     if not drive.held:
-        return Feed(command, dt, pieces)
-    mean = switched(command, dt, pieces, delay if logged_whole(command) else 0.0)
-    return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
+        return Feed(record[drive.commanded], dt, pieces)
+    return Feed(_held(record, drive.commanded, pieces, delay), dt / pieces, 1, 1, pieces)
+
+
+@lru_cache(maxsize=KEPT // 4)  # these are long
+def _held(record: Record, column: str, pieces: int, delay: float) -> Array:
+    """A switch's commands, from one step before the record to one after it."""
+    command = record[column]
+    mean = switched(command, interval(record), pieces, delay if logged_whole(command) else 0.0)
+    return np.concatenate([[0.0], mean, mean[-1:]])
 
 
 def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from models.checks.estimators import estimated_noise, grid_step
 from models.checks.noise import noise_used
 from models.checks.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
-from models.compiled.residuals import differences, less_in_the_tail
+from models.compiled.residuals import weighed
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.series.drive_input import clock_offset, driven_column, interval, switch_delay
+from models.identification.kinds.series.drive_input import KEPT, clock_offset, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
@@ -34,10 +36,21 @@ _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
 def low_passed(signal: Array, dt: float) -> Array:
-    """`signal` below 2 Hz: Butterworth, second order, forward and back, so without phase."""
-    if len(signal) < 16 or SET.low_pass_hz * 2 * dt >= 1:
+    """`signal` (..., n) below 2 Hz: Butterworth, second order, forward and back, so without phase."""
+    if signal.shape[-1] < 16 or SET.low_pass_hz * 2 * dt >= 1:
         return signal
-    return np.asarray(scipy.signal.sosfiltfilt(scipy.signal.butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
+    return np.asarray(scipy.signal.sosfiltfilt(_butterworth(dt), signal))
+
+
+@lru_cache(maxsize=KEPT)
+def _butterworth(dt: float) -> Array:
+    return np.asarray(scipy.signal.butter(2, SET.low_pass_hz * 2 * dt, output="sos"))
+
+
+@lru_cache(maxsize=KEPT)
+def _rows(record: Record) -> NDArray[np.int64]:
+    """The rows whose residuals count."""
+    return np.flatnonzero(counted(record))
 
 
 @dataclass(frozen=True)
@@ -56,7 +69,7 @@ class SeriesKind(Kind):
     resolution: float = 0.0
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     catalogue: Catalogue = CATALOGUE
-    measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
+    measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
     final: ClassVar[int] = 3  # the free run at fine steps
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little
@@ -116,38 +129,44 @@ class SeriesKind(Kind):
         return SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s
 
     @property
-    def _runs(self) -> Callable[..., list[Array]]:
+    def _runs(self) -> Callable[..., Array]:
         return Runner(self.surface, self.drive, self.catalogue).runs
 
-    def _from_the_start(self, record: Record, output: Array) -> Array:
-        """`output` moved to where the record starts: the noise of one sample at the start would last to the end."""
+    def _from_the_start(self, record: Record, outputs: Array) -> Array:
+        """`outputs` (k, n) moved to where the record starts: the noise of one sample there would last to the end."""
         if self.drive.anchored or self.quantity not in record.columns:
-            return output
+            return outputs
         first = slice(0, max(1, round(SET.start_s / interval(record))))
-        return output + float(np.mean(record[self.quantity][first] - output[first]))
+        away = record[self.quantity][first] - outputs[:, first]
+        return np.asarray(outputs + away.mean(axis=1, keepdims=True))
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """The free run from the driven column alone, from rest where the record starts (a magnet's below it)."""
-        seen = None if self.drive.anchored else record.columns.get(self.quantity)
-        return self._from_the_start(record, self._runs(record, [theta], None, seen)[0])
+        return self.predictions(record, [theta])[0]
+
+    def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
+        placed = not self.drive.anchored and self.quantity in record.columns
+        return list(self._from_the_start(record, self._runs(record, thetas, None, placed)))
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Differences in units of the noise, with less weight in the jump of a slip event; see `Kind.residual`."""
-        return self.residuals(record, [theta], criterion)[0]
+        return np.asarray(self.stacked(record, [theta], criterion)[0])
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
+    def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
         memory = None if criterion else self.memory
-        outputs = self._runs(record, thetas, memory, record[self.quantity], criterion == self.final)
+        outputs = self._runs(record, thetas, memory, fine=criterion == self.final)
         if not memory:
-            outputs = [self._from_the_start(record, output) for output in outputs]
-        return [self._weighed(record, output, criterion) for output in outputs]
-
-    def _weighed(self, record: Record, output: Array, criterion: int) -> Array:
-        r = differences(record[self.quantity], output, self.noise_std, SET.diverged)
-        if criterion == self.criteria:
-            dt = interval(record)
-            return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (SET.low_pass_samples * SET.low_pass_hz * dt)))])
-        return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), SET.tail))
+            outputs = self._from_the_start(record, outputs)
+        slow = criterion == self.criteria
+        rows, tail = (np.arange(len(record)), np.inf) if slow else (_rows(record), SET.tail)
+        averaged = 1 if slow or len(rows) < 2 * self.averaged else self.averaged
+        noise, measured = self.noise_std, record[self.quantity]
+        left: Array = weighed(outputs, measured, rows, averaged, noise, SET.diverged, tail)
+        if not slow:
+            return left
+        dt = interval(record)
+        every = max(1, round(1 / (SET.low_pass_samples * SET.low_pass_hz * dt)))
+        return np.ascontiguousarray(low_passed(left, dt)[:, ::every])
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, over the samples that count, interpolated between them."""
@@ -212,12 +231,14 @@ class SeriesKind(Kind):
         there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta.base)) for x in (measured, predicted))
         return foreseen - there, there
 
-    def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
-        """Rms error of `records` under an observer with the time constant `memory` in s; None: free-running."""
-        errors = [
-            record[self.quantity] - self._runs(record, [theta], memory, record[self.quantity])[0] for record in records
-        ]
-        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    def foresight_rms(self, records: Sequence[Record], thetas: Sequence[Theta], memory: float | None) -> list[float]:
+        """Rms error of `records` at each of `thetas` under an observer with the time constant `memory` in s; None:
+        free-running.
+        """
+        outputs = [self._runs(record, thetas, memory) for record in records]
+        measured = np.concatenate([record[self.quantity] for record in records])
+        errors = (measured - np.concatenate(own) for own in zip(*outputs, strict=True))
+        return [float(np.sqrt(np.mean(error**2))) for error in errors]
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         return {"t_s": record["t_s"], self.quantity: predicted}
@@ -230,14 +251,6 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
         return 1
     rate = float(np.median([used(record).mean() / interval(record) for record in records]))
     return max(1, round(min((noise_std / fine) ** 2, longest_s * rate)))
-
-
-def averages(r: Array, count: int) -> Array:
-    """Means of `count` neighbours of `r` (n,) times root `count`, so that white noise keeps its variance."""
-    if count == 1 or len(r) < 2 * count:
-        return r
-    rows = r[: len(r) // count * count].reshape(-1, count)
-    return np.asarray(rows.mean(axis=1) * np.sqrt(count))
 
 
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:

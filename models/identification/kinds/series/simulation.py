@@ -2,20 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from models.assembly.model import Assembly, assemble, followed_by
 from models.checks.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel
+from models.compiled.residuals import in_time, sampled
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
+    KEPT,
     SWITCH_DELAY,
+    Feed,
     evenly,
     feed,
     interval,
@@ -38,6 +41,12 @@ def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
     return theta.get(CLOCK_OFFSET, 0.0) + sum(delays)
 
 
+@lru_cache(maxsize=KEPT)
+def _observed(even: Record, column: str) -> Array:
+    """What an observer sees: NaN where the sensor gives nothing."""
+    return np.where(gone(even), np.nan, even[column])
+
+
 @dataclass(frozen=True)
 class Runner:
     """The models of one surface and drive."""
@@ -47,63 +56,65 @@ class Runner:
     catalogue: Catalogue
 
     def runs(
-        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
-    ) -> list[Array]:
-        """The output at each of `thetas`; those with the same effects and switch delay run side by side."""
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, placed: bool = True, fine: bool = True
+    ) -> Array:
+        """The output (len(thetas), samples) at each of `thetas`; those with the same effects and switch delay run side
+        by side. Where `placed`, the body starts where it was measured.
+        """
         alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
         for i, theta in enumerate(thetas):
             alike.setdefault((tuple(sorted(theta.effects)), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
-        outputs: dict[int, Array] = {}
-        for members in alike.values():
+        outputs = np.empty((len(thetas), len(record)))
+        for (names, delay), members in alike.items():
+            active = tuple(self.catalogue[name] for name in names)
+            rigid = self.drive.imposed and not any(effect.answers("link") for effect in active)
+            even = evenly(record, (self.drive.commanded, self.drive.measured, USED))
+            fed = feed(self.drive, even, rigid, delay, fine)
             for k in range(0, len(members), LANES):
                 some = members[k : k + LANES]
-                shown = self._side_by_side(record, [thetas[i] for i in some], memory, measured, fine)
-                outputs.update(zip(some, shown, strict=True))
-        return [outputs[i] for i in range(len(thetas))]
+                at = [thetas[i] for i in some]
+                shown, late = self._side_by_side(even, fed, active, at, memory, placed)
+                clock, same = even["t_s"], even is record
+                sampled(fed.samples(shown), clock, record["t_s"], late, same, np.array(some), outputs)
+        return outputs
 
     def _side_by_side(
-        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool
-    ) -> list[Array]:
-        active = tuple(self.catalogue[name] for name in sorted(thetas[0].effects))
+        self,
+        even: Record,
+        fed: Feed,
+        active: tuple[type[Effect], ...],
+        thetas: Sequence[Theta],
+        memory: float | None,
+        placed: bool,
+    ) -> tuple[Array, Array]:
+        """The loop's outputs, a column each of `thetas` and the last repeated, and each one's delay in s."""
         assembly, kernel = _model(self.surface, self.drive, active)
-        rigid = self.drive.imposed and not any(effect.answers("link") for effect in active)
-        even = evenly(record, (self.drive.commanded, self.drive.measured, USED))
-        measured = None if measured is None else even[self.drive.measured]
-        fed = feed(self.drive, even, rigid, thetas[0].get(SWITCH_DELAY, 0.0), fine)
+        lanes = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
+        parameters = np.array([assembly.vector(theta) for theta in lanes]).T.copy()
+        late = np.array([_late(active, theta) for theta in lanes])
+        states = np.repeat(self._start(assembly, even, placed)[:, None], LANES, axis=1)
         shown = np.empty((len(fed.commands), LANES))
-        filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
-        parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()
-        states = np.repeat(self._start(assembly, even, measured)[:, None], LANES, axis=1)
-        seen = shown
-        if measured is not None and memory:
-            spread = fed.spread(np.where(gone(even), np.nan, measured))
-            at, late = np.arange(len(spread)), [_late(assembly.effects, theta) / fed.dt for theta in filled]
-            seen = np.stack([np.interp(at + n, at, spread) for n in late] if any(late) else [spread] * LANES, axis=1)
-        if not self.drive.anchored and measured is not None and memory:
+        seen, gain = shown, 0.0
+        if memory:
+            samples, gain = _observed(even, self.drive.measured), fed.dt / memory
+            seen = in_time(samples, late / (fed.every * fed.dt), len(shown), fed.first, fed.every)
+        if not self.drive.anchored and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
             if there.any():  # the noise of one sample's position would last
                 states[0] += np.mean((seen[:n] - shown[:n])[there], axis=0)
-        gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
-        rows = shown.T.copy()
-        late = [_late(assembly.effects, theta) for theta in thetas]
-        return [
-            np.interp(record["t_s"] - delay, even["t_s"], fed.samples(row))
-            if delay or even is not record
-            else fed.samples(row)
-            for row, delay in zip(rows, late, strict=False)
-        ]
+        return shown, late
 
-    def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
+    def _start(self, assembly: Assembly, record: Record, placed: bool) -> Array:
         state = assembly.start()
         first = record[self.drive.commanded][0]
-        if self.drive.anchored:
-            seen = None if measured is None else measured[: max(1, round(0.02 / interval(record)))]
-            state[0] = first if self.drive.imposed or seen is None else float(np.mean(seen))
-        elif measured is not None:
-            state[0] = measured[0]
+        if self.drive.imposed or (self.drive.anchored and not placed):
+            state[0] = first
+        elif placed:
+            rows = max(1, round(0.02 / interval(record))) if self.drive.anchored else 1
+            state[0] = float(np.mean(record[self.drive.measured][:rows]))
         for k, name in enumerate(assembly.states):
             if followed_by(assembly.effects, name) == "command":
                 state[k] = first

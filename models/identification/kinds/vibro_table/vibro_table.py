@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.compiled.residuals import less_in_the_tail
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array, Split
@@ -97,10 +96,10 @@ class VibroTableKind(TableKind):
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """Difference of each condition's mean from the model in units of its standard deviation."""
+        """Difference of each condition's mean from the model in units of its standard deviation, as pseudo-Huber."""
         spread = np.sqrt(self.variances(record) + self.model_error_m_s**2)
         misfit = self.errors(record, self.predict(record, theta)) / spread
-        return np.asarray(less_in_the_tail(misfit, SET.outlying))
+        return np.asarray(misfit * np.sqrt(2 / (1 + np.sqrt(1 + (misfit / SET.outlying) ** 2))))
 
     def scatter(self, record: Record) -> Array:
         """Standard deviation in m/s of a run: of reading the displacement, and a share of the speed by the repeats."""

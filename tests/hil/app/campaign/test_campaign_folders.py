@@ -198,7 +198,7 @@ def test_the_page_says_what_there_is_to_say() -> None:
         answer("b", {}),
         answer_of("c", {"error": "no & never"}, ""),
     ]
-    assert headline(answers) == "3 series: 1 lacks a named effect, 1 lacks nothing and 1 could not be used"
+    assert headline(answers) == "3 series: 1 lacks a named effect, 1 shows no missing effect and 1 could not be used"
     page = page_html(answers)
     assert "&lt;b&gt;" in page
     assert "no &amp; never" in page

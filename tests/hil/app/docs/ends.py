@@ -30,7 +30,7 @@ RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
         ),
         "no_drive": End(
             1,
-            "no drive that can be led was heard within 2 s: silent, or of another catalogue",
+            "no drive that can be led was heard within 2 s: silent, or with another fingerprint of `capsule.dbc`",
             "nothing to lead: no feedback of the drive...",
         ),
         "drive_fault": End(

@@ -8,7 +8,8 @@ import can
 import pytest
 
 from hil.app.main import run
-from hil.app.scenario.deployment import load_deployment, read_deployed_rig
+from hil.app.scenario.deployment import load_deployment
+from hil.app.scenario.rig_file import read_deployed_rig
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender

@@ -106,7 +106,7 @@ def test_the_log_can_be_replayed_bit_by_bit(short: Path, tmp_path: Path, capsys:
 def test_summary_names_the_fault(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsule(["sil", str(short)]) == 0
     out = capsys.readouterr().out
-    assert "fault killed at 0.5 s: safe after" in out
+    assert "fault at 0.5 s (killed): safe after" in out
     assert "UNSAFE" not in out
 
 

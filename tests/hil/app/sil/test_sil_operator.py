@@ -81,7 +81,7 @@ def test_the_summary_tells_of_both(tmp_path: Path, capsys: pytest.CaptureFixture
     out = capsys.readouterr().out
     assert "operator: 1 press, 0 late, 60 setpoints taken" in out
     assert "not authentic: 100 classic" in out
-    assert "fault unkeyed commands at 0.4 s: safe after" in out
+    assert "fault at 0.4 s (unkeyed commands): safe after" in out
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def two_speeds(columns: Columns) -> Columns:
 
 def test_an_error_in_per_cent_has_that_unit(made: tuple[AnyKind, Record]) -> None:
     kind, _ = made
-    assert (kind.error_unit == "%") == ("%" in kind.measure)
+    assert (kind.error_unit == "%") == ("relative" in kind.measure)
 
 
 def test_every_declared_pair_is_tried(made: tuple[AnyKind, Record]) -> None:

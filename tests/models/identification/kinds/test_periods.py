@@ -108,7 +108,7 @@ def test_report_says_what_is_equivalent_and_what_to_do(calibrated: Theta) -> Non
         "At one speed these explanations are confounded",
         "stretched length of 6.6",
         "times stiffer",
-        "wall_viscosity",
+        "resists the rate of stretch",
         "0.3184 s",
         "0.2403 s",
     ):

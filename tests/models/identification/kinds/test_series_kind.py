@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.compiled.residuals import in_time
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
 from models.effects import CATALOGUE
@@ -76,11 +77,11 @@ def test_the_loop_s_own_intervals_meet_the_samples() -> None:
     record = Record("r", "vibro", {"t_s": t, "drive_on": (np.arange(50) % 10 < 3).astype(float), "position_m": t})
     fed = feed(Vibro(), record, False, 0.0)
     assert fed.dt * fed.every == pytest.approx(2e-3)
-    np.testing.assert_allclose(fed.samples(fed.spread(t)), t, atol=1e-12)
+    spread = in_time(t, np.zeros(1), len(fed.commands), fed.first, fed.every)[:, 0]
+    np.testing.assert_allclose(fed.samples(spread), t, atol=1e-12)
+    np.testing.assert_allclose(np.diff(spread)[1:-1], fed.dt, atol=1e-12)
     assert len(fed.samples(fed.commands)) == 50
-    plain = Feed(t, 2e-3, 4)
-    assert plain.spread(t) is t
-    assert plain.samples(t).shape == t.shape
+    assert Feed(t, 2e-3, 4).samples(t).shape == t.shape
 
 
 def test_a_record_s_column_settles_the_drive() -> None:
@@ -191,7 +192,7 @@ def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
 def test_a_prediction_that_runs_away_costs_much_and_warns_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     kind = SeriesKind.build(Plate(0.193), Vibro(), 5e-5)
     record = Record("r", "vibro", {"t_s": 2e-3 * np.arange(4), "drive_on": np.zeros(4), "position_m": np.zeros(4)})
-    monkeypatch.setattr(SeriesKind, "_runs", lambda *_: [np.array([np.nan, np.inf, -1e306, 0.0])])
+    monkeypatch.setattr(SeriesKind, "_runs", lambda *_, **__: np.array([[np.nan, np.inf, -1e306, 0.0]]))
     left = kind.residual(record, Theta(), 0)
     assert np.isfinite(left).all()
     assert np.min(np.abs(left[:3])) > 1e3

@@ -1,0 +1,167 @@
+"""The finding that a report shows, of a search that is judged: what was found, what was said of it, what comes next."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from models.checks.excitation import shown_with
+from models.checks.finding import RecordFinding
+from models.effects import effect_words
+from models.effects.equation import symbols_of
+from models.identification.confidence_map import confidence_map
+from models.identification.experiment import propose, words_of
+from models.identification.finding import CandidateRow, Check, Finding, Fitted, FoundEffect, Proposal
+from models.identification.kinds.reports import AnyKind, report_of
+from models.identification.residual_dependence import dependence_of
+from models.identification.search.forward_selection import Search
+from models.identification.settings import SET
+from models.identification.steps import Judged, Predicted, Prepared
+from models.parameter import Name
+from models.records.record import Record
+from models.words.sentences import Sentences, sentence
+
+TEXT: Final = Sentences(__file__)
+
+
+def answer(
+    prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, train: Sequence[Record], seed: int
+) -> Finding:
+    """All that is known of the records and the model, but for how long it took."""
+    kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
+    report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
+    proposal = _proposal(prepared, found, train, seed)
+    wanted = (words_of(proposal), report.next_experiment(kind, theta, train))
+    return Finding(
+        kind=kind.name,
+        quantity=kind.quantity,
+        unit=kind.unit,
+        measure=kind.measure,
+        columns=kind.quantities,
+        error_unit=kind.error_unit,
+        verdict=verdict,
+        effects=tuple(_effect(kind, name, found, judged.fitted, verdict) for name in found.effects),
+        calibration={name: estimate for name, estimate in judged.fitted.items() if isinstance(name, str)},
+        nominal=dict(predicted.thetas["nominal"].base),
+        error=predicted.error,
+        noise_floor=judged.floor,
+        checks=judged.checks,
+        candidates=tuple(_rows(found, words)),
+        smallest_detectable=found.detectable,
+        next_experiment=_next(judged.findings, verdict, wanted),
+        statements=(
+            *_statements(kind, found, verdict, words),
+            *_proposed(kind, found, predicted),
+            *report.statements(kind, predicted.thetas, train),
+        ),
+        equations=tuple(report.equations(kind, theta)),
+        symbolic=tuple(report.equations(kind, symbols_of(theta, judged.fitted))),
+        traces=predicted.traces,
+        seconds=float("nan"),
+        timings=found.timings,
+        findings=judged.findings,
+        cannot_show=prepared.cannot_show,
+        reasons=_reasons(verdict, found.effects, judged.checks, judged.findings),
+        proposal=proposal,
+        dependence=dependence_of(kind, train, theta, seed) if verdict == "unknown" else None,
+        declared=prepared.declared,
+    )
+
+
+def _proposal(prepared: Prepared, found: Search, train: Sequence[Record], seed: int) -> Proposal | None:
+    """The motion of the next record."""
+    hidden = prepared.hidden
+    shown = shown_with(prepared.rig, train, hidden) if hidden else None
+    return propose(prepared.kind, prepared.kind.searched(train), found, shown, np.random.default_rng(seed))
+
+
+def _reasons(
+    verdict: str, effects: Sequence[str], checks: Sequence[Check], findings: Sequence[RecordFinding]
+) -> tuple[str, ...]:
+    """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
+    if verdict != "unknown":
+        return ()
+    last = "failed" if effects else "failed_of_none"
+    failed = []
+    for check in (check for check in checks if not check.ok):
+        case = f"check.{check.id}.{last}"
+        text = case if case in TEXT else f"check.{check.id}.failed"
+        failed.append(TEXT(text, value=check.value, limit=check.limit, n=round(check.value)))
+    return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
+
+
+def _next(findings: Sequence[RecordFinding], verdict: str, wanted: Sequence[str | None]) -> str | None:
+    """What to record next: for `unknown`, what mends the records where they weaken it; then what else is `wanted`."""
+    weak = [finding.remedy for finding in findings if finding.severity == "weakens" and verdict == "unknown"]
+    return " ".join(dict.fromkeys(sentence(words) for words in (*weak, *wanted) if words)) or None
+
+
+def _effect(kind: AnyKind, name: str, found: Search, spread: Mapping[Name, Fitted], verdict: str) -> FoundEffect:
+    score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
+    known = confidence_map()
+    sure = known.probability(score)
+    return FoundEffect(
+        name,
+        found.equivalent[name],
+        _own(name, spread),
+        found.gains[name],
+        sure,
+        {curve: _own(curve, spread) for curve in found.refinements if curve in kind.catalogue[name].refined_by},
+        score,
+        known.calibrated,
+        known.words(sure),
+    )
+
+
+def _own(name: str, spread: Mapping[Name, Fitted]) -> dict[str, Fitted]:
+    return {key[1]: value for key, value in spread.items() if not isinstance(key, str) and key[0] == name}
+
+
+def _rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
+    rows = []
+    for number, screened, trials in found.rounds:
+        gains = {trial.effect: trial.gain for trial in trials}
+        added = found.effects[number - 1] if len(found.effects) >= number else ""
+        for row in screened:
+            if added and row.effect in found.equivalent[added]:
+                note = TEXT("candidate.equivalent", added=words(added))
+            else:
+                became = "added" if row.effect == added else "fitted" if row.effect in gains else "screened"
+                note = TEXT(f"candidate.{became}")
+            rows.append(CandidateRow(row.effect, number, row.share, gains.get(row.effect), note))
+    return rows
+
+
+def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str], str]) -> list[str]:
+    costs = {"before": found.before, "after": found.after, "chance": found.null_cost}
+    said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
+    if found.effects:
+        said.append(TEXT("statement.explained", share=min(found.explained, 1.0)))
+    if found.horizon_s < np.inf:
+        said.append(TEXT("statement.horizon", horizon=found.horizon_s))
+    elif found.sensitivity > SET.clean * found.null_cost:
+        said.append(TEXT("statement.sensitive", cost=found.sensitivity))
+    for name in found.refinements:
+        shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
+        said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
+    if verdict == "unknown":
+        structured = found.after >= SET.clean * found.null_cost
+        said.append(TEXT("statement.structured" if structured else "statement.too_small"))
+    return said
+
+
+def _proposed(kind: AnyKind, found: Search, predicted: Predicted) -> list[str]:
+    """On which records an effect was proposed, if from a residual, and what follows from it."""
+    said = []
+    for name in found.effects:
+        on = kind.catalogue[name].proposed_on
+        again = [trace.name for trace in predicted.traces if trace.role == "train" and trace.name in on]
+        tested = [trace.name for trace in predicted.traces if trace.role == "holdout" and trace.name not in on]
+        if on:
+            said += [
+                TEXT("statement.proposed", effect=name, records=on),
+                TEXT("statement.favoured" if again else "statement.unfavoured", records=again),
+                TEXT("statement.tested" if tested else "statement.untested", records=tested, n=len(tested)),
+            ]
+    return said

@@ -1,0 +1,53 @@
+"""What the steps of an identification hand on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from models.checks.finding import RecordFinding
+from models.effects.effect import Effect
+from models.identification.finding import Check, Fitted, Trace
+from models.identification.kinds.reports import AnyKind
+from models.parameter import Name
+from models.rigs.rig import Rig
+from models.theta import Theta
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The `kind` of a `rig` with the candidates that the training records can show, the `declared` effects by id, why
+    the records `cannot_show` some of them, and the `findings` on the records.
+    """
+
+    rig: Rig
+    kind: AnyKind
+    declared: Mapping[str, type[Effect]]
+    cannot_show: dict[str, str]
+    findings: tuple[RecordFinding, ...]
+
+    @property
+    def hidden(self) -> list[type[Effect]]:
+        """The effects that the records cannot show."""
+        return [self.declared[name] for name in self.cannot_show]
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """The values of each stage of the model, the records as the stages predict them, and the reported errors."""
+
+    thetas: dict[str, Theta]
+    traces: tuple[Trace, ...]
+    error: dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The verdict with its `checks`, the `findings` on records and held-out errors, the fitted parameters with their
+    intervals, the noise floor of the errors, and a sentence for each stage that is `worse` than one before it.
+    """
+
+    verdict: str
+    checks: tuple[Check, ...]
+    findings: tuple[RecordFinding, ...]
+    fitted: dict[Name, Fitted]
+    floor: float
+    worse: dict[str, str]

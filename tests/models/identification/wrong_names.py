@@ -30,7 +30,7 @@ class Localiser:
 @dataclass(frozen=True)
 class Case:
     """A series: kind and `hidden` numbers of the plant, `seed` of its rig and records, or a record of the shared series
-    with a lag. `right` are the effects that may be named; `unknown` is never wrong but where nothing is hidden.
+    with a lag. `right` are the effects that may be named, none where nothing is hidden.
     """
 
     kind: str

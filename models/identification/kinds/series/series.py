@@ -160,9 +160,8 @@ class SeriesKind(Kind):
         count = max(1, round(SET.slow_s / (interval(record) * self.averaged)))
         if rows.shape[1] < count:
             return rows
-        plain = (rows * np.sqrt(1 + (rows / (2 * SET.tail)) ** 2))[
-            :, : rows.shape[1] // count * count
-        ]  # no tail weight
+        some = rows[:, : rows.shape[1] // count * count]
+        plain = some * np.sqrt(1 + (some / (2 * SET.tail)) ** 2)  # without the weight in the tail
         return np.asarray(plain.reshape(len(rows), -1, count).mean(axis=2) * np.sqrt(count))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

@@ -159,8 +159,7 @@ def error_words(finding: Finding) -> str:
     if math.isfinite(finding.noise_floor):
         said += " " + TEXT("error.floor", floor=floor)
     error = finding.error.get("holdout", {}).get("calibrated") or 0.0
-    over = next((check.value for check in finding.checks if check.id == "held_out"), math.nan)
-    if not finding.effects and error > _WELL_ABOVE * finding.noise_floor and over > 0:
-        factor, unit = error_scale(finding)
-        said += " " + TEXT("error.chance", chance=amount(factor * error / over, unit))
+    passed = any(check.id == "held_out" and check.ok for check in finding.checks)
+    if not finding.effects and error > _WELL_ABOVE * finding.noise_floor and passed:
+        said += " " + TEXT("error.chance")
     return said

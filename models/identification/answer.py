@@ -62,7 +62,7 @@ def answer(
         timings=found.timings,
         findings=judged.findings,
         cannot_show=prepared.cannot_show,
-        reasons=_reasons(verdict, found.effects, judged.checks, judged.findings),
+        reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
         dependence=dependence_of(kind, train, theta, seed) if verdict == "unknown" else None,
         declared=prepared.declared,
@@ -76,18 +76,15 @@ def _proposal(prepared: Prepared, found: Search, train: Sequence[Record], seed: 
     return propose(prepared.kind, prepared.kind.searched(train), found, shown, np.random.default_rng(seed))
 
 
-def _reasons(
-    verdict: str, effects: Sequence[str], checks: Sequence[Check], findings: Sequence[RecordFinding]
-) -> tuple[str, ...]:
+def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:
     """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
     if verdict != "unknown":
         return ()
-    last = "failed" if effects else "failed_of_none"
-    failed = []
-    for check in (check for check in checks if not check.ok):
-        case = f"check.{check.id}.{last}"
-        text = case if case in TEXT else f"check.{check.id}.failed"
-        failed.append(TEXT(text, value=check.value, limit=check.limit, n=round(check.value)))
+    failed = (
+        TEXT(".".join(("check", check.id, "failed")), value=check.value, limit=check.limit, n=round(check.value))
+        for check in checks
+        if not check.ok
+    )
     return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
 
 

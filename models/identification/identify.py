@@ -1,7 +1,7 @@
 """Records in; what the model lacks, and the better model, out: examine, prepare, search, predict, judge, answer."""
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -13,7 +13,7 @@ from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
 from models.identification.answer import answer
 from models.identification.finding import STAGES, Finding, Trace
-from models.identification.fitting.confidence import drawn, intervals
+from models.identification.fitting.confidence import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
@@ -24,19 +24,15 @@ from models.identification.settings import SET
 from models.identification.steps import Judged, Predicted, Prepared
 from models.identification.verdict import (
     at_bounds,
-    by_chance,
-    chance_error,
-    model_checks,
-    residual_checks,
+    checks_of_model,
+    checks_of_rest,
     setback_findings,
     setbacks,
     verdict_of,
 )
-from models.parameter import Name
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
-from models.theta import Theta
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -133,36 +129,29 @@ def judge(
     """The verdict on what was `found`; `error` is that of the held-out records by stage, empty without any."""
     kind, fit, rng = prepared.kind, found.augmented, np.random.default_rng(seed)
     fitted = intervals(kind, fit, found.model, found.parts)
-    likely = _draws(kind, found, rng)
-    near = _draws(kind, found, rng, [name for name, estimate in fitted.items() if estimate.identifiable])
-    residuals = residual_checks(kind, train, fit, near, effects=found.effects)
-    allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
-    chance, floor = chance_error(kind, holdout, fit, likely), kind.noise_floor(holdout or train)
+    rest, floor = checks_of_rest(kind, found, train, holdout, rng), kind.noise_floor(holdout or train)
     worse = setbacks(error, floor, kind.error_unit)
-    findings = (*_setbacks(kind, found, worse, error, chance, holdout), *prepared.findings)
+    beyond = any(check.id == "held_out" and not check.ok for check in rest)
+    findings = (*_setbacks(kind, found, worse, beyond, holdout), *prepared.findings)
     longest_s = max(_seconds(record) for record in train)
-    checks = (*residuals, *model_checks(kind, found, fitted, error, findings, allowed, chance, longest_s))
+    checks = (*rest, *checks_of_model(kind, found, fitted, error, findings, longest_s))
     return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
-
-
-def _draws(kind: AnyKind, found: Search, rng: np.random.Generator, only: Collection[Name] | None = None) -> list[Theta]:
-    """Draws of the values of the last fit, or of `only` those named."""
-    return [drawn(kind, found.augmented, found.model, rng, only) for _ in range(SET.draws)]
 
 
 def _setbacks(
     kind: AnyKind,
     found: Search,
     worse: Mapping[str, str],
-    error: Mapping[str, float],
-    chance: float,
+    beyond: bool,
     holdout: Sequence[Record],
 ) -> tuple[RecordFinding, ...]:
-    """Findings on the stages that are `worse`; without effects the last stage is the one before it."""
+    """Findings on the stages that are `worse`; without effects the last stage is the one before it, and weakens the
+    verdict where held-out records are `beyond` what right models leave.
+    """
     last = "augmented" if found.effects else "calibrated"
     said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
-    weakened = None if by_chance(error.get(last, np.nan), chance) else last
-    return setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model), weakened)
+    bounds = at_bounds(kind, found.augmented, found.model)
+    return setback_findings(said, holdout, bounds, last if beyond else None)
 
 
 def _seconds(record: Record) -> float:

@@ -1,6 +1,6 @@
 """Confidence intervals of fitted parameters."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -52,28 +52,6 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
     scores = np.array([part.T @ r for part, r in zip(_blocks(rows), _blocks(fit.residual), strict=True)])
     scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
     return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
-
-
-def drawn(
-    kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[Name] | None = None
-) -> Theta:
-    """A draw of the fit's values, or of `only` those named: from their covariance by noise alone, and by 0.1 % for the
-    numerics; within the bounds. A misfit beyond noise does not widen it, for then a wrong model would excuse itself.
-    """
-    every = axes(kind, effects)
-    moving = [k for k, axis in enumerate(every) if only is None or axis.name in only]
-    fitted = [every[k] for k in moving]
-    if not fitted:
-        return fit.theta
-    scale = np.array([a.scale for a in fitted])
-    variances, vectors = np.linalg.eigh(_by_noise(fit.jacobian[:, moving] * scale))
-    moved = vectors @ (np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(len(fitted))) * scale
-    values: dict[Name, float] = {}
-    for axis, step in zip(fitted, moved, strict=True):
-        value = fit.theta[axis.name]
-        own = SET.numerics * abs(value) * float(rng.choice((-1, 1)))
-        values[axis.name] = float(np.clip(value + step + own, axis.parameter.lower, axis.parameter.upper))
-    return fit.theta | values
 
 
 def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1") -> float:

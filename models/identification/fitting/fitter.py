@@ -83,10 +83,10 @@ class Fitter:
         best of many points close by.
         """
         fitter = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
-        best = fitter.near(start, SET.fine)
+        best = fitter.near(start, SET.fine, SET.rounds)
         if self.kind.beginnings_s and best.chi2 > SET.events:
             some = self.lowest(around(self.axes, best.theta, SET.near_by), SET.down_from)
-            best = min([best, *each(lambda point: fitter.near(point, SET.fine), some)], key=by_cost)
+            best = min([best, *each(lambda point: fitter.near(point, SET.fine, SET.rounds), some)], key=by_cost)
         return best
 
     def plain(self) -> Fitter:
@@ -176,7 +176,7 @@ class Growth:
         if found and kept > 1 and found[0] not in best:
             best[-1] = found[0]
         late = number >= SET.ranked_from
-        widths, rounds = (SET.narrow, 2 * SET.rounds) if late else (SET.narrow[-1:], SET.first_rounds)
+        widths, rounds = (SET.narrow, SET.rounds) if late else (SET.narrow[-1:], SET.first_rounds)
         self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=by_cost)
         return self
 

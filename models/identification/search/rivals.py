@@ -56,7 +56,7 @@ def rivals_of(
         known = tried[name].thetas if name in tried else ()
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
         fitted = model.far(points, [*rest, name], seeds=0)
-        if fitted.cost <= SET.behind * model.cost:
+        if fitted.cost <= SET.behind * model.cost and fitted.training_cost <= SET.behind * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
         fitted = fitted.within_name(name)
         for effects, thetas in tried[name].refinements.items() if name in tried else ():
@@ -103,7 +103,7 @@ def _imitation(
     kind, fitter = model.kind, Fitter.of(model.kind, made, [*rest, name])
     begun = prefixes(made[:1], kind.beginnings_s[-1]) if kind.beginnings_s else made
     start = opening(kind, begun, [model.thetas[k].without(*own)], name, [*starts, kind.declared(name).start()])
-    near = fitter.near(start).theta
+    near = fitter.near(start, SET.narrow, SET.rounds).theta
     return near, judged_cost(kind, made, near) if kind.beginnings_s else np.inf
 
 

@@ -76,7 +76,8 @@ def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Scr
     kind, x, first = fitter.kind, fitter.at(theta), fitter.records[0]
     here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
     width = SET.screened_secant * np.array([axis.scale for axis in fitter.axes])
-    views = [_View.of(seen, here, jacobian, width) for seen in (np.asarray, partial(kind.slow, first))]
+    seen = (np.asarray, partial(kind.slow, first)) if kind.beginnings_s else (np.asarray,)
+    views = [_View.of(one, here, jacobian, width) for one in seen]
 
     def tried(effect: type[Effect]) -> Screened:
         amplitude, phase = effect.amplitude(), effect.of_role("phase")

@@ -262,9 +262,9 @@ def test_story_without_hold_out_says_so() -> None:
 
 def test_a_held_out_error_by_chance_is_named_as_such() -> None:
     errors = {part: {"nominal": 0.011, "calibrated": 0.009, "augmented": 0.009} for part in ("train", "holdout")}
-    check = Check("held_out", "held-out error over chance", 0.9, 2.0, True, "of the free run")
+    check = Check("held_out", "held-out residual", 0.9, 2.0, True, "of the free run")
     finding = replace(pull_finding("none"), error=errors, noise_floor=1e-3, checks=(check,))
-    assert error_words(finding).endswith("Noise and uncertain parameters alone cause up to 10 mN.")
+    assert error_words(finding).endswith("single slip events may add the rest.")
     assert "uncertain" not in error_words(replace(finding, noise_floor=8e-3))
 
 

@@ -10,13 +10,13 @@ from models.checks.excitation import cannot_show
 from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
 from models.formula import line_text
-from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
 from models.identification.kinds.reports import axis as report
-from models.identification.verdict import residual_checks
+from models.identification.rehearsal import left_by, rehearsed
+from models.identification.verdict import within
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
@@ -99,20 +99,8 @@ def test_a_torque_that_is_the_command_claims_no_floor() -> None:
     assert AxisKind.from_rig(stated, [command]).noise_floor([command]) > 0
 
 
-def test_what_is_left_far_below_the_noise_has_no_structure_that_counts() -> None:
-    record = joint(torque_noise=0.0, gravity=0.0)
-    kind = AxisKind.from_rig(RIG, [record])
-    residual = kind.residual(record, BASE)
-    checks = residual_checks(kind, [record], Fit(BASE, 0.0, len(residual), np.zeros((0, 0)), residual), [BASE])
-    assert all(check.ok for check in checks)
-
-
-@pytest.mark.parametrize(
-    ("share", "without", "with_effect"), [(0.0, True, True), (0.01, False, True), (0.05, False, False)]
-)
-def test_a_found_effect_may_leave_a_tenth_of_the_noise_correlated(
-    share: float, without: bool, with_effect: bool
-) -> None:
+@pytest.mark.parametrize(("share", "right"), [(0.0, True), (0.01, True), (0.05, False)])
+def test_a_law_may_leave_a_tenth_of_the_noise_correlated(share: float, right: bool) -> None:
     """`share` of the record's noise; residuals are means of several samples, of whose noise it is seven times that."""
     clean, noisy = (joint(torque_noise=noise, gravity=0.0) for noise in (0.0, 0.05))
     noise = noisy["torque_N_m"] - clean["torque_N_m"]
@@ -120,11 +108,9 @@ def test_a_found_effect_may_leave_a_tenth_of_the_noise_correlated(
     record = noisy.with_column("torque_N_m", noisy["torque_N_m"] + slow)
     stated = parse_rig({"rig": {"kind": "axis"}, "noise": {"torque_std_N_m": 0.05}})
     kind = AxisKind.from_rig(stated, [record])
-    residual = kind.residual(record, BASE)
-    fit = Fit(BASE, 0.0, len(residual), np.zeros((0, 0)), residual)
-    for effects, right in (((), without), (("gravity_over_angle",), with_effect)):
-        checks = {check.id: check.ok for check in residual_checks(kind, [record], fit, [BASE], effects=effects)}
-        assert checks["whiteness"] is right
+    *_, null = rehearsed(kind, [record], [], BASE, [], np.random.default_rng(0))
+    checks = {check.id: check.ok for check in within(left_by(kind, [record], [], BASE, 1.0, kind.final), null)}
+    assert checks["whiteness"] is right
 
 
 def test_ranges_follow_from_the_record_and_not_from_the_unit() -> None:

@@ -1,0 +1,92 @@
+"""The null distribution of a verdict's checks: what the same fits leave of records that the found model made itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import astuple, dataclass, replace
+
+import numpy as np
+
+from models.identification.fitting.fit import axes, evaluate, judged_cost
+from models.identification.fitting.fitter import Fitter
+from models.identification.kind import Array, Kind
+from models.identification.settings import SET
+from models.records.record import Record
+from models.theta import Theta
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a fit leaves, in units of the noise: mean square and rms autocorrelation of its residuals, validation cost,
+    mean square of the residuals on held-out records, not a number without any. A field is the id of a check. Mean
+    squares are those of the middle one of forty stretches: a slip event out of step is no wrong law.
+    """
+
+    residual_size: float
+    whiteness: float
+    validation: float
+    held_out: float
+
+
+def left_by(
+    kind: Kind, train: Sequence[Record], holdout: Sequence[Record], theta: Theta, validation: float, criterion: int
+) -> Left:
+    """What the fit `theta` to `train` leaves under a `criterion`; `validation` is known."""
+    residual = evaluate(kind, train, theta, criterion)
+    held = _size(evaluate(kind, holdout, theta, criterion)) if holdout else np.nan
+    return Left(_size(residual), _autocorrelation(residual), validation, held)
+
+
+def rehearsed(
+    kind: Kind,
+    train: Sequence[Record],
+    holdout: Sequence[Record],
+    theta: Theta,
+    effects: Sequence[str],
+    rng: np.random.Generator,
+) -> Iterator[Left]:
+    """What fits leave of imitations of the records by the model at `theta` with `effects`: up to `SET.rehearsals` times
+    more and more, the most so far. The training parts of the splits are fitted from close by, where fits end: from
+    numbers off by `SET.numerics`. Raises ValueError where no imitation can be read.
+    """
+    splits = kind.splits(kind.searched(train))
+
+    def imitated(records: Sequence[Record]) -> list[Record]:
+        return [kind.imitate(record, theta, rng) for record in records]
+
+    rows = []
+    for _ in range(SET.rehearsals):
+        with suppress(ValueError):  # outside what the kind accepts, by chance: such a record would be refused
+            parts = []
+            for part, held in splits:
+                made, kept, unseen = imitated(part), imitated(held), imitated(holdout)
+                fit = Fitter.of(kind, made, effects).near(_off(kind, effects, theta, rng)).theta
+                parts.append(left_by(kind, made, unseen, fit, judged_cost(kind, kept, fit), kind.free_run))
+            most = Left(*np.max([astuple(left) for left in parts], axis=0).tolist())
+            rows.append(astuple(replace(most, validation=float(np.mean([left.validation for left in parts])))))
+            yield Left(*np.max(rows, axis=0).tolist())
+    if not rows:
+        raise ValueError("records must be such that the fitted model can imitate them; it gives none that can be read")
+
+
+def _off(kind: Kind, effects: Sequence[str], theta: Theta, rng: np.random.Generator) -> Theta:
+    """`theta` with each fitted number off by what numerics leave open, up or down."""
+    fitted = [axis.parameter for axis in axes(kind, effects)]
+    signs = SET.numerics * rng.choice((-1, 1), len(fitted))
+    moved = ((p, theta[p.key] * (1 + sign)) for p, sign in zip(fitted, signs, strict=True))
+    return theta | {p.key: float(np.clip(value, p.lower, p.upper)) for p, value in moved}
+
+
+def _size(residual: Array) -> float:
+    """Mean square in the middle one of up to forty stretches, each of `SET.stretch` numbers or more."""
+    stretches = np.array_split(residual, int(np.clip(len(residual) // SET.stretch, 1, SET.blocks)))
+    return float(np.median([float(part @ part) / len(part) for part in stretches]))
+
+
+def _autocorrelation(residual: Array) -> float:
+    """Rms of the first autocorrelations."""
+    r = residual - residual.mean()
+    power = max(float(r @ r), 1e-300)
+    rho = [float(r[:-lag] @ r[lag:]) / power for lag in range(1, min(SET.lags, len(r) // 2) + 1)]
+    return float(np.sqrt(np.mean(np.square(rho)))) if rho else 0.0

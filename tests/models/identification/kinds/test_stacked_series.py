@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import scipy
 
 from models.checks.usable import counted, gone
 from models.identification.kind import Array
@@ -65,11 +64,6 @@ def plain(kind: SeriesKind, record: Record, theta: Theta, criterion: int) -> Arr
     if not kind.drive.anchored:
         n = round(SET.start_s / interval(record))
         output = output + np.mean(y[:n] - output[:n])
-    if criterion == kind.criteria:
-        r = np.clip((y - output) / kind.noise_std, -SET.diverged, SET.diverged)
-        low = scipy.signal.butter(2, 2 * SET.low_pass_hz * interval(record), output="sos")
-        every = round(1 / (SET.low_pass_samples * SET.low_pass_hz * interval(record)))
-        return np.asarray(scipy.signal.sosfiltfilt(low, r)[::every])
     return weight(kind, record, output)
 
 
@@ -101,7 +95,7 @@ def test_many_points_at_once_are_plain_residuals(name: str, even: bool) -> None:
     kind = kind_of(name, record)
     thetas = list(points(kind))
     assert kind.averaged > 1
-    for criterion in range(4) if kind.drive.anchored else (1, 2, 3):
+    for criterion in (0, kind.free_run, kind.final) if kind.drive.anchored else (kind.free_run, kind.final):
         got = kind.stacked(record, thetas, criterion)
         want = [plain(kind, record, t, criterion) if criterion else observed(kind, record, t) for t in thetas]
         assert got.flags.c_contiguous
@@ -115,9 +109,23 @@ def test_what_is_kept_of_a_record_changes_nothing(name: str) -> None:
     kind = kind_of(name, record)
     thetas = list(points(kind))
     other = record_of(name, False, seed=6)
-    for criterion in range(4):
+    for criterion in (0, kind.free_run, kind.final):
         first = kind.stacked(record, thetas, criterion)
         assert not np.allclose(kind.stacked(other, thetas, criterion)[:, :50], first[:, :50])
         np.testing.assert_array_equal(kind.stacked(record, thetas, criterion), first)
         np.testing.assert_array_equal(kind.stacked(record.rows(slice(None)), thetas, criterion), first)
         np.testing.assert_array_equal([kind.residual(record, theta, criterion) for theta in thetas], first)
+
+
+def test_what_is_slow_of_residuals_are_their_means_over_time_as_if_none_counted_less() -> None:
+    """White noise keeps its variance; a step of many standard deviations shows in full."""
+    record = record_of("pull", True)
+    kind, rng = kind_of("pull", record), np.random.default_rng(2)
+    far = 100.0 * (np.arange(60_000) > 30_000)
+    r = far + rng.standard_normal(60_000)
+    slow = kind.slow(record, np.array([r * np.sqrt(2 / (1 + np.sqrt(1 + (r / SET.tail) ** 2)))]))[0]
+    count = round(SET.slow_s / (interval(record) * kind.averaged))
+    assert len(slow) == 60_000 // count
+    assert slow == pytest.approx(r[: len(slow) * count].reshape(-1, count).mean(axis=1) * np.sqrt(count))
+    assert np.std(slow[: len(slow) // 2 - 1]) == pytest.approx(1.0, abs=0.1)
+    assert kind.slow(record, np.ones((2, count - 1))).shape == (2, count - 1)

@@ -76,7 +76,7 @@ def one_pass() -> Record:
 
 @pytest.fixture(scope="module")
 def asked() -> Question:
-    rival = replace(DRYING, theta=Fitter.of(KIND, [one_pass()], DRYING.effects).near(DRYING.theta).theta)
+    rival = replace(DRYING, theta=Fitter.of(KIND, [one_pass()], DRYING.effects).far([DRYING.theta]).theta)
     return question(KIND, [one_pass()], TAPER, rival, np.random.default_rng(0))
 
 

@@ -53,7 +53,9 @@ class Slope:
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """The problem: `residuals` of many points at once, bounds, `scale` of first secants. The derivatives are those of `slopes`, where these differ from the residuals only by what does not matter to them."""
+    """The problem: `residuals` of many points at once, bounds, `scale` of first secants. The derivatives are those of
+    `slopes`, where these differ from the residuals only by what does not matter to them.
+    """
 
     residuals: Residuals
     lower: Array

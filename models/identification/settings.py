@@ -85,7 +85,7 @@ class SearchSettings:
     most_rounds: int = setting(12, "1", "steps of a descent on whole records, the most")
     seeds: int = setting(4, "1", "times that a fit from anywhere is started from other points, the most")
     points: int = setting(128, "1", "points from which a fit from anywhere begins")
-    kept: tuple[int, ...] = setting((4, 4, 3, 3, 2, 1), "1", "of them, those descended from at each length of record")
+    kept: tuple[int, ...] = setting((4, 3, 3, 3, 2, 1), "1", "of them, those descended from at each length of record")
     first_rounds: int = setting(3, "1", "steps of a descent on the shortest prefixes")
     base_off: float = setting(0.2, "1", "largest relative error of a nominal value, unless a prior is narrower")
     doublings: float = setting(5.5, "1", "doublings from an amplitude's probe to its largest start")
@@ -107,6 +107,7 @@ class SearchSettings:
     near_by: int = setting(32, "1", "further starts near a fit")
     down_from: int = setting(2, "1", "number of these starts from which a descent is made")
     rival_gain: float = setting(0.3, "1", "largest share of the effect's gain in log cost that a rival may lack")
+    rival_near: float = setting(3.0, "1", "times the model's cost, up to which a rival is fitted from anywhere")
     rival_has: float = setting(0.3, "1", "share that a rival explains when screened, relative to the effect's")
     rival_imitated: float = setting(
         0.1, "1", "share of the effect's cost beyond noise, within which a rival imitates it"

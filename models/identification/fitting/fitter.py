@@ -150,7 +150,7 @@ class Fitter:
         ends = np.array([(a.parameter.lower, a.parameter.upper, a.scale) for a in self.axes]).reshape(-1, 3)
         finer = self.criterion == self.kind.final != self.kind.free_run
         coarse = partial(self.residuals, criterion=self.kind.free_run) if finer else None
-        return GaussNewton(self.residuals, ends[:, 0], ends[:, 1], ends[:, 2], max(4, self.kind.lanes), coarse)
+        return GaussNewton(self.residuals, ends[:, 0], ends[:, 1], ends[:, 2], coarse)
 
 
 @dataclass

@@ -15,16 +15,12 @@ Residuals = Callable[[Sequence[Array]], Array]
 _STEPS = (
     (1e-6, 1.0),
     (1e-6, 0.5),
-    (1e-2, 1.0),
-    (0.1, 1.0),
-    (1e-6, 0.25),
-    (1e-2, 0.4),
-    (1.0, 1.0),
+    (1e-6, 0.2),
     (1e-6, 2.0),
-    (1.0, 0.4),
-    (0.1, 0.4),
-    (10.0, 1.0),
-    (10.0, 0.4),
+    (1e-2, 1.0),
+    (0.1, 0.7),
+    (1.0, 1.0),
+    (10.0, 0.5),
 )  # damping and share of a Gauss-Newton step, likeliest first
 _TINY = 1e-12  # change of the residuals that is none
 
@@ -57,15 +53,14 @@ class Slope:
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """The problem: `residuals` of many points at once, bounds, `scale` of first secants, points in a `batch`. The
-    derivatives are those of `slopes`, where these differ from the residuals only by what does not matter to them.
+    """The problem: `residuals` of many points at once, bounds, `scale` of first secants. The derivatives are those of
+    `slopes`, where these differ from the residuals only by what does not matter to them.
     """
 
     residuals: Residuals
     lower: Array
     upper: Array
     scale: Array
-    batch: int = 8
     slopes: Residuals | None = None
 
     def descend(self, start: Array, widths: Sequence[float], rounds: int) -> Slope:
@@ -98,17 +93,9 @@ class GaussNewton:
         return Slope(x, r, here.along, here.turned, here.normal, here.gradient, why)
 
     def _lowest(self, here: Slope, seen: tuple[Array, Array]) -> tuple[Array, Array]:
-        """The lowest of `seen` and of the trial steps, up to the first batch that gains enough; `here` where none is
-        lower.
-        """
-        best = min((here.x, here.residual), seen, key=_height)
+        """The lowest of `seen` and of the trial steps; `here` where none is lower."""
         steps = self._steps(here)
-        for first in range(0, len(steps), self.batch):
-            some = steps[first : first + self.batch]
-            best = min(best, self._best(some, self.residuals(some)), key=_height)
-            if here.cost - _height(best) > SET.enough * here.cost:
-                break
-        return best
+        return min((here.x, here.residual), seen, self._best(steps, self.residuals(steps)), key=_height)
 
     def _best(self, points: Sequence[Array], rows: Array) -> tuple[Array, Array]:
         k = int(np.argmin(np.einsum("ij,ij->i", rows, rows)))

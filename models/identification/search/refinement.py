@@ -21,7 +21,7 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     do about as well on validation records as the best. Each is compared with the model without it, refitted also from
     the base with it, so that none wins by a luckier search. `known` fits are not made again; new ones are added to it.
     """
-    curves = _shapes(model.kind, model.effects)
+    curves = _shapes(model.kind, model.effects) if model.training_blocks.mean() > SET.events else []
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
@@ -56,7 +56,7 @@ def refined_at_last(
         (start,) = fitter.lowest(starts, 1)
         if min(fit.cost, *fitter.costs([start])) > SET.behind * fit.count:
             break
-        finer = fitter.near(start)
+        finer = fitter.near(start, SET.narrow, SET.rounds)
         left = _floors(kind, records, finer)
         if finer.chi2 < SET.near and _clearly(finer, left, fit, floors):
             again = Fitter.of(kind, records, model[:-1], kind.final).near(finer.theta.without(curve), SET.fine)

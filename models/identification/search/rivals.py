@@ -56,7 +56,7 @@ def rivals_of(
         known = tried[name].thetas if name in tried else ()
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
         fitted = model.far(points, [*rest, name], seeds=0)
-        if fitted.cost <= SET.behind * model.cost and fitted.training_cost <= SET.behind * model.training_cost:
+        if fitted.training_cost <= SET.rival_near * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
         fitted = fitted.within_name(name)
         for effects, thetas in tried[name].refinements.items() if name in tried else ():

@@ -113,6 +113,7 @@ class SearchSettings:
         0.1, "1", "share of the effect's cost beyond noise, within which a rival imitates it"
     )
     rival_form: float = setting(3e-3, "1", "largest error of a form, as a share of the power that the effect explains")
+    form_most: float = setting(0.5, "1", "of the noise's power, the most that this may be where a verdict allows it")
     never: float = setting(6.0, "1", "standard errors assumed for rivals that no fit brought close")
     positions: int = setting(24, "1", "positions at which a local effect is tried")
     screened_starts: int = setting(2, "1", "best starts of an effect that are kept")

@@ -59,7 +59,7 @@ NULL = Left(1.0, 0.01, 1.1, 1.0)
 @pytest.mark.parametrize(
     ("left", "wrong"),
     [
-        (Left(1.4, 0.1, 1.7, 1.55), set()),
+        (Left(1.4, 0.09, 1.7, 1.55), set()),
         (Left(1.7, 0.01, 1.1, 1.0), {"residual_size"}),
         (Left(1.0, 0.2, 1.1, 1.0), {"whiteness"}),
         (Left(1.0, 0.01, 1.8, 1.0), {"validation"}),

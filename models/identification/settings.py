@@ -103,9 +103,9 @@ class SearchSettings:
     ways_down: int = setting(3, "1", "further descents, as long as they gain")
     refines: float = setting(0.01, "1", "least share of the cost that a further descent must gain")
     events: float = setting(1.1, "1", "cost for each residual beyond which a slip event may be missing")
-    beside: float = setting(0.2, "1", "distance of further starts from a fit, in scales")
-    near_by: int = setting(32, "1", "further starts near a fit")
-    down_from: int = setting(2, "1", "number of these starts from which a descent is made")
+    beside: float = setting(0.1, "1", "of a fit's cost, what further starts near it cost more, to first order")
+    near_by: int = setting(64, "1", "further starts near a fit")
+    down_from: int = setting(3, "1", "number of these starts from which a descent is made")
     rival_gain: float = setting(0.3, "1", "largest share of the effect's gain in log cost that a rival may lack")
     rival_near: float = setting(3.0, "1", "times the model's cost, up to which a rival is fitted from anywhere")
     rival_has: float = setting(0.3, "1", "share that a rival explains when screened, relative to the effect's")
@@ -113,7 +113,10 @@ class SearchSettings:
         0.1, "1", "share of the effect's cost beyond noise, within which a rival imitates it"
     )
     rival_form: float = setting(3e-3, "1", "largest error of a form, as a share of the power that the effect explains")
-    form_most: float = setting(0.5, "1", "of the noise's power, the most that this may be where a verdict allows it")
+    form_left: float = setting(
+        0.01, "1", "of the power that an effect explains, what its form may leave", "right pulls"
+    )
+    form_most: float = setting(2.0, "1", "of the noise's power, the most that this may be")
     never: float = setting(6.0, "1", "standard errors assumed for rivals that no fit brought close")
     positions: int = setting(24, "1", "positions at which a local effect is tried")
     screened_starts: int = setting(2, "1", "best starts of an effect that are kept")

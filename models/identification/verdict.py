@@ -40,12 +40,12 @@ def checks_of_rest(
 ) -> tuple[Check, ...]:
     """What the found model leaves of the records, beside the most that fits leave of records that it made itself, as
     many as it takes to pass. Where nothing was found, the fit to all records may validate itself, and fits that miss
-    their own records by far show nothing. The form of an effect may miss 0.3 % of the power that it explains, at most
-    half of the noise's.
+    their own records by far show nothing. The form of an effect may miss 1 % of the power that it explains, at most
+    as much as twice the noise's.
     """
     form = SET.unseen
     if found.effects:
-        form = float(np.clip(SET.rival_form * found.calibrated.chi2, form, SET.form_most))
+        form = float(np.clip(SET.form_left * found.calibrated.chi2, form, SET.form_most))
     theta, whole = found.augmented.theta, found.augmented.chi2
     left = left_by(kind, train, holdout, theta, found.after, kind.final)
     checks: tuple[Check, ...] = ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from models.effects import REFINEMENTS
 from models.identification.fitting.fit import Fit, FreeParameter, axes, costs_of, evaluate_all, judged_cost
 from models.identification.fitting.gauss_newton import GaussNewton
-from models.identification.fitting.horizon import around, lengths, scattered
+from models.identification.fitting.horizon import lengths, scattered
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
 from models.parameter import Parameter
@@ -79,15 +79,26 @@ class Fitter:
         return start
 
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where that leaves more than a missed slip event would, also from the
-        best of many points close by.
+        """`near` at the kind's final criterion; where a fit before that leaves more than a missed slip event would, from
+        the best of further fits that begin at points which it allows.
         """
-        fitter = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
-        best = fitter.near(start, SET.fine, SET.rounds)
-        if self.kind.beginnings_s and best.chi2 > SET.events:
-            some = self.lowest(around(self.axes, best.theta, SET.near_by), SET.down_from)
-            best = min([best, *each(lambda point: fitter.near(point, SET.fine, SET.rounds), some)], key=by_cost)
-        return best
+        first = self.near(start)
+        if self.kind.beginnings_s and first.chi2 > SET.events:
+            some = self.lowest(self._likely(first), SET.down_from)
+            again = each(lambda point: self.near(point, SET.narrow, SET.rounds).bare(), some)
+            first = min([first, *again], key=by_cost)
+        final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
+        (best,) = final.lowest([first.theta, start], 1)
+        return final.near(best, SET.fine, SET.rounds)
+
+    def _likely(self, fit: Fit) -> list[Theta]:
+        """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more."""
+        squares, vectors = np.linalg.eigh(fit.jacobian.T @ fit.jacobian)
+        reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, 1e-12 * squares[-1]))
+        draws = np.random.default_rng(SET.near_by).standard_normal((SET.near_by, len(squares)))
+        own, x = replace(self, fixed=fit.theta), self.at(fit.theta)
+        steps = (draws / np.linalg.norm(draws, axis=1, keepdims=True) * reach) @ vectors.T
+        return [own.theta(self._solver.clip(x + step)) for step in steps]
 
     def plain(self) -> Fitter:
         """The same over the base's parameters and those that say how large each effect is and of what kind: size,
@@ -126,10 +137,9 @@ class Fitter:
         """The point (n,) of `theta`, within the bounds; declared values where it has none."""
         return self._solver.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
 
-    def residuals(self, points: Sequence[Array], criterion: int | None = None) -> Array:
+    def residuals(self, points: Sequence[Array]) -> Array:
         """Residuals (P, m) at each point: of the records, and of the parameters that have a prior."""
-        chosen = self.criterion if criterion is None else criterion
-        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], chosen)
+        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], self.criterion)
         priors = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
         if not priors:
             return rows
@@ -148,9 +158,7 @@ class Fitter:
     @cached_property
     def _solver(self) -> GaussNewton:
         ends = np.array([(a.parameter.lower, a.parameter.upper, a.scale) for a in self.axes]).reshape(-1, 3)
-        finer = self.criterion == self.kind.final != self.kind.free_run
-        coarse = partial(self.residuals, criterion=self.kind.free_run) if finer else None
-        return GaussNewton(self.residuals, ends[:, 0], ends[:, 1], ends[:, 2], coarse)
+        return GaussNewton(self.residuals, ends[:, 0], ends[:, 1], ends[:, 2])
 
 
 @dataclass

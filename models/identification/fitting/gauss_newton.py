@@ -53,15 +53,12 @@ class Slope:
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """The problem: `residuals` of many points at once, bounds, `scale` of first secants. The derivatives are those of
-    `slopes`, where these differ from the residuals only by what does not matter to them.
-    """
+    """The problem: `residuals` of many points at once, bounds, `scale` of first secants."""
 
     residuals: Residuals
     lower: Array
     upper: Array
     scale: Array
-    slopes: Residuals | None = None
 
     def descend(self, start: Array, widths: Sequence[float], rounds: int) -> Slope:
         """Gauss-Newton from `start` in at most so many rounds; never ends higher than it began. The derivatives are
@@ -70,19 +67,24 @@ class GaussNewton:
         In each round the residuals are evaluated on both sides along directions whose effects are orthogonal and of
         equal size, a width times `SET.secant_rms` of the residuals' unit rms. Narrower jags average out, and parameters
         that nearly compensate each other get long secants. Then steps of several lengths and dampings are tried at once
-        and the lowest is taken. A width that no longer gains gives way to the next of `widths`.
+        and the lowest is taken. A width that no longer gains gives way to the next of `widths`; after the last
+        the first follows again, as long as that gains.
         """
         x, number = start, 0
         r, reach = self._first_reach(x, widths[0])
-        basis = np.diag(reach)
+        basis, began = np.diag(reach), float(r @ r)
         for _ in range(rounds):
             here, seen = self._slope(x, r, basis)
             height, (x, r) = here.cost, self._lowest(here, seen)
-            gain = height - float(r @ r)
-            last = number == len(widths) - 1
+            gain, last = height - float(r @ r), number == len(widths) - 1
             if last and gain <= SET.enough * height:
-                why = "settled"
-                break
+                if began - float(r @ r) <= SET.refines * began:
+                    why = "settled"
+                    break
+                number, began = 0, float(r @ r)  # a valley that bends is gone along with wide secants again
+                _, reach = self._first_reach(x, widths[0])
+                basis = np.diag(reach)
+                continue
             number += not last and gain <= SET.refines * height
             wanted = SET.secant_rms * widths[number] * np.sqrt(len(r))
             norms = np.maximum(np.sqrt(np.diag(here.normal)), _TINY)
@@ -118,13 +120,13 @@ class GaussNewton:
                 share = self._room(x, step)
                 points.append(self.clip(x + share * step))
                 lengths.append(share)
-        rows = (self.slopes or self.residuals)(points)
+        rows = self.residuals(points)
         both = np.array(lengths[::2]) + np.array(lengths[1::2])
         along = np.asarray((rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None])
         turned = np.asarray(np.linalg.inv(basis), dtype=float)
         square = products(np.vstack([along, r]))
         normal, gradient = turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1]
-        return Slope(x, r, along, turned, normal, gradient), (x, r) if self.slopes else self._best(points, rows)
+        return Slope(x, r, along, turned, normal, gradient), self._best(points, rows)
 
     def _steps(self, here: Slope) -> list[Array]:
         """Gauss-Newton steps of several lengths and dampings; a parameter that pushes against its bound stays there."""

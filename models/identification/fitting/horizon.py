@@ -36,17 +36,6 @@ def scattered(
     ]
 
 
-def around(moved: Sequence[FreeParameter], start: Theta, count: int) -> list[Theta]:
-    """So many points within a fraction of each parameter's scale of `start`."""
-
-    def beside(axis: FreeParameter, share: float) -> float:
-        value = start[axis.name] + SET.beside * axis.scale * (2 * share - 1)
-        return float(np.clip(value, axis.parameter.lower, axis.parameter.upper))
-
-    rows = _shares(len(moved), count, 2)
-    return [start | {a.name: beside(a, x) for a, x in zip(moved, row, strict=True)} for row in rows]
-
-
 def _again(starts: Sequence[Theta], count: int) -> list[Theta]:
     return [starts[i % len(starts)] for i in range(count)]
 

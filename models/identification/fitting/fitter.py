@@ -79,17 +79,17 @@ class Fitter:
         return start
 
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where a fit before that leaves more than a missed slip event would, from
-        the best of further fits that begin at points which it allows.
+        """`near` at the kind's final criterion; where a fit before that leaves more than a missed slip event would, also
+        from the best of further fits that begin at points which that one allows.
         """
         first = self.near(start)
+        begun = [first]
         if self.kind.beginnings_s and first.chi2 > SET.events:
             some = self.lowest(self._likely(first), SET.down_from)
-            again = each(lambda point: self.near(point, SET.narrow, SET.rounds).bare(), some)
-            first = min([first, *again], key=by_cost)
+            begun += each(lambda point: self.near(point, SET.narrow, SET.rounds).bare(), some)
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
-        (best,) = final.lowest([first.theta, start], 1)
-        return final.near(best, SET.fine, SET.rounds)
+        best = sorted(begun, key=by_cost)[:2]
+        return min(each(lambda fit: final.near(fit.theta, SET.fine, SET.rounds), best), key=by_cost)
 
     def _likely(self, fit: Fit) -> list[Theta]:
         """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more."""

@@ -79,8 +79,8 @@ class Fitter:
         return start
 
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where a fit before that leaves more than a missed slip event would, also
-        from the best of further fits that begin at points which that one allows.
+        """`near` at the kind's final criterion; where a fit before leaves more than a missed slip event would, also from
+        the best of further fits that begin at points which it allows.
         """
         first = self.near(start)
         begun = [first]

@@ -82,7 +82,7 @@ class SearchSettings:
     as_before: float = setting(1.2, "1", "times the cost of the fit on a part, up to which a fit is good")
     ranked_from: int = setting(2, "1", "number of the first prefix that is long enough to rank candidates")
     rounds: int = setting(6, "1", "steps of a descent on a prefix")
-    most_rounds: int = setting(12, "1", "steps of a descent on whole records, the most")
+    most_rounds: int = setting(24, "1", "steps of a descent on whole records, the most")
     seeds: int = setting(4, "1", "times that a fit from anywhere is started from other points, the most")
     points: int = setting(128, "1", "points from which a fit from anywhere begins")
     kept: tuple[int, ...] = setting((4, 3, 3, 3, 2, 1), "1", "of them, those descended from at each length of record")

@@ -43,7 +43,7 @@ class Fitter:
         return cls(kind, records, tuple(effects), wanted, axes(kind, effects))
 
     def near(
-        self, start: Theta, widths: Sequence[float] = (*SET.narrow, SET.fine[-1]), rounds: int = SET.most_rounds
+        self, start: Theta, widths: Sequence[float] = (*SET.wide, SET.fine[-1]), rounds: int = SET.most_rounds
     ) -> Fit:
         """A descent from `start`, with derivatives as secants that look across jags: first wide, then narrower."""
         x, own = self.at(start), replace(self, fixed=start.only({*self.effects, *self.kind.in_base}))
@@ -79,8 +79,8 @@ class Fitter:
         return start
 
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where a fit before leaves more than a missed slip event would, also from
-        the best of further fits that begin at points which it allows.
+        """`near` at the kind's final criterion; where a fit before leaves more than a missed slip event would, also
+        from the best of further fits that begin at points which it allows.
         """
         first = self.near(start)
         begun = [first]
@@ -102,13 +102,19 @@ class Fitter:
 
     def plain(self) -> Fitter:
         """The same over the base's parameters and those that say how large each effect is and of what kind: size,
-        place, phase and what its grid spans. Finer shapes of many numbers follow anything on a short record.
+        place, phase and what its grid spans; of a refinement, which is but a shape, all. Finer shapes of many numbers
+        follow anything on a short record.
         """
         named = self.kind.catalogue
 
         def first(p: Parameter) -> bool:
             effect = named[p.effect]
-            return p.name in {effect.amplitude().name, effect.of_role("place"), effect.of_role("phase"), *effect.grid}
+            return effect in REFINEMENTS or p.name in {
+                effect.amplitude().name,
+                effect.of_role("place"),
+                effect.of_role("phase"),
+                *effect.grid,
+            }
 
         return replace(self, axes=[a for a in self.axes if not a.parameter.effect or first(a.parameter)])
 

@@ -43,7 +43,7 @@ class Fitter:
         return cls(kind, records, tuple(effects), wanted, axes(kind, effects))
 
     def near(
-        self, start: Theta, widths: Sequence[float] = (*SET.wide, SET.fine[-1]), rounds: int = SET.most_rounds
+        self, start: Theta, widths: Sequence[float] = (*SET.narrow, SET.fine[-1]), rounds: int = SET.most_rounds
     ) -> Fit:
         """A descent from `start`, with derivatives as secants that look across jags: first wide, then narrower."""
         x, own = self.at(start), replace(self, fixed=start.only({*self.effects, *self.kind.in_base}))
@@ -109,12 +109,8 @@ class Fitter:
 
         def first(p: Parameter) -> bool:
             effect = named[p.effect]
-            return effect in REFINEMENTS or p.name in {
-                effect.amplitude().name,
-                effect.of_role("place"),
-                effect.of_role("phase"),
-                *effect.grid,
-            }
+            named_by = {effect.amplitude().name, effect.of_role("place"), effect.of_role("phase"), *effect.grid}
+            return effect in REFINEMENTS or p.name in named_by
 
         return replace(self, axes=[a for a in self.axes if not a.parameter.effect or first(a.parameter)])
 

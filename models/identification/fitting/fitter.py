@@ -61,13 +61,13 @@ class Fitter:
         fits = [self.near(self._opened(start)) for start in starts]
         left = [judged_cost(self.kind, self.records, fit.theta) for fit in fits]
         for seed in range(1, 1 + (seeds if self.kind.beginnings_s else 0)):
-            best, least = fits[int(np.argmin(left))], min(left)
+            least = min(left)
             if least <= enough:
                 break
-            growth = Growth(self.plain(), begins(self.kind, [best.theta, *starts]), seed)
+            growth = Growth(self.plain(), begins(self.kind, starts), seed)
             fits.append(self.near(growth.over(self.records)))
             left.append(judged_cost(self.kind, self.records, fits[-1].theta))
-            if seed > 1 and left[-1] > (1 - SET.refines) * least:
+            if seed > 1 and abs(left[-1] - least) <= SET.refines * least:
                 break
         return fits[int(np.argmin(left))]
 
@@ -84,7 +84,7 @@ class Fitter:
         """
         first = self.near(start)
         begun = [first]
-        if self.kind.beginnings_s and first.chi2 > SET.events:
+        if self.axes and self.kind.beginnings_s and first.chi2 > SET.events:
             some = self.lowest(self._likely(first), SET.down_from)
             begun += each(lambda point: self.near(point, SET.narrow, SET.rounds).bare(), some)
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)

@@ -109,7 +109,7 @@ def test_a_width_that_never_gains_costs_one_round() -> None:
         return np.array([[x[0], x[1], 1.0] for x in points])
 
     ends = np.ones(2)
-    found = GaussNewton(counted, -ends, ends, 0.1 * ends, batch=12).descend(np.zeros(2), (0.3, 0.1, 0.03), 40)
+    found = GaussNewton(counted, -ends, ends, 0.1 * ends).descend(np.zeros(2), (0.3, 0.1, 0.03), 40)
     assert found.why == "settled"
     assert rounds == 3
     assert found.x == pytest.approx([0.0, 0.0], abs=1e-9)
@@ -120,34 +120,6 @@ def test_too_few_rounds_are_said() -> None:
         np.array([-1.2, 1.0]), [0.1], 1
     )
     assert found.why == "rounds"
-
-
-@given(st.integers(0, 1000))
-def test_slopes_of_other_residuals_lead_to_the_minimum_of_the_residuals_themselves(seed: int) -> None:
-    """The others are off by a constant, as coarser steps are: of no matter to the slopes, all the more to the end."""
-    rng = np.random.default_rng(seed)
-    A, b, off = rng.standard_normal((30, 3)), 5 * rng.standard_normal(30), 3 * rng.standard_normal(30)
-    fine, coarse = stacked(lambda x: A @ x - b), stacked(lambda x: A @ x - b + off)
-    ends = np.full(3, 20.0)
-    found = GaussNewton(fine, -ends, ends, np.full(3, 0.1), slopes=coarse).descend(np.zeros(3), [0.1], 30)
-    best = np.linalg.lstsq(A, b, rcond=None)[0]
-    assert found.x == pytest.approx(best, abs=1e-3 * float(np.abs(best).max()))
-    assert found.residual == pytest.approx(A @ found.x - b)
-    assert found.jacobian == pytest.approx(A, abs=1e-6)
-    assert found.gradient == pytest.approx(A.T @ (A @ found.x - b), abs=0.1 * float(np.linalg.norm(A.T @ b)))
-
-
-def test_slopes_of_other_residuals_never_lead_uphill() -> None:
-    """Though they point the wrong way."""
-    ends = np.ones(1)
-    ground = GaussNewton(
-        stacked(lambda x: np.array([x[0] + 2.0, 1.0])),
-        -ends,
-        ends,
-        0.1 * ends,
-        slopes=stacked(lambda x: np.array([-x[0], 0.0])),
-    )
-    assert ground.descend(np.array([0.5]), [0.1], 6).x[0] <= 0.5
 
 
 def test_the_products_are_those_of_the_derivatives() -> None:

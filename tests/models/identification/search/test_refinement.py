@@ -29,8 +29,8 @@ def _slow(signal: Array) -> float:
 
 
 class _Seen(Kind):
-    """A linear world, of which what is slow is reported: noise, a shape that the last stage alone shows as the error of
-    coarser steps hides it, the base's own number, and something that nothing explains.
+    """A linear world, of which what is slow is reported: noise, a shape that the last stage alone shows, the base's own
+    number, and something that nothing explains.
     """
 
     name, criteria, final, judges = "magnetic", 2, 2, (1,)
@@ -45,9 +45,13 @@ class _Seen(Kind):
         self.shape, self.strange = shape, strange
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
-        hidden = (stage == self.final) * (self.shape * SHAPE + self.strange * STRANGE)
-        fitted = (theta.get("level", 1.0) - 1.0) * LEVEL - 5 * theta.get(("wave_harmonics", "fifth_sin"), 0.0) * SHAPE
-        return np.asarray(NOISE + hidden + fitted)
+        shown = self.shape - 5 * theta.get(("wave_harmonics", "fifth_sin"), 0.0)
+        seen = (
+            NOISE
+            + (stage == self.final) * (shown * SHAPE + self.strange * STRANGE)
+            + (theta.get("level", 1.0) - 1.0) * LEVEL
+        )
+        return np.asarray(seen)
 
     def predict(self, record: Record, theta: Theta) -> Array:
         return self.residual(record, theta, self.final)

@@ -127,10 +127,9 @@ def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     def behind(row: Array, other: Array) -> Array:
         return np.clip(row - other, -SET.one_block, SET.one_block)
 
-    means = [behind(row, logs[0]).mean() for row in logs]
-    best = int(
-        np.argmin([m if r.mean() <= SET.clean * rows[0].mean() else np.inf for m, r in zip(means, rows, strict=True)])
-    )
+    rises = [np.clip(row - logs[0], -1, 1).mean() > SET.one_block for row in logs]
+    means = [np.inf if up else behind(row, logs[0]).mean() for row, up in zip(logs, rises, strict=True)]
+    best = int(np.argmin(means))
     worse = [behind(row, logs[best]) for row in logs]
     clear = [training[best] <= (1 - SET.finer_gain) * cost for cost in training]
     return next(

@@ -127,7 +127,7 @@ from models import workers
 workers.cores = lambda: 2
 
 def forever(k):
-    print(os.getpid(), flush=True)
+    os.write(1, b"%d\\n" % os.getpid())
     time.sleep(600)
 
 workers.each(forever, range(4))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from models.assembly.model import effect_parameters
 from models.effects import REFINEMENTS
@@ -44,6 +45,11 @@ class Fit:
     def chi2(self) -> float:
         """Cost for each residual, about 1 where the model is right."""
         return self.cost / self.count
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether noise alone may cause the cost."""
+        return bool(self.cost <= scipy.stats.chi2.ppf(SET.right_leaves, self.count))
 
     def bare(self) -> "Fit":
         """The fit without Jacobian and residuals, which are large."""

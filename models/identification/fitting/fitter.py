@@ -79,23 +79,26 @@ class Fitter:
         return start
 
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where a fit before leaves more than a missed slip event would, also
-        from the best of further fits that begin at points which it allows.
+        """`near` at the kind's final criterion; where that leaves more than chance, also from the best of many points
+        that the fit allows, again as long as that gains.
         """
-        first = self.near(start)
-        begun = [first]
-        if self.axes and self.kind.beginnings_s and first.chi2 > SET.events:
-            some = self.lowest(self._likely(first), SET.down_from)
-            begun += each(lambda point: self.near(point, SET.narrow, SET.rounds).bare(), some)
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
-        best = sorted(begun, key=by_cost)[:2]
-        return min(each(lambda fit: final.near(fit.theta, SET.fine, SET.rounds), best), key=by_cost)
+        best = final.near(self.near(start).theta, SET.fine, SET.rounds)
+        more = self.axes and self.kind.beginnings_s and not best.by_chance
+        for seed in range(SET.ways_down if more else 0):
+            some = final.lowest(final._likely(best, seed), SET.down_from)
+            again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=by_cost)
+            gained = again.cost < (1 - SET.refines) * best.cost
+            best = min(best, again, key=by_cost)
+            if not gained or best.by_chance:
+                break
+        return best
 
-    def _likely(self, fit: Fit) -> list[Theta]:
+    def _likely(self, fit: Fit, seed: int) -> list[Theta]:
         """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more."""
         squares, vectors = np.linalg.eigh(fit.jacobian.T @ fit.jacobian)
         reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, 1e-12 * squares[-1]))
-        draws = np.random.default_rng(SET.near_by).standard_normal((SET.near_by, len(squares)))
+        draws = np.random.default_rng(seed).standard_normal((SET.near_by, len(squares)))
         own, x = replace(self, fixed=fit.theta), self.at(fit.theta)
         steps = (draws / np.linalg.norm(draws, axis=1, keepdims=True) * reach) @ vectors.T
         return [own.theta(self._solver.clip(x + step)) for step in steps]

@@ -7,7 +7,6 @@ from functools import partial
 from operator import attrgetter, itemgetter
 
 import numpy as np
-import scipy
 
 from models.effects import CATALOGUE, REFINEMENTS
 from models.identification.fitting.fit import Fit
@@ -176,18 +175,13 @@ def eliminate(
         running = {
             name: growth
             for name, growth in running.items()
-            if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or _by_chance(growth.fits[0])
+            if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or growth.fits[0].by_chance
         }
     return {name: growth.fits[0] for name, growth in running.items()}
 
 
 def _longer(number: int, parts: Sequence[Record], growth: Growth) -> list[Fit]:
     return growth.on(number, parts).fits
-
-
-def _by_chance(fit: Fit) -> bool:
-    """Whether noise alone may cause the cost of `fit`."""
-    return bool(fit.cost <= scipy.stats.chi2.ppf(SET.right_leaves, fit.count))
 
 
 def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:

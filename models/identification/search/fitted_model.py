@@ -119,14 +119,17 @@ def ahead(best: Array, other: Array) -> float:
 def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     """The first of `rows`, validation costs by block of ever finer models, that does about as well as the best one.
     Blocks count by the logarithm of their cost, which changes by a tenth at most: a slip event more or less is one
-    block, however high. A model that clearly lowers the `training` cost need not lead by standard errors.
+    block, however high. A model that clearly lowers the `training` cost need not lead by standard errors; one whose
+    validation cost rises clearly is not the best.
     """
     logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
 
     def behind(row: Array, other: Array) -> Array:
         return np.clip(row - other, -SET.one_block, SET.one_block)
 
-    best = int(np.argmin([behind(row, logs[0]).mean() for row in logs]))
+    rises = [np.clip(row - logs[0], -1, 1).mean() > SET.one_block for row in logs]
+    means = [np.inf if up else behind(row, logs[0]).mean() for row, up in zip(logs, rises, strict=True)]
+    best = int(np.argmin(means))
     worse = [behind(row, logs[best]) for row in logs]
     clear = [training[best] <= (1 - SET.finer_gain) * cost for cost in training]
     return next(

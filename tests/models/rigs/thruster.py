@@ -17,7 +17,7 @@ from models.rigs.schema import Positive, Table, key
 from models.rigs.tables import BodyTable, SurfaceTable
 from models.surfaces.surface import Levels, Surface, Values
 
-MASS_KG, THRUST, MU, NOISE_M = 0.02, 0.8, 0.3, 1e-5
+MASS_KG, THRUST, MU, NOISE_M = 0.02, 0.8, 0.3, 1e-3
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ class SearchSettings:
     """Every threshold of this room."""
 
     calibrated_on: int = setting(100, "1", "fewest series of a calibrated map")
-    explained: float = setting(0.9, "1", "share of the misfit beyond chance that missing effects must explain")
     rehearsals: int = setting(4, "1", "times at most that records are imitated and fitted again for a verdict")
     part_score: float = setting(0.5, "1", "highest score of an effect that explains a part only")
     gap: float = setting(1000.0, "1", "usual steps, the longest that is no gap")
@@ -42,7 +41,6 @@ class SearchSettings:
     bootstrap_blocks: int = setting(60, "1", "blocks of the block bootstrap in a record")
     at_bound: float = setting(1e-3, "1", "share of its range within which a parameter is at its bound")
     memoryless: float = setting(0.02, "1", "autocorrelation that counts as zero")
-    wide: tuple[float, ...] = setting((1.0, 0.3, 0.1), "1", "widths of secants, one descent after another")
     narrow: tuple[float, float] = setting((0.3, 0.1), "1", "the same from close by")
     fine: tuple[float, float] = setting((0.1, 0.03), "1", "the same of the last descents")
     secant_rms: float = setting(3.0, "1", "change of the residuals, rms in their unit, that a secant of width 1 makes")
@@ -94,12 +92,10 @@ class SearchSettings:
     in_reach: float = setting(1.3, "1", "times the cost of the last candidate that counts")
     early_reach: float = setting(1.5, "1", "the same before candidates are ranked")
     right_leaves: float = setting(0.99, "1", "share of right models that have a smaller cost")
-    settled: float = setting(0.05, "1", "largest relative error of a known base parameter")
     thousandth: float = setting(1e-3, "1", "change of the parameters of a model that predicts itself")
     self_imitations: int = setting(4, "1", "imitations of the records with such changes")
     close: float = setting(1.25, "1", "noise floors of the error, up to which nothing is added")
     finer_share: float = setting(0.1, "1", "of the error on the training records, which shows a finer shape")
-    other_starts: int = setting(7, "1", "seed of starts that no search has drawn before")
     ways_down: int = setting(3, "1", "further descents, as long as they gain")
     refines: float = setting(0.01, "1", "least share of the cost that a further descent must gain")
     events: float = setting(1.1, "1", "cost for each residual beyond which a slip event may be missing")

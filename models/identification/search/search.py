@@ -122,6 +122,9 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record], base: Th
         fit = Fitter.of(kind, train, found.model).exactly(base | start.theta)
         added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
         found.refinements += added
+        again = model.near([found.augmented.theta] * len(model.splits), found.model)
+        if again.training_cost <= model.training_cost:  # of fits to the same parts, whichever search found it
+            model, found.after = again, again.cost
         found.calibrated = found.calibrated if kind.searched(train) == train else plain.near(base)
     else:
         found.calibrated = found.augmented = plain.exactly(base)

@@ -75,7 +75,7 @@ class Question:
         """
         seen, variance = self._expected(motion)
         thetas = [self.rival.moved(self.kind, step) for step in self.root.T]
-        wrong, *moved = self.kind.residuals(seen, [self.rival.theta, *thetas], self.kind.free_run)
+        wrong, *moved = self.kind.stacked(seen, [self.rival.theta, *thetas], self.kind.free_run)
         slopes = np.array([row - wrong for row in moved]).reshape(len(moved), len(wrong)).T
         step = np.linalg.solve(slopes.T @ slopes / variance + np.eye(len(moved)), -slopes.T @ wrong / variance)
         left = wrong + slopes @ step
@@ -93,7 +93,7 @@ class Question:
     def _expected(self, motion: Record) -> tuple[Record, float]:
         """`motion` with the output that the truth predicts, and the variance of a difference from it."""
         seen = motion.with_column(self.kind.quantity, self.kind.predict(motion, self.truth.theta))
-        unsure = self.kind.residuals(seen, self.likely, self.kind.free_run)
+        unsure = self.kind.stacked(seen, self.likely, self.kind.free_run)
         return seen, self.variance + float(np.mean(np.square(unsure)))
 
 

@@ -109,10 +109,6 @@ class Kind(ABC):
         """`residual` at several points, as rows one after the other in memory."""
         return np.array([self.residual(record, theta, criterion) for theta in thetas])
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
-        """`residual` at several points."""
-        return list(self.stacked(record, thetas, criterion))
-
     @abstractmethod
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The error measure that is reported (`measure` says in words which), pooled over the records."""

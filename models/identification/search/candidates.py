@@ -192,14 +192,18 @@ def _survivors(model: FittedModel, screened: Sequence[Screened], moved: Moved) -
 
     def begun(row: Screened) -> Fit:
         start = opening(kind, model.part, bases, row.effect, row.starts)
-        return Fitter.of(kind, model.part, [*model.effects, row.effect], 0).near(start, SET.narrow[:1], SET.opened)
+        fitter = Fitter.of(kind, model.part, [*model.effects, row.effect], 0)
+        return fitter.near(start, SET.narrow[:1], SET.opened).bare()
 
     moved(screened[0].effect, 0.0)
     fits = dict(zip((row.effect for row in screened), each(begun, screened), strict=True))
     entered = _with_confounders(kind, sorted(fits, key=lambda name: fits[name].cost))
     moved(entered[0], 0.4)
-    full = each(lambda name: Fitter.of(kind, model.part, [*model.effects, name]).near(fits[name].theta), entered)
-    return dict(zip(entered, full, strict=True))
+
+    def full(name: str) -> Fit:
+        return Fitter.of(kind, model.part, [*model.effects, name]).near(fits[name].theta).bare()
+
+    return dict(zip(entered, each(full, entered), strict=True))
 
 
 def shared_by(kind: Kind, name: str) -> list[str]:

@@ -44,14 +44,10 @@ class FittedModel:
         return self._by(starts, effects, lambda fitter, start: fitter.near(start))
 
     def far(
-        self,
-        starts: Iterable[Sequence[Theta]],
-        effects: Sequence[str] | None = None,
-        enough: float = SET.near,
-        seeds: int = SET.seeds,
+        self, starts: Iterable[Sequence[Theta]], effects: Sequence[str] | None = None, seeds: int = SET.seeds
     ) -> FittedModel:
         """The same from anywhere, several starts a split."""
-        return self._by(starts, effects, lambda fitter, some: fitter.far(some, enough, seeds))
+        return self._by(starts, effects, lambda fitter, some: fitter.far(some, seeds=seeds))
 
     def _by(
         self, starts: Iterable[_Start], effects: Sequence[str] | None, fit: Callable[[Fitter, _Start], Fit]

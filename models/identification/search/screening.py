@@ -35,9 +35,12 @@ class Screened:
 
 @dataclass(frozen=True)
 class _View:
-    """The residual of a fit as `seen`, each sample or what is slow, with the fitted directions, `basis`, taken out."""
+    """The residual of a fit as `seen`, each sample or what is slow: as it is `here`, and without the fitted directions,
+    `basis`.
+    """
 
     seen: Callable[[Array], Array]
+    here: Array
     residual: Array
     basis: Array
 
@@ -45,7 +48,7 @@ class _View:
     def of(cls, seen: Callable[[Array], Array], residual: Array, jacobian: Array, width: Array) -> _View:
         own = seen(residual[None])
         basis = np.linalg.qr((seen(residual + jacobian.T * width[:, None]) - own).T)[0]
-        return cls(seen, own[0] - basis @ (basis.T @ own[0]), basis)
+        return cls(seen, own, own[0] - basis @ (basis.T @ own[0]), basis)
 
     def measured(self, effect: type[Effect], start: Mapping[str, float], change: Array) -> Screened:
         """What the residual's changes `change` (1 or 2, m) along the amplitude (and its quadrature, where there is a
@@ -92,7 +95,7 @@ def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Scr
             own = evaluate_all(kind, fitter.records, thetas, fitter.criterion)
             rows[:, : own.shape[1]] = own
             for view, found in zip(views, shown, strict=True):
-                change = view.seen(rows) - view.seen(here[None])
+                change = view.seen(rows) - view.here
                 found += [
                     view.measured(effect, s, change[n * i : n * i + n]) for i, s in enumerate(starts[k : k + some])
                 ]

@@ -118,8 +118,9 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record], base: Th
     plain = Fitter.of(kind, train, [])
     if found.effects:
         reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
-        start = Fitter.of(kind, train, found.model).far([base | model.thetas[0]], max(SET.near, reached))
-        fit = Fitter.of(kind, train, found.model).exactly(base | start.theta)
+        fitter = Fitter.of(kind, train, found.model)
+        start = fitter.far([base | model.thetas[0]], max(SET.near, reached))
+        fit = fitter.exactly(base | start.theta)
         added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
         found.refinements += added
         again = model.near([found.augmented.theta] * len(model.splits), found.model)

@@ -10,7 +10,8 @@ from controller.model.control_model import ControlModel
 from controller.signals import Array
 from models.effects.effect import Effect
 
-_REDRAWN_1_S: Final = 1.0  # rate at which a particle redraws them while innovations have one sign
+_REDRAWN_1_S: Final = (0.3, 1.0)
+"""Rate at which a particle redraws them once the effect has been doubted, and while innovations have one sign."""
 _ABSENT: Final = 0.2  # share of the redrawn ones without the effect
 _WALK_RAD: Final = 0.3  # walk of the phase per root second, of those redrawn
 _LEVEL_STD: Final = 0.05  # of the friction level of those redrawn, about its mean
@@ -20,7 +21,7 @@ _MEAN_S: Final = 3.0  # over which that mean is taken
 class Periodic:
     """The phase and size of a periodic effect, as folds, of each particle: `values` (2, P), the parameters at `index`.
 
-    All begin with the model's. While the innovations have one sign, some particles redraw theirs: the effect may be
+    All begin with the model's. Once the innovations have one sign, some particles redraw theirs: the effect may be
     elsewhere, or absent. The readings decide. The estimate is the weighted mean of `size exp(i phase)`: uncertain
     particles make the effect smaller.
     """
@@ -47,14 +48,16 @@ class Periodic:
         self.values[:] = self._own[:, None]
         self._moved[:], self._level = False, 0.0
 
-    def scatter(self, draws: np.random.Generator, passed_s: float, surprised: bool, levels: Array, level: float) -> None:
+    def scatter(
+        self, draws: np.random.Generator, passed_s: float, surprised: bool, levels: Array, level: float
+    ) -> None:
         """After `passed_s`, with a mean friction `level`: walk, and redraw some while `surprised`, with new `levels`."""
         self._level += passed_s / _MEAN_S * (level - self._level)
         moved = self._moved
         self.values[1, moved] += _WALK_RAD * math.sqrt(passed_s) * draws.standard_normal(int(moved.sum()))
-        if not surprised:
+        if not (surprised or moved.any()):
             return
-        new = np.flatnonzero(draws.random(moved.size) < _REDRAWN_1_S * passed_s)
+        new = np.flatnonzero(draws.random(moved.size) < _REDRAWN_1_S[surprised] * passed_s)
         moved[new] = True
         self.values[0, new] = np.where(draws.random(new.size) < _ABSENT, 0.0, self._own[0])
         self.values[1, new] = draws.uniform(-math.pi, math.pi, new.size)

@@ -175,8 +175,10 @@ def choose(
         if stage != leading.candidate.stage
     ]
     costs = [one.cost for one in leading.outcomes.values()]
-    spread = TEXT("range", low=quantity(min(costs), "m"), high=quantity(max(costs), "m")) if len(costs) > 1 else ""
+    spread = (
+        " " + TEXT("range", low=quantity(min(costs), "m"), high=quantity(max(costs), "m")) if len(costs) > 1 else ""
+    )
     led, error = leading.candidate.words, quantity(leading.expected, "m")
-    why = TEXT("why", words=led, error=error, range=spread, others="".join(others))
+    why = TEXT("why", words=led, error=error, range=spread, others="".join(f", {one}" for one in others))
     said = [why, *(TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items())]
     return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said))

@@ -1,6 +1,7 @@
 """A control model as the world of a closed loop: sharp friction, and a localisation with noise, rate and lateness."""
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,8 +37,7 @@ class ModelWorld:
         self._states = np.ascontiguousarray(sharp.initial(place_m, command)[None, :])
         self._command, self._seen, self._begin_s = command, seen, begin_s
         self._rng, self._samples, self._nothing = np.random.default_rng(seed), 0, np.zeros(1)
-        self._late = round(sharp.delay_s / sharp.tick_s)
-        self._past: list[float] = []
+        self._past = deque([self.state.copy()], maxlen=round(sharp.delay_s / sharp.tick_s) + 1)
         self._waiting: list[tuple[float, Measurement]] = []
         self._current = next((k for k, name in enumerate(sharp.states) if bare(name) == "current_A"), None)
 
@@ -54,11 +54,11 @@ class ModelWorld:
             self._states, before, command, self._nothing, start, model.tick_s, kernels.substeps, kernels.parameters
         )
         self._command = command
-        self._past.append(float(self._place(self.state, until_s)))
+        self._past.append(self.state.copy())
         seen, drive = self._seen, self._drive(until_s)
         if until_s - self._begin_s >= self._samples / seen.rate_Hz - 1e-9:
             self._samples += 1
-            value = self._past[max(len(self._past) - 1 - self._late, 0)] + seen.std_m * self._rng.standard_normal()
+            value = float(self._place(self._past[0], until_s)) + seen.std_m * self._rng.standard_normal()
             value = round(value / seen.quantum_m) * seen.quantum_m if seen.quantum_m > 0 else value
             self._waiting.append((until_s + seen.latency_s, Measurement("position_m", value, until_s)))
         arrived = [m for due, m in self._waiting if due <= until_s + 1e-9]

@@ -132,7 +132,7 @@ class Model:
         tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects")
         content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
         text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
-        values = {**self.stages, **{f"possible.{json.dumps(name)}": one for name, one in self.possible.items()}}
+        values = {**self.stages, **{f"possible.{name}": one for name, one in self.possible.items()}}
         for table, theta in values.items():
             lines = (f"{json.dumps(spelled(name))} = {value!r}\n" for name, value in theta.items())
             text += f"[{table}]\n{''.join(lines)}\n"

@@ -26,7 +26,7 @@ def choice_of(prepared: Prepared, found: Search, predicted: Predicted, judged: J
         return Choice()
     errors = predicted.error["holdout"] or predicted.error["train"]
     possible = {**dict(_members(prepared, found)), **dict(_draws(prepared, found, seed))}
-    return Choice(possible, barred(prepared, found, judged), refuted(judged, errors, prepared.kind.error_unit))
+    return Choice(possible, barred(prepared, found, judged), refuted(errors, prepared.kind.error_unit))
 
 
 def _members(prepared: Prepared, found: Search) -> Iterator[tuple[str, Theta]]:
@@ -57,13 +57,9 @@ def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
     return said
 
 
-def refuted(judged: Judged, errors: Mapping[str, float], unit: str) -> dict[str, str]:
-    """The stages that the records exclude, as their error is far above the least. Where the verdict is `unknown` all
-    models fail, so none is excluded.
-    """
-    if judged.verdict == "unknown" or not errors:
-        return {}
-    least = min(errors.values())
+def refuted(errors: Mapping[str, float], unit: str) -> dict[str, str]:
+    """The stages that the records exclude, as their error is far above the least."""
+    least = min(errors.values(), default=0.0)
     return {
         stage: TEXT("refuted", error=Quantity(error, unit), least=Quantity(least, unit))
         for stage, error in errors.items()

@@ -1,11 +1,12 @@
 """What leads a run with a model that carries a choice: the stage and the controller, expected to track best."""
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, choose
+from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
 from controller.choice.trial import Mission
 from controller.choice.world import Localisation
 from controller.drives import DRIVES
@@ -48,6 +49,7 @@ def leading_of(
     known: Catalogue,
     mission: Mission,
     believed: Believed,
+    bar: Callable[[str], AbstractContextManager[Progress]] = progress_bar,
 ) -> Leading:
     """What leads `mission` on a rig of `kind` with the model of the file `path`, if any. The `stage` and the
     `controller` given by hand stand; the `usual` controller is the scenario's. Raises ValueError.
@@ -56,7 +58,7 @@ def leading_of(
         model = model_for(path, kind, known)
         if model.possible:
             names = [controller] if controller else names_of(usual, kind)
-            with progress_bar(TEXT("choose")) as report:
+            with bar(TEXT("choose")) as report:
                 return chosen_of(model, believed, mission, names, report)
         if stage == CHOSEN:
             raise ValueError(f"{path}: model must carry a choice for --stage chosen, as close-loop writes it; got none")
@@ -76,9 +78,7 @@ def mission_of(scenario: TrackScenario) -> Mission:
     return Mission(scenario.reference, scenario.duration_s, scenario.limits, localisation, control.estimator)
 
 
-def chosen_of(
-    model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Callable[[str, float], None]
-) -> Leading:
+def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Progress) -> Leading:
     """The stage or possible model, and the controller among `names`, that lead `mission`."""
     stages = [stage for stage in (*STAGES, *model.members) if stage not in model.barred]
     candidates = list[Candidate]()

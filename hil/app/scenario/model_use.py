@@ -35,13 +35,18 @@ class ModelTable(NamedTable):
     where = "model"
     file: str = key("`model.toml` that `capsule close-loop` wrote, relative to this file")
     report: str = key("the `report.json` beside it")
-    stage: Annotated[str, Among(STAGES)] = key("`nominal`, `calibrated` or `augmented`", "augmented")
+    stage: Annotated[str, Among((*STAGES, CHOSEN))] = key(
+        "`nominal`, `calibrated`, `augmented`, or `chosen`: what is expected to track best, where the model carries a"
+        " choice, else `augmented`",
+        CHOSEN,
+    )
 
 
 class OfferTable(ModelTable):
     """`[offer]`: a model that takes over later."""
 
     where = "offer"
+    stage: Annotated[str, Among(STAGES)] = key("`nominal`, `calibrated` or `augmented`", "augmented")
     at_s: float = key("time from which the model is offered; it takes over at the next rest", 0.0, 0.0)
 
 

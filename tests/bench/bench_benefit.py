@@ -19,7 +19,6 @@ import contextlib
 import io
 import json
 import math
-import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -241,7 +240,6 @@ def main() -> None:
     asked = parser.parse_args()
     numbers = range(asked.first, asked.first + asked.count)
     if not asked.table:
-        os.nice(10)
         with ProcessPoolExecutor(asked.workers, mp_context=get_context("spawn")) as pool:
             for count, number in enumerate(pool.map(measure, numbers, [asked.out] * len(numbers)), 1):
                 print(f"rig {number} done, {count} of {len(numbers)}", flush=True)

@@ -81,13 +81,6 @@ def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta],
     return np.hstack([kind.stacked(record, thetas, criterion) for record in records])
 
 
-def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], criterion: int) -> list[float]:
-    """Sum of squares of the residuals at each of `thetas`."""
-    groups = (thetas[i : i + kind.lanes] for i in range(0, len(thetas), kind.lanes))
-    rows = (evaluate_all(kind, records, group, criterion) for group in groups)
-    return [float(cost) for some in rows for cost in np.einsum("ij,ij->i", some, some)]
-
-
 def judged(kind: Kind, records: Sequence[Record], theta: Theta) -> Array:
     """Mean square of the residuals in each of at most forty blocks, under the kind's judge that suits it better."""
 

@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from models.effects import REFINEMENTS
-from models.identification.fitting.fit import Fit, FreeParameter, axes, costs_of, evaluate_all, judged_cost
+from models.identification.fitting.fit import Fit, FreeParameter, axes, evaluate_all, judged_cost
 from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.fitting.horizon import lengths, scattered
 from models.identification.kind import Array, Kind
@@ -106,9 +106,11 @@ class Fitter:
     def plain(self) -> Fitter:
         """The same over the base's parameters and those that say how large each effect is and of what kind: size,
         place, phase and what its grid spans; of a refinement, which is but a shape, all. Finer shapes of many numbers
-        follow anything on a short record.
+        follow anything on a short record. A table is never short.
         """
         named = self.kind.catalogue
+        if not self.kind.beginnings_s:
+            return self
 
         def first(p: Parameter) -> bool:
             effect = named[p.effect]
@@ -132,7 +134,9 @@ class Fitter:
 
     def costs(self, thetas: Sequence[Theta]) -> list[float]:
         """Sum of squares of the records' residuals at each of `thetas`."""
-        return costs_of(self.kind, self.records, thetas, self.criterion)
+        groups = (thetas[i : i + self.kind.lanes] for i in range(0, len(thetas), self.kind.lanes))
+        rows = (evaluate_all(self.kind, self.records, group, self.criterion) for group in groups)
+        return [float(cost) for some in rows for cost in np.einsum("ij,ij->i", some, some)]
 
     def theta(self, x: Array) -> Theta:
         """The parameters by name at the point `x` (n,)."""
@@ -153,12 +157,11 @@ class Fitter:
 
     def jacobian(self, x: Array, secant: float) -> Array:
         """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
-        solver = self._solver
-        steps = np.diag(secant * solver.scale)
-        points = [np.clip(x + sign * step, solver.lower, solver.upper) for step in steps for sign in (1.0, -1.0)]
-        rows = self.residuals(points) if points else np.zeros((0, self.residuals([x]).shape[1]))
-        lengths = [max(float(np.sum(up - down)), 1e-300) for up, down in zip(points[::2], points[1::2], strict=True)]
-        return np.asarray(((rows[::2] - rows[1::2]) / np.array(lengths)[:, None]).T)
+        (here,) = self.residuals([x])
+        if not len(x):
+            return np.zeros((len(here), 0))
+        slope, _ = self._solver.slope(x, here, np.diag(secant * self._solver.scale))
+        return slope.jacobian
 
     @cached_property
     def _solver(self) -> GaussNewton:

@@ -74,7 +74,7 @@ class GaussNewton:
         r, reach = self._first_reach(x, widths[0])
         basis, began = np.diag(reach), float(r @ r)
         for _ in range(rounds):
-            here, seen = self._slope(x, r, basis)
+            here, seen = self.slope(x, r, basis)
             height, (x, r) = here.cost, self._lowest(here, seen)
             gain, last = height - float(r @ r), number == len(widths) - 1
             if last and gain <= SET.enough * height:
@@ -112,7 +112,7 @@ class GaussNewton:
         changes = np.array([np.linalg.norm(v - r) for v in values])
         return r.copy(), self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, SET.secant_stretch))
 
-    def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, tuple[Array, Array]]:
+    def slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, tuple[Array, Array]]:
         """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the evaluated points."""
         points, lengths = [], []
         for direction in basis.T:

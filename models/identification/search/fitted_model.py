@@ -15,9 +15,10 @@ from models.identification.kind import Array, Kind, Split
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
+from models.workers import each
 
 Fits = Sequence[Theta]
-_Start = TypeVar("_Start")
+_Item = TypeVar("_Item")
 _LEAST = 1e-12  # a cost whose logarithm can be taken
 
 
@@ -50,11 +51,20 @@ class FittedModel:
         return self._by(starts, effects, lambda fitter, some: fitter.far(some, seeds=seeds))
 
     def _by(
-        self, starts: Iterable[_Start], effects: Sequence[str] | None, fit: Callable[[Fitter, _Start], Fit]
+        self, starts: Iterable[_Item], effects: Sequence[str] | None, fit: Callable[[Fitter, _Item], Fit]
     ) -> FittedModel:
         chosen = self.effects if effects is None else tuple(effects)
         pairs = zip(self.splits, starts, strict=True)
         return self.fitted((fit(Fitter.of(self.kind, part, chosen), start).theta for (part, _), start in pairs), chosen)
+
+    def each(self, fit: Callable[[_Item], FittedModel], items: Sequence[_Item]) -> list[FittedModel]:
+        """`fit` of every item, side by side; only values come back, for a kind and its records stay where they are."""
+
+        def values(item: _Item) -> tuple[tuple[str, ...], tuple[Theta, ...]]:
+            found = fit(item)
+            return found.effects, found.thetas
+
+        return [self.fitted(thetas, effects) for effects, thetas in each(values, items)]
 
     def within_name(self, name: str) -> FittedModel:
         """The same model with the effect `name` within the range that its name stands for. Some effects contain another

@@ -1,7 +1,8 @@
 """Which other candidates explain the records as well as a named effect: each replaces it, is fitted and compared."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
-from models.identification.search.candidates import Trial, opening
+from models.identification.search.candidates import Trial
 from models.identification.search.fitted_model import Fits, FittedModel, ahead
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
@@ -44,8 +45,8 @@ def rivals_of(
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
     rest = [name for name in model.effects if name not in own]
-    beside = {effect, *rest, *kind.in_base}
-    tried = {trial.effect: trial for trial in trials if {*trial.thetas[0].effects} <= {trial.effect, *beside}}
+    beside = {effect, *rest}
+    tried = {trial.effect: trial for trial in trials if {*trial.fitted.effects} <= {trial.effect, *beside}}
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     strong = [row.effect for row in screened if row.starts and row.share >= SET.rival_has * share][: SET.pool]
     starts = {row.effect: row.starts for row in screened}
@@ -53,14 +54,14 @@ def rivals_of(
 
     def rival(name: str) -> tuple[float, bool, Fits, tuple[str, ...]]:
         pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
-        known = tried[name].thetas if name in tried else ()
+        known = tried[name].fitted.thetas if name in tried else ()
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
         fitted = model.far(points, [*rest, name], seeds=0)
         if fitted.training_cost <= SET.rival_near * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
         fitted = fitted.within_name(name)
-        for effects, thetas in tried[name].refinements.items() if name in tried else ():
-            fitted = min(fitted, model.fitted(thetas, effects), key=lambda one: one.cost)
+        finer = tried[name].finer if name in tried else None
+        fitted = min(fitted, finer or fitted, key=attrgetter("cost"))
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)
         found = _compared(model, name, fitted, gain, close or name in kind.equivalents.get(effect, ()))
         return found.apart, found.alike, fitted.thetas, fitted.effects  # a kind and its records stay where they are
@@ -102,7 +103,16 @@ def _imitation(
     """
     kind, fitter = model.kind, Fitter.of(model.kind, made, [*rest, name])
     begun = prefixes(made[:1], kind.beginnings_s[-1]) if kind.beginnings_s else made
-    start = opening(kind, begun, [model.thetas[k].without(*own)], name, [*starts, kind.declared(name).start()])
+    effect, base = kind.declared(name), model.thetas[k].without(*own)
+    size = effect.amplitude()
+    wanted = effect.probe * np.outer((1, -1), 2.0 ** np.arange(SET.doublings))
+    points = [
+        base.with_(name, {**start, size.name: float(value)})
+        for start in (*starts, effect.start())
+        for value in np.unique([start[size.name], *wanted.ravel()])
+        if size.lower <= value <= size.upper and value
+    ]
+    (start,) = replace(fitter, records=begun).lowest(points, 1)
     near = fitter.near(start, SET.narrow, SET.rounds).theta
     return near, judged_cost(kind, made, near) if kind.beginnings_s else np.inf
 

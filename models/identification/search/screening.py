@@ -72,11 +72,14 @@ class _View:
         return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
 
 
-def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Screened]:
-    """Each candidate not `taken` in its best shape beside the fit at `theta`, with the starts of the best few shapes at
-    each view; best first.
+def screen(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
+) -> list[Screened]:
+    """Every candidate's share of the residual of a fit with `effects` at `theta`, best first: the larger of what it
+    shows of each sample and of what is slow, in its best shape, with the starts of the best few shapes at each view.
     """
-    kind, x, first = fitter.kind, fitter.at(theta), fitter.records[0]
+    fitter, taken = Fitter.of(kind, records, effects), {*effects, *dropped}
+    x, first = fitter.at(theta), records[0]
     here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
     width = SET.screened_secant * np.array([axis.scale for axis in fitter.axes])
     seen = (np.asarray, partial(kind.slow, first)) if kind.beginnings_s else (np.asarray,)
@@ -85,14 +88,14 @@ def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Scr
     def tried(effect: type[Effect]) -> Screened:
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
-        starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, fitter.records)]
+        starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, records)]
         phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
         n, shown = len(phases), [list[Screened]() for _ in views]
         some = max(1, kind.lanes // n)
         for k in range(0, len(starts), some):
             thetas = [theta.with_(effect.id, {**start, **at}) for start in starts[k : k + some] for at in phases]
             rows = np.tile(here, (len(thetas), 1))  # the priors' rows do not change
-            own = evaluate_all(kind, fitter.records, thetas, fitter.criterion)
+            own = evaluate_all(kind, records, thetas, fitter.criterion)
             rows[:, : own.shape[1]] = own
             for view, found in zip(views, shown, strict=True):
                 change = view.seen(rows) - view.here
@@ -121,15 +124,6 @@ def _by_share(row: Screened) -> float:
     return -row.share
 
 
-def screen(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
-) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first: the larger of what it shows of each sample
-    and of what is slow.
-    """
-    return _ranked(Fitter.of(kind, records, effects), theta, (*effects, *dropped))
-
-
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
     """What of `part` is imitated: the first few seconds of time series with an observer, else all."""
     if kind.criteria == 1 or any(TIME not in record.columns for record in part):
@@ -147,13 +141,12 @@ def null_distribution(
     """
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for imitated in [[kind.imitate(record, theta, rng) for record in records] for _ in range(SET.imitations)]:
-        fitter = Fitter.of(kind, imitated, [])
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > SET.near:
-            again = fitter.near(theta, SET.fine).theta
+            again = Fitter.of(kind, imitated, []).near(theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         cost = max(cost, left)
-        rows = _ranked(fitter, own)
+        rows = screen(kind, imitated, [], own)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)

@@ -14,13 +14,13 @@ from models.effects import effect_words
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit, judged_cost
 from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import predictable, prefixes
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.rivals import Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
-from models.identification.search.sensitivity import predictable, sensitivity_cost
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -92,9 +92,10 @@ def search(
     grown = _named(model, found, on_all, progress, rng, most)
     if kind.beginnings_s and not found.effects and found.after > SET.clean:
         trials = found.rounds[0][2] if found.rounds else []
-        likeliest = trials[0].thetas[0] if trials else model.thetas[0]
-        found.horizon_s, splits = predictable(kind, splits, likeliest, SET.clean, rng)
+        likeliest = (trials[0].fitted if trials else model).thetas[0]
+        found.horizon_s, _ = predictable(kind, splits[0][1], likeliest, SET.clean, rng)
         if found.horizon_s < np.inf:
+            splits = [(prefixes(part, found.horizon_s), prefixes(held, found.horizon_s)) for part, held in splits]
             shorter = replace(model, splits=splits).far([base.theta] for _ in splits)
             grown = _named(shorter, found, on_all, progress, rng, most)
     model = grown
@@ -107,7 +108,7 @@ def search(
     progress("fitting the model on all records", 0.85)
     _finish(model, found, train, base.theta)
     if found.effects and kind.beginnings_s:
-        found.sensitivity = sensitivity_cost(kind, splits, found.augmented.theta, rng)
+        _, found.sensitivity = predictable(kind, splits[0][1], found.augmented.theta, np.inf, rng)
     found.note("final fit")
     return found
 
@@ -166,7 +167,7 @@ def _named(
             found.ended = "gain"
             return model
         _add(found, trials[0])
-        model = model.fitted(trials[0].thetas, found.effects).far([theta] for theta in trials[0].thetas)
+        model = trials[0].fitted.far([theta] for theta in trials[0].fitted.thetas)
         found.after = min(float(trials[0].blocks.mean()), model.cost)
         model = _test_again(model, found)
         found.note("testing again")
@@ -228,7 +229,8 @@ def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
 def _add(found: Search, best: Trial) -> None:
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain
-    found.known.update(best.refinements)
+    if best.finer:
+        found.known[best.finer.effects] = best.finer.thetas
 
 
 def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> FittedModel:

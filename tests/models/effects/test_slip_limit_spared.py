@@ -47,7 +47,8 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     assert trials[0].effect == answer_of(name)
     assert all(ahead(trials[0].blocks, trial.blocks) > SET.apart for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
-    assert trials[0].refinements[model][0]["level_at_onset", "spared"] == pytest.approx(SPARED[name], abs=0.15)
+    assert trials[0].finer and trials[0].finer.effects == model
+    assert trials[0].finer.thetas[0]["level_at_onset", "spared"] == pytest.approx(SPARED[name], abs=0.15)
 
 
 def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:

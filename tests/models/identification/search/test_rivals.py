@@ -69,11 +69,11 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
 
     model = FittedModel.of(kind, splits, [SPRING], fitted(SpringOverPosition, stiffness_N_per_m=10.0))
     taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
-    blocks = FittedModel.of(kind, splits, [], taper).blocks
-    trial = Trial(LumenTaper.id, tuple(taper), blocks + 1, blocks)
+    tried = model.fitted(taper, [LumenTaper.id])
+    trial = Trial(LumenTaper.id, tried, tried.blocks + 1)
     rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, 4.0, [], [trial])}
     assert rivals[LumenTaper.id].alike
-    assert rivals[LumenTaper.id].fitted.cost <= model.fitted(taper, [LumenTaper.id]).cost * 1.001
+    assert rivals[LumenTaper.id].fitted.cost <= tried.cost * 1.001
 
 
 def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
@@ -144,7 +144,7 @@ def test_a_wave_that_stands_everywhere_at_once_is_no_rival_of_a_force_in_time(sp
     """A wave at least: over 30 mm it would come late by a tenth of a turn, over 0.3 mm by nothing that shows."""
     model, waves = breathing(span_m)
     assert model.fitted(waves, [WAVE]).cost == pytest.approx(model.cost, rel=0.05)
-    trial = Trial(WAVE, tuple(waves), model.blocks + 1, model.blocks)
+    trial = Trial(WAVE, model.fitted(waves, [WAVE]), model.blocks + 1)
     rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial])}
     assert rivals[WAVE].alike == alike
     assert all(abs(theta[WAVE, "wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)

@@ -27,19 +27,27 @@ class FreeParameter:
         """The key of its value."""
         return self.parameter.key
 
+    def on_side_of(self, start: Theta) -> "FreeParameter":
+        """The same within the range that its effect's name stands for, on the side of zero where it is at `start`. Some
+        effects contain another as a limit: a wave of very long wavelength is a force in time. A parameter with such a
+        limit (`least`) stays above it.
+        """
+        p = self.parameter
+        if not p.least:
+            return self
+        low, high = (p.least, p.upper) if start.get(p.key, p.value) >= 0 else (p.lower, -p.least)
+        return replace(self, parameter=replace(p, lower=low, upper=high))
+
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted point: values, cost (sum of squares), number of residuals, Jacobian in the axes' order, the residuals;
-    `why` says what ended the fit.
-    """
+    """A fitted point: values, cost (sum of squares), number of residuals, Jacobian in the axes' order, residuals."""
 
     theta: Theta
     cost: float
     count: int
     jacobian: Array
     residual: Array
-    why: str = ""
 
     @property
     def chi2(self) -> float:

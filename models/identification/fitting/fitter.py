@@ -46,19 +46,26 @@ class Fitter:
         self, start: Theta, widths: Sequence[float] = (*SET.narrow, SET.fine[-1]), rounds: int = SET.most_rounds
     ) -> Fit:
         """A descent from `start`, with derivatives as secants that look across jags: first wide, then narrower."""
-        x, own = self.at(start), replace(self, fixed=start.only({*self.effects, *self.kind.in_base}))
+        fixed = start.only({*self.effects, *self.kind.in_base})
+        own = replace(self, fixed=fixed, axes=[axis.on_side_of(start) for axis in self.axes])
+        x = own.at(start)
         if not len(x):
             (r,) = own.residuals([x])
-            return Fit(own.fixed, float(r @ r), len(r), np.zeros((len(r), 0)), r, "nothing to fit")
+            return Fit(fixed, float(r @ r), len(r), np.zeros((len(r), 0)), r)
         end = own._solver.descend(x, widths, rounds)
-        return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual, end.why)
+        return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
     def far(self, starts: Sequence[Theta], enough: float = SET.near, seeds: int = SET.seeds) -> Fit:
         """The best fit from anywhere: from close by each of `starts`; where that leaves more than `enough` for each
         residual of a time series, on growing prefixes from many points around the starts and around the nominal base,
         at most `seeds` times with other points, until none does better.
         """
-        fits = [self.near(self._opened(start)) for start in starts]
+        for criterion in () if self.kind.beginnings_s else range(self.criterion):  # smoother ones lead the way
+            opened = Fitter.of(self.kind, self.records, self.effects, criterion)
+            starts = [start | opened.near(start).theta for start in starts]
+        fits = [self.near(start) for start in starts]
+        if len(fits) == 1 and not seeds:
+            return fits[0]
         left = [judged_cost(self.kind, self.records, fit.theta) for fit in fits]
         for seed in range(1, 1 + (seeds if self.kind.beginnings_s else 0)):
             least = min(left)
@@ -71,19 +78,12 @@ class Fitter:
                 break
         return fits[int(np.argmin(left))]
 
-    def _opened(self, start: Theta) -> Theta:
-        """Where a kind's smoother criteria, if it is no time series, lead from `start`."""
-        first = 0 if not self.kind.beginnings_s else self.criterion
-        for criterion in range(first, self.criterion):
-            start = start | Fitter.of(self.kind, self.records, self.effects, criterion).near(start).theta
-        return start
-
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where that leaves more than chance, also from the best of many points
-        that the fit allows, again as long as that gains.
+        """From a fit, `near` at the kind's final criterion; where that leaves more than chance, also from the best of
+        many points that the fit allows, again as long as that gains.
         """
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
-        best = final.near(self.near(start).theta, SET.fine, SET.rounds)
+        best = final.near(start, SET.fine, SET.rounds)
         more = self.axes and self.kind.beginnings_s and not best.by_chance
         for seed in range(SET.ways_down if more else 0):
             some = final.lowest(final._likely(best, seed), SET.down_from)
@@ -97,7 +97,7 @@ class Fitter:
     def _likely(self, fit: Fit, seed: int) -> list[Theta]:
         """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more."""
         squares, vectors = np.linalg.eigh(fit.jacobian.T @ fit.jacobian)
-        reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, 1e-12 * squares[-1]))
+        reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, SET.tiny * squares[-1]))
         draws = np.random.default_rng(seed).standard_normal((SET.near_by, len(squares)))
         own, x = replace(self, fixed=fit.theta), self.at(fit.theta)
         steps = (draws / np.linalg.norm(draws, axis=1, keepdims=True) * reach) @ vectors.T
@@ -118,11 +118,6 @@ class Fitter:
             return effect in REFINEMENTS or p.name in named_by
 
         return replace(self, axes=[a for a in self.axes if not a.parameter.effect or first(a.parameter)])
-
-    def beyond(self, effect: str, start: Theta) -> Fit:
-        """`near`, with the parameters of `effect` that must not be small (`least`) on the better side of zero."""
-        sides = [replace(self, axes=[_side(axis, effect, sign) for axis in self.axes]) for sign in (1.0, -1.0)]
-        return min((side.near(start) for side in sides), key=by_cost)
 
     def lowest(self, thetas: Sequence[Theta], count: int) -> list[Theta]:
         """The `count` of `thetas` with the lowest cost, lowest first."""
@@ -183,8 +178,8 @@ class Growth:
     seed: int = 0
     fits: list[Fit] = field(default_factory=list)
 
-    def on(self, number: int, records: Sequence[Record]) -> Growth:
-        """To the next length, `records` being the prefixes number `number`; itself."""
+    def on(self, number: int, records: Sequence[Record]) -> list[Fit]:
+        """The fits of the next length, `records` being the prefixes number `number`."""
         fitter, kept = replace(self.model, records=records), SET.kept[number]
         found = [fit.theta for fit in self.fits]
         points = found + list(self.starts) + (self._redrawn(found[: SET.bases]) if found else self._scattered())
@@ -194,7 +189,7 @@ class Growth:
         late = number >= SET.ranked_from
         widths, rounds = (SET.narrow, SET.rounds) if late else (SET.narrow[-1:], SET.first_rounds)
         self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=by_cost)
-        return self
+        return self.fits
 
     def over(self, records: Sequence[Record]) -> Theta:
         """Where the best fit on the whole `records` ends."""
@@ -220,19 +215,9 @@ class Growth:
         kind, count = self.model.kind, SET.points // 2
         moved = [axis for axis in self.model.axes if axis.parameter.effect in self.model.effects]
         bases = [theta.only(kind.in_base) for theta in found]
-        return scattered(kind, moved, bases, count, self.seed + 1, self.newest) if moved else []
+        return scattered(kind, moved, bases, count, self.seed + 1, self.newest)
 
 
 def begins(kind: Kind, starts: Sequence[Theta]) -> list[Theta]:
     """`starts`, and the first at the nominal base: one fitted without an effect may compensate for it."""
     return [*starts, starts[0] | Theta.declared(p for p in kind.base if p.fit)]
-
-
-def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:
-    """The axis with its parameter beyond `least` on one side of zero."""
-    p = axis.parameter
-    if not p.least or p.effect != effect:
-        return axis
-    lower, upper = (p.least, p.upper) if sign > 0 else (p.lower, -p.least)
-    begin = float(np.copysign(max(abs(p.value), p.least), sign))
-    return replace(axis, parameter=replace(p, lower=lower, upper=upper, value=begin))

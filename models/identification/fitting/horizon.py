@@ -50,15 +50,11 @@ def scattered(
     kind: Kind, moved: Sequence[FreeParameter], starts: Sequence[Theta], count: int, seed: int, fresh: str = ""
 ) -> list[Theta]:
     """So many points around the nominal base and the effects of `starts`; with every size of the effect `fresh`."""
+    shares = scipy.stats.qmc.Sobol(len(moved), seed=seed).random(count) if moved else ()
     return [
         start | {axis.name: _place(kind, axis, start, share, fresh) for axis, share in zip(moved, row, strict=True)}
-        for start, row in zip(cycle(starts), _shares(len(moved), count, seed), strict=False)
+        for start, row in zip(cycle(starts), shares, strict=False)
     ]
-
-
-def _shares(dimensions: int, count: int, seed: int) -> np.ndarray:
-    """Points (count, dimensions) between 0 and 1; none where nothing moves."""
-    return scipy.stats.qmc.Sobol(dimensions, seed=seed).random(count) if dimensions else np.zeros((0, 0))
 
 
 def _place(kind: Kind, axis: FreeParameter, start: Theta, share: float, fresh: str) -> float:

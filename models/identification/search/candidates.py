@@ -3,8 +3,7 @@
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from operator import attrgetter
+from operator import attrgetter, methodcaller
 
 import numpy as np
 
@@ -81,7 +80,7 @@ def compare_candidates(
     def finer(trial: Trial) -> FittedModel:
         starts = ([theta, sought[trial.effect].theta] for theta in trial.fitted.thetas)
         effects = [*trial.fitted.effects, *shared_by(kind, trial.effect)]
-        return model.far(starts, effects, seeds=1).within_name(trial.effect)
+        return model.far(starts, effects, seeds=1)
 
     moved(names[0], 0.8)
     trials = [Trial(name, fit, model.blocks) for name, fit in zip(names, model.each(near, names), strict=True)]
@@ -95,20 +94,16 @@ def compare_candidates(
 
 
 def from_best_base(model: FittedModel, trials: Sequence[Trial]) -> list[Trial]:
-    """The better of each of `trials` and of the same from the base of the best: none may lead by a luckier search; its
-    effect within the range that its name stands for.
-    """
+    """The better of each of `trials` and of the same from the base of the best: none may lead by a luckier search."""
     leader = max(trials, key=attrgetter("gain"))
 
     def again(trial: Trial) -> FittedModel:
-        fitted, name = trial.fitted, trial.effect
-        if trial is not leader:
-            pairs = zip(leader.fitted.thetas, fitted.thetas, strict=True)
-            starts = (base.without(leader.effect).with_(name, own.effects[name]) for base, own in pairs)
-            fitted = min(fitted, model.near(starts, fitted.effects), key=attrgetter("cost"))
-        return fitted.within_name(name)
+        pairs = zip(leader.fitted.thetas, trial.fitted.thetas, strict=True)
+        starts = (base.without(leader.effect).with_(trial.effect, own.effects[trial.effect]) for base, own in pairs)
+        return min(trial.fitted, model.near(starts, trial.fitted.effects), key=attrgetter("cost"))
 
-    return [replace(trial, fitted=fit) for trial, fit in zip(trials, model.each(again, trials), strict=True)]
+    others = [trial for trial in trials if trial is not leader]
+    return [leader, *(replace(t, fitted=fit) for t, fit in zip(others, model.each(again, others), strict=True))]
 
 
 def _growth(model: FittedModel, row: Screened) -> Growth:
@@ -137,7 +132,7 @@ def eliminate(
     leader = next(iter(running))
     for number, parts in lengths(kind, records):
         moved(leader, number / len(SET.kept))
-        grown = each(partial(_longer, number, parts), list(running.values()))
+        grown = each(methodcaller("on", number, parts), list(running.values()))
         for growth, fits in zip(running.values(), grown, strict=True):
             growth.fits = fits
         costs = {name: growth.fits[0].chi2 for name, growth in running.items()}
@@ -153,10 +148,6 @@ def eliminate(
             if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or growth.fits[0].by_chance
         }
     return {name: growth.fits[0] for name, growth in running.items()}
-
-
-def _longer(number: int, parts: Sequence[Record], growth: Growth) -> list[Fit]:
-    return growth.on(number, parts).fits
 
 
 def shared_by(kind: Kind, name: str) -> list[str]:

@@ -50,7 +50,10 @@ def rivals_of(
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     strong = [row.effect for row in screened if row.starts and row.share >= SET.rival_has * share][: SET.pool]
     starts = {row.effect: row.starts for row in screened}
-    made = _predicted(model) if kind.beginnings_s else [part for part, _ in model.splits]
+    made = [part for part, _ in model.splits]
+    if kind.beginnings_s:  # as the model predicts them
+        both = ([(r, kind.predict(r, theta)) for r in part] for part, theta in model.parts)
+        made = [[record.with_column(kind.quantity, own) for record, own in rows] for rows in both]
 
     def rival(name: str) -> tuple[float, bool, Fits, tuple[str, ...]]:
         pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
@@ -59,7 +62,6 @@ def rivals_of(
         fitted = model.far(points, [*rest, name], seeds=0)
         if fitted.training_cost <= SET.rival_near * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
-        fitted = fitted.within_name(name)
         finer = tried[name].finer if name in tried else None
         fitted = min(fitted, finer or fitted, key=attrgetter("cost"))
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)
@@ -83,15 +85,6 @@ def rivals_of(
 def _like(kind: Kind, names: Sequence[str]) -> list[str]:
     """The effects that look like one of `names`."""
     return [e.id for e in kind.effects if any(e.looks_like(kind.catalogue[name]) for name in names)]
-
-
-def _predicted(model: FittedModel) -> list[list[Record]]:
-    """Each split's training records as the model predicts them."""
-    kind = model.kind
-    return [
-        [record.with_column(kind.quantity, kind.predict(record, theta)) for record in part]
-        for part, theta in model.parts
-    ]
 
 
 def _imitation(

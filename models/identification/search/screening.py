@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def screen(
     shows of each sample and of what is slow, in its best shape, with the starts of the best few shapes at each view.
     """
     fitter, taken = Fitter.of(kind, records, effects), {*effects, *dropped}
-    x, first = fitter.at(theta), records[0]
+    x, first, share = fitter.at(theta), records[0], attrgetter("share")
     here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
     width = SET.screened_secant * np.array([axis.scale for axis in fitter.axes])
     seen = (np.asarray, partial(kind.slow, first)) if kind.beginnings_s else (np.asarray,)
@@ -102,11 +103,12 @@ def screen(
                 found += [
                     view.measured(effect, s, change[n * i : n * i + n]) for i, s in enumerate(starts[k : k + some])
                 ]
-        best = [sorted(own, key=_by_share)[: SET.screened_starts] for own in shown]
-        leader = min((rows[0] for rows in best), key=_by_share)
+        best = [sorted(own, key=share, reverse=True)[: SET.screened_starts] for own in shown]
+        leader = max((rows[0] for rows in best), key=share)
         return replace(leader, starts=tuple(start for rows in best for row in rows for start in row.starts))
 
-    return sorted(each(tried, [effect for effect in kind.effects if effect.id not in taken]), key=_by_share)
+    rows = each(tried, [effect for effect in kind.effects if effect.id not in taken])
+    return sorted(rows, key=share, reverse=True)
 
 
 def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
@@ -118,10 +120,6 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
         grid[position] = np.linspace(low, high, SET.positions).tolist()
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
-
-
-def _by_share(row: Screened) -> float:
-    return -row.share
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:

@@ -53,10 +53,10 @@ class Stated(Growth):
     leaves: float = 1.0
     count: int = 100
 
-    def on(self, number: int, records: Sequence[Record]) -> Growth:
+    def on(self, number: int, records: Sequence[Record]) -> list[Fit]:
         """Looks for nothing."""
         self.fits = [Fit(Theta(), self.count * self.leaves, self.count, np.zeros((1, 0)), np.ones(1))]
-        return self
+        return self.fits
 
 
 def stated(kind: SeriesKind, record: Record, leaves: dict[str, float], count: int = 100) -> dict[str, Stated]:

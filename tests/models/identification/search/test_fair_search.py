@@ -28,7 +28,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> FittedModel:
     answer = tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     base = kind.nominal() | {k: v for k, v in answer.items() if k in kind.nominal()}
     splits = kind.splits(records)
-    return FittedModel.of(kind, splits, [], [base] * len(splits))
+    return FittedModel(kind, splits).fitted([base] * len(splits))
 
 
 def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(late: FittedModel) -> None:

@@ -17,10 +17,9 @@ Part = tuple[float, Theta]
 
 
 def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[Name, Fitted]:
-    """95 % intervals: the widest of least squares' own from the Jacobian, widened for the residual beyond chance and
-    for residuals that are not independent, of the sandwich with the scores' scatter from block to block, which holds
-    for a model that is not quite right, and of the jackknife, by which the fits on `parts` of the records differ from
-    the one on all; never beyond the bounds.
+    """95 % intervals, within the bounds: the widest of least squares' own, widened for a residual beyond chance or not
+    independent, of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite
+    right, and of the jackknife, by which the fits on `parts` of the records differ from the one on all.
     """
     fitted = axes(kind, effects)
     if not fitted:
@@ -47,7 +46,9 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
     rows = fit.jacobian * scale
     values, vectors = np.linalg.eigh(rows.T @ rows)
     inverse = np.asarray((vectors / np.maximum(values, SET.tiny * max(values[-1], SET.tiny))) @ vectors.T)
-    scores = np.array([part.T @ r for part, r in zip(_blocks(rows), _blocks(fit.residual), strict=True)])
+    count = min(SET.bootstrap_blocks, len(rows))
+    pairs = zip(np.array_split(rows, count), np.array_split(fit.residual, count), strict=True)
+    scores = np.array([part.T @ r for part, r in pairs])
     scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
     return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
 
@@ -66,12 +67,8 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
 def near(value: float, bound: float, p: Parameter) -> bool:
     """Whether `value` stands at the `bound` of `p`: within 0.1 % of itself, or 1e-6 of the range."""
     spread = p.upper - p.lower
-    margin = max(SET.at_bound * min(spread, max(abs(value), abs(bound))) * (bound != 0), 1e-6 * spread)
+    margin = max(SET.at_bound * min(spread, max(abs(value), abs(bound))) * (bound != 0), SET.at_bound**2 * spread)
     return bool(np.isfinite(bound) and abs(value - bound) <= (margin if np.isfinite(margin) else 0.0))
-
-
-def _blocks(values: np.ndarray) -> list[np.ndarray]:
-    return np.array_split(values, min(SET.bootstrap_blocks, len(values)))
 
 
 def memory(residual: np.ndarray) -> float:

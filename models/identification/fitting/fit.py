@@ -28,9 +28,8 @@ class FreeParameter:
         return self.parameter.key
 
     def on_side_of(self, start: Theta) -> "FreeParameter":
-        """The same within the range that its effect's name stands for, on the side of zero where it is at `start`. Some
-        effects contain another as a limit: a wave of very long wavelength is a force in time. A parameter with such a
-        limit (`least`) stays above it.
+        """The same on the side of zero where it is at `start`, and above its `least` size: below that the effect is
+        another one, as a wave of very long wavelength is a force in time.
         """
         p = self.parameter
         if not p.least:
@@ -89,14 +88,15 @@ def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta],
     return np.hstack([kind.stacked(record, thetas, criterion) for record in records])
 
 
+def mean_squares(residual: Array, least: int = 1) -> list[float]:
+    """Mean square in each of up to forty blocks of `least` numbers or more."""
+    parts = np.array_split(residual, int(np.clip(len(residual) // least, 1, SET.blocks)))
+    return [float(part @ part) / len(part) for part in parts]
+
+
 def judged(kind: Kind, records: Sequence[Record], theta: Theta) -> Array:
-    """Mean square of the residuals in each of at most forty blocks, under the kind's judge that suits it better."""
-
-    def blocks(residual: Array) -> list[float]:
-        parts = np.array_split(residual, min(SET.blocks, len(residual)))
-        return [float(part @ part) / len(part) for part in parts]
-
-    rows = [blocks(evaluate(kind, records, theta, criterion)) for criterion in kind.judges]
+    """`mean_squares` of the residuals, under the kind's judge that suits each block better."""
+    rows = [mean_squares(evaluate(kind, records, theta, criterion)) for criterion in kind.judges]
     return np.asarray(np.min(rows, axis=0))
 
 

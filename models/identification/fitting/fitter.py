@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -19,8 +19,6 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
 from models.workers import cores, each
-
-by_cost: Callable[[Fit], float] = attrgetter("cost")
 
 
 @dataclass(frozen=True)
@@ -60,6 +58,7 @@ class Fitter:
         residual of a time series, on growing prefixes from many points around the starts and around the nominal base,
         at most `seeds` times with other points, until none does better.
         """
+        starts = [start.only({*self.effects, *self.kind.in_base}) for start in starts]
         for criterion in () if self.kind.beginnings_s else range(self.criterion):  # smoother ones lead the way
             opened = Fitter.of(self.kind, self.records, self.effects, criterion)
             starts = [start | opened.near(start).theta for start in starts]
@@ -87,9 +86,9 @@ class Fitter:
         more = self.axes and self.kind.beginnings_s and not best.by_chance
         for seed in range(SET.ways_down if more else 0):
             some = final.lowest(final._likely(best, seed), SET.down_from)
-            again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=by_cost)
+            again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=attrgetter("cost"))
             gained = again.cost < (1 - SET.refines) * best.cost
-            best = min(best, again, key=by_cost)
+            best = min(best, again, key=attrgetter("cost"))
             if not gained or best.by_chance:
                 break
         return best
@@ -150,14 +149,6 @@ class Fitter:
         own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
         return np.concatenate([rows, own], axis=1)
 
-    def jacobian(self, x: Array, secant: float) -> Array:
-        """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
-        (here,) = self.residuals([x])
-        if not len(x):
-            return np.zeros((len(here), 0))
-        slope, _ = self._solver.slope(x, here, np.diag(secant * self._solver.scale))
-        return slope.jacobian
-
     @cached_property
     def _solver(self) -> GaussNewton:
         ends = np.array([(a.parameter.lower, a.parameter.upper, a.scale) for a in self.axes]).reshape(-1, 3)
@@ -182,13 +173,13 @@ class Growth:
         """The fits of the next length, `records` being the prefixes number `number`."""
         fitter, kept = replace(self.model, records=records), SET.kept[number]
         found = [fit.theta for fit in self.fits]
-        points = found + list(self.starts) + (self._redrawn(found[: SET.bases]) if found else self._scattered())
+        points = [*found, *self.starts, *self._drawn(found)]
         best = fitter.lowest(points, kept)
         if found and kept > 1 and found[0] not in best:
             best[-1] = found[0]
         late = number >= SET.ranked_from
         widths, rounds = (SET.narrow, SET.rounds) if late else (SET.narrow[-1:], SET.first_rounds)
-        self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=by_cost)
+        self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=attrgetter("cost"))
         return self.fits
 
     def over(self, records: Sequence[Record]) -> Theta:
@@ -197,25 +188,19 @@ class Growth:
             self.on(number, parts)
         return self.fits[0].theta
 
-    @property
-    def newest(self) -> str:
-        """The newest effect that is no refinement, or ""."""
-        named = self.model.kind.catalogue
-        return next((name for name in reversed(self.model.effects) if named[name] not in REFINEMENTS), "")
-
-    def _scattered(self) -> list[Theta]:
-        """Points around the nominal base and the starts' effects, with every size of the newest one."""
-        kind, newest, starts = self.model.kind, self.newest, list(self.starts)
+    def _drawn(self, found: Sequence[Theta]) -> list[Theta]:
+        """Points around the nominal base and the starts' effects, with every size of the newest one; once bases are
+        `found`, each with effects drawn around their declared values: a drift does not show at first.
+        """
+        kind, effects, starts, moved = self.model.kind, self.model.effects, [*self.starts], self.model.axes
+        newest = next((name for name in reversed(effects) if kind.catalogue[name] not in REFINEMENTS), "")
+        if found:
+            moved = [axis for axis in moved if axis.parameter.effect in effects]
+            bases = [theta.only(kind.in_base) for theta in found[: SET.bases]]
+            return scattered(kind, moved, bases, SET.points // 2, self.seed + 1, newest)
         if newest:
             starts.append(starts[-1].with_(newest, kind.catalogue[newest].start()))
-        return scattered(kind, self.model.axes, starts, SET.points, self.seed, newest)
-
-    def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
-        """Each base of `found` with effects drawn around their declared values: a drift does not show at first."""
-        kind, count = self.model.kind, SET.points // 2
-        moved = [axis for axis in self.model.axes if axis.parameter.effect in self.model.effects]
-        bases = [theta.only(kind.in_base) for theta in found]
-        return scattered(kind, moved, bases, count, self.seed + 1, self.newest)
+        return scattered(kind, moved, starts, SET.points, self.seed, newest)
 
 
 def begins(kind: Kind, starts: Sequence[Theta]) -> list[Theta]:

@@ -48,21 +48,19 @@ class GaussNewton:
 
     def descend(self, start: Array, widths: Sequence[float], rounds: int) -> Slope:
         """Gauss-Newton from `start` in at most so many rounds; never ends higher than it began. The derivatives are
-        those of the last round.
-
-        In each round the residuals are evaluated on both sides along directions whose effects are orthogonal and of
-        equal size, a width times `SET.secant_rms` of the residuals' unit rms. Narrower jags average out, and parameters
-        that nearly compensate each other get long secants. Then steps of several lengths and dampings are tried at once
-        and the lowest is taken. A width that no longer gains gives way to the next of `widths`; after the last
-        the first follows again, as long as that gains.
+        those of the last round. In each round the residuals are evaluated on both sides along directions whose effects
+        are orthogonal and of equal size, a width times `SET.secant_rms` of the residuals' unit rms. Narrower jags
+        average out, and parameters that nearly compensate each other get long secants. Then steps of several lengths
+        and dampings are tried at once and the lowest is taken. A width that no longer gains gives way to the next of
+        `widths`; after the last the first follows again, as long as that gains.
         """
         x, number = start, 0
         r, reach = self._first_reach(x, widths[0])
         basis, began = np.diag(reach), float(r @ r)
         for _ in range(rounds):
-            here, seen = self.slope(x, r, basis)
+            here, seen = self._slope(x, r, basis)
             steps, height = self._steps(here), here.cost
-            x, r = min((x, r), seen, _lowest(steps, self.residuals(steps)), key=_height)
+            x, r = min((x, r), seen, _lowest(steps, self.residuals(steps)), key=lambda one: float(one[1] @ one[1]))
             gain, last = height - float(r @ r), number == len(widths) - 1
             if last and gain <= SET.enough * height:
                 if began - float(r @ r) <= SET.refines * began:
@@ -90,7 +88,7 @@ class GaussNewton:
         times = np.clip(wanted / np.maximum(changes, SET.tiny), SET.secant_shrink, SET.secant_stretch)
         return r.copy(), np.minimum(reach * times, self._widest)
 
-    def slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, tuple[Array, Array]]:
+    def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, tuple[Array, Array]]:
         """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the evaluated points."""
         n, steps = len(x), np.vstack([basis.T, -basis.T])
         ahead, sizes = np.where(steps > 0, self.upper - x, x - self.lower), np.abs(steps)
@@ -149,7 +147,3 @@ class GaussNewton:
 def _lowest(points: Sequence[Array], rows: Array) -> tuple[Array, Array]:
     k = int(np.argmin(np.einsum("ij,ij->i", rows, rows)))
     return points[k], rows[k].copy()
-
-
-def _height(point: tuple[Array, Array]) -> float:
-    return float(point[1] @ point[1])

@@ -12,7 +12,7 @@ from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter, Growth, begins
 from models.identification.fitting.horizon import lengths
 from models.identification.kind import Array, Kind
-from models.identification.search.fitted_model import Fits, FittedModel
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
 from models.parameter import Name
@@ -43,26 +43,17 @@ class Trial:
     @property
     def gain(self) -> float:
         """What it adds on validation records: `ln(cost without/cost with)`."""
-        return float(np.log(self.before.sum() / max(self.blocks.sum(), 1e-300)))
-
-    @property
-    def drop(self) -> float:
-        """The same as a difference, for each residual."""
-        return float(self.before.mean() - self.blocks.mean())
+        return float(np.log(self.before.sum() / max(self.blocks.sum(), SET.tiny)))
 
 
-def compare_candidates(
-    model: FittedModel, screened: Sequence[Screened], moved: Moved = lambda name, share: None
-) -> list[Trial]:
-    """Joint fits of `model` with one more effect: short ones of every candidate, full ones of the best three and of the
-    declared confounders of the best; best gain first. Empty where no candidate passed the screening. `moved` is called
-    with each candidate and the share of the work that is done.
+def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> list[Trial]:
+    """Joint fits of `model` with one more effect, best gain first: short ones of every candidate, full ones of the best
+    three and of the best one's confounders. `moved` hears of the leader and of the share of the work that is done.
     """
     if not screened:
         return []
-    kind, series = model.kind, bool(model.kind.beginnings_s)
-    growths = {row.effect: _growth(model, row) for row in screened}
-    sought = eliminate(model.part, growths, moved=lambda name, share: moved(name, 0.8 * share))
+    kind, growths = model.kind, {row.effect: _growth(model, row) for row in screened}
+    sought = eliminate(model.part, growths, lambda name, share: moved(name, 0.8 * share))
     ranking = sorted(sought, key=lambda name: sought[name].cost)
     alike, most = kind.catalogue[ranking[0]].confounders, SET.behind * sought[ranking[0]].cost
     names = [n for k, n in enumerate(ranking) if sought[n].cost <= most and (k < SET.final or n in alike)]
@@ -72,23 +63,19 @@ def compare_candidates(
         rest = (theta.with_(name, start.effects[name]) for theta in model.thetas[1:])
         return model.near([start, *rest], [*model.effects, name])
 
-    def far(trial: Trial) -> FittedModel:
-        point, effects = sought[trial.effect].theta, trial.fitted.effects
-        starts = [[theta, point.only(kind.in_base | set(effects))] for theta in trial.fitted.thetas]
-        return min(trial.fitted, model.far(starts, effects, seeds=1), key=attrgetter("cost"))
-
-    def finer(trial: Trial) -> FittedModel:
+    def far(trial: Trial, beside: Sequence[str] = ()) -> FittedModel:
         starts = ([theta, sought[trial.effect].theta] for theta in trial.fitted.thetas)
-        effects = [*trial.fitted.effects, *shared_by(kind, trial.effect)]
-        return model.far(starts, effects, seeds=1)
+        return model.far(starts, [*trial.fitted.effects, *beside], seeds=1)
 
     moved(names[0], 0.8)
     trials = [Trial(name, fit, model.blocks) for name, fit in zip(names, model.each(near, names), strict=True)]
-    if series and min(trial.fitted.cost for trial in trials) > SET.near:
+    if kind.beginnings_s and min(trial.fitted.cost for trial in trials) > SET.near:
         moved(names[0], 0.9)
-        trials = [replace(t, fitted=fit) for t, fit in zip(trials, model.each(far, trials), strict=True)]
+        pairs = zip(trials, model.each(far, trials), strict=True)
+        trials = [replace(t, fitted=min(t.fitted, fit, key=attrgetter("cost"))) for t, fit in pairs]
         unclear = [t for t in trials if shared_by(kind, t.effect) and t.fitted.cost > SET.near]
-        shaped = dict(zip((t.effect for t in unclear), model.each(finer, unclear), strict=True))
+        finer = model.each(lambda t: far(t, shared_by(kind, t.effect)), unclear)
+        shaped = dict(zip((t.effect for t in unclear), finer, strict=True))
         trials = [replace(t, finer=shaped.get(t.effect)) for t in trials]
     return sorted(from_best_base(model, trials), key=lambda trial: -trial.gain)
 
@@ -118,15 +105,11 @@ def _growth(model: FittedModel, row: Screened) -> Growth:
 
 
 def eliminate(
-    records: Sequence[Record],
-    growths: Mapping[str, Growth],
-    behind: float = SET.behind,
-    moved: Moved = lambda name, share: None,
+    records: Sequence[Record], growths: Mapping[str, Growth], moved: Moved, behind: float = SET.behind
 ) -> dict[str, Fit]:
     """Fits on the whole records of those `growths` that are not eliminated. One stays while its cost is close to that
     of the best few, or is that of a declared confounder of the best, and at most `behind` times the best; or while its
-    cost is chance, because a model with many parameters leaves less of a short prefix. None is eliminated on the
-    shortest prefix. `moved` is called with the leader and the share of the work that is done.
+    cost is chance, because a model with many parameters leaves less of a short prefix. All stay on the shortest.
     """
     running, kind = dict(growths), next(iter(growths.values())).model.kind
     leader = next(iter(running))
@@ -166,7 +149,7 @@ def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
     return [start, *(start | dict(zip(grid, row, strict=True)) for row in rows if row)]
 
 
-def better_without(model: FittedModel, further: str, others: Fits) -> FittedModel:
+def better_without(model: FittedModel, further: str, others: Sequence[Theta]) -> FittedModel:
     """The better of `model` and of the same refitted from the base of fits with one `further` effect, `others`."""
     again = model.near(theta.without(further) for theta in others)
     return min(model, again, key=attrgetter("training_cost"))

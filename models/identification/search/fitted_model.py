@@ -17,7 +17,6 @@ from models.records.record import Record
 from models.theta import Theta
 from models.workers import each
 
-Fits = Sequence[Theta]
 _Item = TypeVar("_Item")
 
 

@@ -1,10 +1,11 @@
 """Refinements of the shapes of named effects: which of them the records support."""
 
 from collections.abc import MutableMapping, Sequence
+from operator import attrgetter
 
 from models.effects import CATALOGUE, REFINEMENTS
 from models.identification.fitting.fit import Fit
-from models.identification.fitting.fitter import Fitter, by_cost
+from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Kind
 from models.identification.search.candidates import better_without
 from models.identification.search.fitted_model import FittedModel, fewest
@@ -58,7 +59,7 @@ def refined_at_last(
         finer = fitter.near(start, SET.narrow, SET.rounds)
         if finer.chi2 < SET.near and _clearly(kind, records, finer, fit):
             again = Fitter.of(kind, records, model[:-1], kind.final).near(finer.theta.without(curve), SET.fine)
-            fit = min(fit, again, key=by_cost)
+            fit = min(fit, again, key=attrgetter("cost"))
             if _clearly(kind, records, finer, fit):
                 added.append(curve)
                 fit = finer

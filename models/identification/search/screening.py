@@ -46,9 +46,9 @@ class _View:
     basis: Array
 
     @classmethod
-    def of(cls, seen: Callable[[Array], Array], residual: Array, jacobian: Array, width: Array) -> _View:
+    def of(cls, seen: Callable[[Array], Array], residual: Array, changes: Array) -> _View:
         own = seen(residual[None])
-        basis = np.linalg.qr((seen(residual + jacobian.T * width[:, None]) - own).T)[0]
+        basis = np.linalg.qr((seen(residual + changes) - own).T)[0]
         return cls(seen, own, own[0] - basis @ (basis.T @ own[0]), basis)
 
     def measured(self, effect: type[Effect], start: Mapping[str, float], change: Array) -> Screened:
@@ -81,10 +81,11 @@ def screen(
     """
     fitter, taken = Fitter.of(kind, records, effects), {*effects, *dropped}
     x, first, share = fitter.at(theta), records[0], attrgetter("share")
-    here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
-    width = SET.screened_secant * np.array([axis.scale for axis in fitter.axes])
+    n, steps = len(x), SET.screened_secant * np.diag([axis.scale for axis in fitter.axes])
+    around = fitter.residuals([fitter.at(fitter.theta(point)) for point in (x, *(x + steps), *(x - steps))])
+    here, changes = around[0], (around[1 : n + 1] - around[n + 1 :]) / 2
     seen = (np.asarray, partial(kind.slow, first)) if kind.beginnings_s else (np.asarray,)
-    views = [_View.of(one, here, jacobian, width) for one in seen]
+    views = [_View.of(one, here, changes) for one in seen]
 
     def tried(effect: type[Effect]) -> Screened:
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
@@ -122,10 +123,10 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
         yield dict(zip(grid, values, strict=True))
 
 
-def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
-    """What of `part` is imitated: the first few seconds of time series with an observer, else all."""
-    if kind.criteria == 1 or any(TIME not in record.columns for record in part):
-        return list(part)
+def records_for_null(kind: Kind, part: Sequence[Record]) -> Sequence[Record]:
+    """What of `part` is imitated: the first few seconds of time series that are fitted on prefixes, else all."""
+    if not kind.beginnings_s:
+        return part
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
     return prefixes(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))], SET.imitated_s)
 

@@ -65,12 +65,6 @@ class Search:
         """Everything beyond the base: the named effects and the refinements of their shapes."""
         return [*self.effects, *self.refinements]
 
-    @property
-    def explained(self) -> float:
-        """Share of the misfit beyond chance that the effects took away, on validation records."""
-        excess = self.before - self.null_cost
-        return 1.0 if excess <= 0 else (self.before - self.after) / excess
-
 
 def search(
     kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = SET.most_effects
@@ -151,9 +145,9 @@ def _named(
 
         def moved(name: str, share: float, number: int = number) -> None:
             told = f"fitting candidates, round {number}: {effect_words(name)}"
-            progress(told, 0.3 + 0.15 * (number - 1) + 0.15 * share)
+            progress(told, 0.15 + 0.15 * (number + share))
 
-        progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
+        progress(f"screening, round {number}", 0.05 + 0.15 * number)
         screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
         found.note("screening")
         trials, model = fair(model, compare_candidates(model, screened, moved))
@@ -162,8 +156,8 @@ def _named(
             found.before = found.after
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
-        best = trials[0] if trials else None
-        if best is None or best.gain <= _wanted(kind, found) or best.drop <= SET.least_drop:
+        best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
+        if best is None or best.gain <= _wanted(kind, found):
             found.ended = "gain"
             return model
         found.effects.append(best.effect)
@@ -201,23 +195,18 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
     """
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
-        shorter = _refitted(model, effect, rest, [])
         beside = [curve for name in rest for curve in shared_by(model.kind, name)]
-        mended = _refitted(model, effect, rest, beside) if beside else shorter
-        left = min(shorter.cost, mended.cost)
+        shapes = ([], beside) if beside else ([],)
+        starts = [[with_each(theta.without(effect), shape) for theta in model.thetas] for shape in shapes]
+        fits = [model.far(some, [*rest, *shape], seeds=1) for some, shape in zip(starts, shapes, strict=True)]
+        left = min(fit.cost for fit in fits)
         rest_alone = float(np.log(found.before / left))
         if np.log(left / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
-            found.after, model = left, shorter
-            found.known[mended.effects] = mended.thetas
+            found.after, model = left, fits[0]
+            found.known[fits[-1].effects] = fits[-1].thetas
     return model
-
-
-def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
-    """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
-    starts = (with_each(theta.without(dropped), beside) for theta in model.thetas)
-    return model.far(starts, [*effects, *beside], seeds=1)
 
 
 def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> FittedModel:

@@ -50,7 +50,7 @@ def test_a_candidate_does_not_lead_by_what_a_look_alike_beside_it_does(late: Fit
         for row in screen(late.kind, late.part, [], late.thetas[0])
         if row.effect in ("actuator_lag", "sensor_delay")
     ]
-    trials = compare_candidates(late, rows)
+    trials = compare_candidates(late, rows, lambda name, share: None)
     assert trials[0].effect == "sensor_delay"
     assert trials[0].fitted.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
     assert all(trial.gain < trials[0].gain - 0.1 for trial in trials[1:])

@@ -124,6 +124,7 @@ class SearchSettings:
     )
     form_most: float = setting(2.0, "1", "of the noise's power, the most that this may be")
     never: float = setting(6.0, "1", "standard errors assumed for rivals that no fit brought close")
+    within: tuple[float, float] = setting((1.0, 99.0), "%", "percentiles of the positions, between which they are")
     positions: int = setting(24, "1", "positions at which a local effect is tried")
     screened_starts: int = setting(2, "1", "best starts of an effect that are kept")
     imitated_s: float = setting(10.0, "s", "length of records that estimates chance, where predictions are slow")

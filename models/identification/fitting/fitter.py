@@ -18,7 +18,7 @@ from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
-from models.workers import cores, each
+from models.workers import each
 
 
 @dataclass(frozen=True)
@@ -120,10 +120,8 @@ class Fitter:
 
     def lowest(self, thetas: Sequence[Theta], count: int) -> list[Theta]:
         """The `count` of `thetas` with the lowest cost, lowest first."""
-        parts = [thetas[i :: cores()] for i in range(min(cores(), len(thetas)))]
-        costs = np.empty(len(thetas))
-        for i, part in enumerate(each(self.costs, parts)):
-            costs[i :: cores()] = part
+        groups = [thetas[i : i + self.kind.lanes] for i in range(0, len(thetas), self.kind.lanes)]
+        costs = [cost for some in each(self.costs, groups) for cost in some]
         return [thetas[k] for k in np.argsort(costs, kind="stable")[:count]]
 
     def costs(self, thetas: Sequence[Theta]) -> list[float]:
@@ -159,9 +157,8 @@ class Fitter:
 class Growth:
     """One model fitted on growing prefixes, from the first slip events to whole records. Every length is started from
     the fits of the length before, from the `starts` again, and from effects redrawn on the bases found so far, because
-    a short prefix cannot show every effect. The best fit so far is always kept. Of the newest effect not even the size
-    is known, so that it begins as declared, too; another `seed` draws other starts. `fits` are those of the last
-    length, the best first, without their rows.
+    a short prefix cannot show every effect. The best fit so far is kept. Of the newest effect not even the size is
+    known, so that it begins as declared, too. `fits` are those of the last length, the best first, without their rows.
     """
 
     model: Fitter

@@ -40,9 +40,8 @@ def refined_at_last(
 ) -> tuple[list[str], Fit]:
     """The refinements beyond `taken` that `fit`, made at the kind's final criterion, still needs, and the best fit: the
     coarser steps on which shapes are compared may hide one. Started from `fit`, or from a better `known` fit on a part,
-    as long as the reported error is above the noise floor. A refinement must lower the training cost or the reported
-    error clearly, also against the model without it refitted from its base, and leave about the noise. Where `fit` and
-    `known` fits cost `SET.behind` times the noise, more than a shape is missing. A kind with one criterion hides none.
+    as long as the reported error is above the noise floor. A refinement must be clearly better, also than the model
+    without it refitted from its base, and leave about the noise, not `SET.behind` times that as where more is missing.
     """
     added: list[str] = []
     if kind.criteria == 1:

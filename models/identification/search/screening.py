@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -112,15 +112,14 @@ def screen(
     return sorted(rows, key=share, reverse=True)
 
 
-def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
+def _shapes(effect: type[Effect], records: Sequence[Record]) -> list[dict[str, float]]:
     grid = {key: list(values) for key, values in effect.grid.items() if key != effect.of_role("phase")}
     position = effect.of_role("place")
     if position is not None:
         x = np.concatenate([record["position_m"] for record in records])
-        low, high = np.percentile(x, [1, 99])
+        low, high = np.percentile(x, SET.within)
         grid[position] = np.linspace(low, high, SET.positions).tolist()
-    for values in itertools.product(*grid.values()):
-        yield dict(zip(grid, values, strict=True))
+    return [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
 
 
 def records_for_null(kind: Kind, part: Sequence[Record]) -> Sequence[Record]:

@@ -41,12 +41,22 @@ class SearchSettings:
     bootstrap_blocks: int = setting(60, "1", "blocks of the block bootstrap in a record")
     at_bound: float = setting(1e-3, "1", "share of its range within which a parameter is at its bound")
     memoryless: float = setting(0.02, "1", "autocorrelation that counts as zero")
+    memory_lags: int = setting(200, "samples", "lags of the autocorrelation, the most")
     narrow: tuple[float, float] = setting((0.3, 0.1), "1", "the same from close by")
     fine: tuple[float, float] = setting((0.1, 0.03), "1", "the same of the last descents")
     secant_rms: float = setting(3.0, "1", "change of the residuals, rms in their unit, that a secant of width 1 makes")
     enough: float = setting(1e-4, "1", "share of the cost: a round that gains less is the last")
     secant_share: float = setting(0.25, "1", "widest secant, as a share of the parameter's range")
-    secant_stretch: float = setting(100.0, "1", "times its scale that a parameter's first secant may become")
+    secant_stretch: float = setting(100.0, "1", "times its scale that a parameter's first secant may become, the most")
+    secant_shrink: float = setting(0.1, "1", "the same: the least")
+    secant_change: float = setting(3.0, "1", "times that a parameter's own secant may change from round to round")
+    trial_steps: tuple[tuple[float, float], ...] = setting(
+        ((1e-6, 1.0), (1e-6, 0.5), (1e-6, 0.2), (1e-6, 2.0), (1e-2, 1.0), (0.1, 0.7), (1.0, 1.0), (10.0, 0.5)),
+        "1",
+        "damping and share of the steps that a round tries",
+    )
+    inside: float = setting(1e-9, "1", "share of a parameter's range by which a fit stays off its bounds")
+    tiny: float = setting(1e-12, "1", "what counts as nothing beside 1: rounding")
     secant_shorter: float = setting(0.2, "1", "times an axis' own secant, along a principal direction: the least")
     secant_longer: float = setting(10.0, "1", "the same: the most")
     secant_near: float = setting(0.1, "1", "of a secant: a parameter this close to a bound is varied alone")
@@ -114,6 +124,7 @@ class SearchSettings:
     )
     form_most: float = setting(2.0, "1", "of the noise's power, the most that this may be")
     never: float = setting(6.0, "1", "standard errors assumed for rivals that no fit brought close")
+    within: tuple[float, float] = setting((1.0, 99.0), "%", "percentiles of the positions, between which they are")
     positions: int = setting(24, "1", "positions at which a local effect is tried")
     screened_starts: int = setting(2, "1", "best starts of an effect that are kept")
     imitated_s: float = setting(10.0, "s", "length of records that estimates chance, where predictions are slow")

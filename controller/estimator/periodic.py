@@ -5,6 +5,7 @@ import math
 from typing import Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
 from controller.signals import Array
@@ -51,7 +52,7 @@ class Periodic:
     def scatter(
         self, draws: np.random.Generator, passed_s: float, surprised: bool, levels: Array, level: float
     ) -> None:
-        """After `passed_s`, with a mean friction `level`: walk, and redraw some while `surprised`, with new `levels`."""
+        """After `passed_s`, with a mean friction `level`: walk; redraw some, with new `levels`."""
         self._level += passed_s / _MEAN_S * (level - self._level)
         moved = self._moved
         self.values[1, moved] += _WALK_RAD * math.sqrt(passed_s) * draws.standard_normal(int(moved.sum()))
@@ -63,7 +64,7 @@ class Periodic:
         self.values[1, new] = draws.uniform(-math.pi, math.pi, new.size)
         levels[new] = self._level + _LEVEL_STD * draws.standard_normal(new.size)
 
-    def take(self, chosen: Array) -> None:
+    def take(self, chosen: NDArray[np.int64]) -> None:
         """Particles replaced by copies of the `chosen` ones."""
         self.values[:], self._moved[:] = self.values[:, chosen], self._moved[chosen]
 

@@ -104,7 +104,10 @@ class ModelSwitch:
         self._monitor = _monitor_of(self._present)
         self.history: History | None = None
         self.switched: list[tuple[float, str]] = []
-        self._others = Others({name: self.prepare(Offer(other, Acceptance())) for name, other in others.items()})
+        self._beside = {name: self.prepare(Offer(other, Acceptance())) for name, other in others.items()}
+        pairs = {name: (one.observer, one.monitor) for name, one in self._beside.items()}
+        watched = {name: (o, m) for name, (o, m) in pairs.items() if isinstance(o, Estimator) and m is not None}
+        self._others = Others(watched)
         if offer is not None:
             self.propose(offer)
 
@@ -178,7 +181,8 @@ class ModelSwitch:
 
     def _lead_on(self, name: str, now: float) -> None:
         """The model `name` in place of the broken one."""
-        prepared = self._others.pop(name)
+        prepared = self._beside.pop(name)
+        self._others.drop(name)
         self._supervisor.lead_on(prepared.chain, f"the model is broken, {name} predicts better")
         self._take_over(prepared, now)
         self.switched.append((now - self.origin_s, name))

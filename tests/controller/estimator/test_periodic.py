@@ -1,4 +1,4 @@
-"""Folds that are elsewhere than the model has them, or absent, are found while running; a right model stays as it is."""
+"""Folds elsewhere than in the model, or absent, are found while running; a right model stays as it is."""
 
 import math
 

@@ -237,7 +237,7 @@ def test_the_loop_finds_the_damping_in_measured_runs_and_says_what_it_is_worth()
     kind = replace(KIND.settled([table]), effects=(SpringDamping, PlateAsymmetry, InclineGravity))
     found = search(kind, [table], lambda *_: None, np.random.default_rng(0))
     assert found.effects[0] == "spring_damping"
-    assert found.explained > 0.6
+    assert found.before - found.after > 0.6 * (found.before - found.null_cost)
     theta = kind.nominal() | found.augmented.theta
     assert kind.error([table], [kind.predict(table, theta)]) < 6.5e-3
     turn, believed = reversal(kind, theta), reversal(kind, kind.nominal())

@@ -52,7 +52,9 @@ RunSeed = Annotated[
 ControllerName = Annotated[str | None, option("--controller", "NAME", "Which controller.")]
 LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.")]
 Stage = Annotated[str, option("--stage", _STAGES, "Which model.")]
-StageOrScenario = Annotated[str | None, option("--stage", _STAGES, "Which model.")]
+StageOrScenario = Annotated[
+    str | None, option("--stage", f"{_STAGES}/chosen", "Which model; chosen: what is expected to track best.")
+]
 OwnEffects = Annotated[list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.")]
 OwnControllers = Annotated[
     list[Path],

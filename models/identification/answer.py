@@ -12,12 +12,12 @@ from models.effects import effect_words
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment import propose, words_of
-from models.identification.finding import CandidateRow, Check, Finding, Fitted, FoundEffect, Proposal
+from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Proposal
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.residual_dependence import dependence_of
 from models.identification.search.search import Search
 from models.identification.settings import SET
-from models.identification.steps import Judged, Predicted, Prepared
+from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record
 from models.words.sentences import Sentences, sentence
@@ -26,7 +26,13 @@ TEXT: Final = Sentences(__file__)
 
 
 def answer(
-    prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, train: Sequence[Record], seed: int
+    prepared: Prepared,
+    found: Search,
+    predicted: Predicted,
+    judged: Judged,
+    train: Sequence[Record],
+    seed: int,
+    choice: Choice,
 ) -> Finding:
     """All that is known of the records and the model, but for how long it took."""
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
@@ -66,7 +72,17 @@ def answer(
         proposal=proposal,
         dependence=dependence_of(kind, train, theta, seed) if verdict == "unknown" else None,
         declared=prepared.declared,
+        leading=_leading(choice),
     )
+
+
+def _leading(choice: Choice) -> tuple[str, ...]:
+    """Which stages may lead a controller, and why others must not."""
+    if not choice.possible:
+        return ()
+    able = [stage for stage in STAGES if stage not in choice.barred]
+    barred = (TEXT("lead.barred", stage=stage, why=why) for stage, why in choice.barred.items())
+    return (TEXT("lead.able", stages=able, n=len(able)), *barred)
 
 
 def _proposal(prepared: Prepared, found: Search, train: Sequence[Record], seed: int) -> Proposal | None:

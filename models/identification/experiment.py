@@ -104,7 +104,7 @@ def question(
     own, other = (model.fitted(kind, records) for model in (truth, rival))
     variance = max(own.chi2 * memory(own.residual), 1.0)
     truth = replace(truth, theta=truth.theta | own.theta)
-    moves = _root(kind, own, truth.effects, variance)
+    moves = root_of(kind, own, truth.effects, variance)
     likely = tuple(truth.moved(kind, moves @ rng.standard_normal(len(moves))) for _ in range(SET.truths))
     apart = {}
     for record in records:
@@ -112,11 +112,13 @@ def question(
         more = float(left[1] @ left[1]) - float(left[0] @ left[0])
         apart[record.name] = float(np.sqrt(max(more, 0.0) / variance))
     rival = replace(rival, theta=rival.theta | other.theta)
-    return Question(kind, truth, rival, _root(kind, other, rival.effects, variance), likely, variance, apart)
+    return Question(kind, truth, rival, root_of(kind, other, rival.effects, variance), likely, variance, apart)
 
 
-def _root(kind: Kind, fit: Fit, effects: Sequence[str], variance: float) -> Array:
-    """A square root (p, p) of the covariance of the fitted values, in the order of the axes."""
+def root_of(kind: Kind, fit: Fit, effects: Sequence[str], variance: float) -> Array:
+    """A square root (p, p) of the covariance of the fitted values, in the order of the axes; `variance` in units of the
+    noise's.
+    """
     scale = np.array([axis.scale for axis in axes(kind, effects)])
     rows = fit.jacobian * scale / np.sqrt(variance)
     values, vectors = np.linalg.eigh(rows.T @ rows + np.eye(len(scale)) / SET.question_widest**2)

@@ -18,10 +18,11 @@ from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
+from models.identification.possible import choice_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
-from models.identification.steps import Judged, Predicted, Prepared
+from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.identification.verdict import (
     at_bounds,
     checks_of_model,
@@ -64,8 +65,10 @@ def close(
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
     judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
     progress("the next experiment", 0.97)
-    finding = answer(prepared, found, predicted, judged, train, seed)
-    model = _model(prepared.kind, predicted, judged, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
+    choice = choice_of(prepared, found, predicted, judged, seed)
+    finding = answer(prepared, found, predicted, judged, train, seed, choice)
+    provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
+    model = _model(prepared.kind, predicted, judged, provenance, choice)
     progress("done", 1.0)
     return replace(finding, seconds=time.monotonic() - began), model
 
@@ -159,7 +162,8 @@ def _seconds(record: Record) -> float:
     return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
 
 
-def _model(kind: AnyKind, predicted: Predicted, judged: Judged, provenance: dict[str, str]) -> Model:
+def _model(kind: AnyKind, predicted: Predicted, judged: Judged, provenance: dict[str, str], choice: Choice) -> Model:
     held_out = {stage: float(error) for stage, error in predicted.error["holdout"].items() if np.isfinite(error)}
-    own = own_effects_of(predicted.thetas, kind.catalogue)
-    return Model(kind.name, predicted.thetas, judged.verdict, provenance, held_out, own, judged.worse)
+    own = own_effects_of({**predicted.thetas, **choice.possible}, kind.catalogue)
+    more = (choice.barred, choice.refuted, choice.possible)
+    return Model(kind.name, predicted.thetas, judged.verdict, provenance, held_out, own, judged.worse, *more)

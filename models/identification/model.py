@@ -59,6 +59,7 @@ def read_report(path: Path) -> dict[str, Any]:
     return read_json(path, "report that close-loop wrote", LARGEST_REPORT)
 
 
+DRAW = "draw_"  # begins the name of a possible model that differs from the last stage by its numbers alone
 FORMAT = 1  # of the model file, which a reader asks for
 CHECKSUM = "checksum"
 SEAL = "'python -m models.identification.seal MODEL.toml'"
@@ -78,6 +79,9 @@ class _ModelFile(Table):
     provenance: dict[str, Any] = Field(default_factory=dict)
     held_out: dict[_Stage, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
     cautions: dict[_Stage, str] = Field(default_factory=dict)
+    barred: dict[_Stage, str] = Field(default_factory=dict)
+    refuted: dict[_Stage, str] = Field(default_factory=dict)
+    possible: dict[str, dict[str, float]] = Field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = Field(default_factory=dict)
     nominal: dict[str, float]
     calibrated: dict[str, float]
@@ -89,6 +93,9 @@ class Model:
     """`stages` maps nominal, calibrated and augmented to values.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
     empty where none were held out; `cautions` name a stage that errs more there than an earlier one.
+    `possible` are further models that the records leave possible, by name: the effects of a class, then draws from the
+    intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the records
+    exclude it.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
     has no checksum; `misfit` says what is wrong where the checksum is that of another content.
     """
@@ -100,21 +107,35 @@ class Model:
     held_out: Mapping[str, float] = field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = field(default_factory=dict)
     cautions: Mapping[str, str] = field(default_factory=dict)
+    barred: Mapping[str, str] = field(default_factory=dict)
+    refuted: Mapping[str, str] = field(default_factory=dict)
+    possible: Mapping[str, Theta] = field(default_factory=dict)
     sealed: bool = field(default=True, compare=False)
     misfit: str = field(default="", compare=False)
 
+    @property
+    def members(self) -> tuple[str, ...]:
+        """The `possible` models with another effect of a class, which may lead as a stage may."""
+        return tuple(name for name in self.possible if not name.startswith(DRAW))
+
     def believed(self, stage: str) -> Theta:
-        """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
-        return self.stages[stage] | ({HELD_OUT: self.held_out[stage]} if stage in self.held_out else {})
+        """The values of a stage or possible model for a controller, with its held-out error as `HELD_OUT` where that is
+        known; that of a possible model is the last stage's, from which the records do not tell it.
+        """
+        known, last = self.held_out, STAGES[-1]
+        error = known.get(last if stage in self.possible else stage)
+        values = self.possible.get(stage) or self.stages[stage]
+        return values if error is None else values | {HELD_OUT: error}
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        tables = ("provenance", "held_out", "cautions", "own_effects")
+        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects")
         content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
         text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
-        for stage in STAGES:
-            lines = (f"{json.dumps(spelled(name))} = {value!r}\n" for name, value in self.stages[stage].items())
-            text += f"[{stage}]\n{''.join(lines)}\n"
+        values = {**self.stages, **{f"possible.{name}": one for name, one in self.possible.items()}}
+        for table, theta in values.items():
+            lines = (f"{json.dumps(spelled(name))} = {value!r}\n" for name, value in theta.items())
+            text += f"[{table}]\n{''.join(lines)}\n"
         return sealed(text)
 
     @classmethod
@@ -135,8 +156,9 @@ class Model:
         _check_own_effects(file.own_effects, catalogue)
         stages = {stage: _values(getattr(file, stage), stage, catalogue) for stage in STAGES}
         provenance = {key: str(value) for key, value in file.provenance.items()}
+        possible = {name: _values(values, f"possible.{name}", catalogue) for name, values in file.possible.items()}
         known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
-        return cls(*known, CHECKSUM in raw, _misfit(raw))
+        return cls(*known, file.barred, file.refuted, possible, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
         """Raises ValueError where its file has the checksum of another content."""
@@ -154,15 +176,16 @@ class Model:
             return kind.columns(driven, kind.predict(driven, self.stages[stage]))
 
     def check(self, rig: Rig, record: Record) -> None:
-        """Refuse values that are not those of `rig` driven as in `record`: every stage must have the base's parameters,
-        no other, and those of effects that can act on it, all within their bounds. Raises ValueError of one
-        sentence.
+        """Refuse values that are not those of `rig` driven as in `record`: every stage and possible model must have the
+        base's parameters, no other, and those of effects that can act on it, all within their bounds. Raises ValueError
+        of one sentence.
         """
         kind = kind_for(rig, [record.without(record.layout.measured)])
         # the delay of a switch is bounded by a sample of the records that it was found on
         base = [replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base]
         effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
-        for stage, values in self.stages.items():
+        possible = {f"possible.{name}": values for name, values in self.possible.items()}
+        for stage, values in {**self.stages, **possible}.items():
             must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
             _refuse_strange(must, values.effects, [*effects])
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]

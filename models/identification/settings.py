@@ -137,6 +137,8 @@ class SearchSettings:
     near: float = setting(1.5, "1", "cost for each residual up to which a fit leaves about the noise")
     seen_again: float = setting(2.0, "1", "times that a period must repeat in a record")
     clearly_worse: float = setting(1.01, "1", "times the error of another stage, from which a stage is worse")
+    refuted: float = setting(2.0, "1", "times the least error, from which the records exclude a stage")
+    possible_draws: int = setting(2, "1", "models drawn from the covariance of the last one's values")
     near_floor: float = setting(1.25, "1", "noise floors, up to which a difference does not count")
     axis_rest_s: float = setting(0.1, "s", "an axis rests where it is slow for longer")
     axis_rest: float = setting(1e-3, "1", "share of the greatest speed below which an axis is slow")

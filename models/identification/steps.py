@@ -1,7 +1,7 @@
 """What the steps of an identification hand on."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
@@ -51,3 +51,14 @@ class Judged:
     fitted: dict[Name, Fitted]
     floor: float
     worse: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a controller may choose from beside the stages of a model: the `possible` models by name, why a stage is
+    `barred` from leading, and why the records have `refuted` one.
+    """
+
+    possible: Mapping[str, Theta] = field(default_factory=dict)
+    barred: Mapping[str, str] = field(default_factory=dict)
+    refuted: Mapping[str, str] = field(default_factory=dict)

@@ -12,17 +12,20 @@ from typing import Annotated, Any, Final
 import can
 import typer
 
+from controller.choice.trial import Mission
+from controller.choice.world import Localisation
 from controller.supervision.fallback import shares
 from hil.app import shared_options as options
-from hil.app.console import answer, note, output_to_notes
+from hil.app.console import answer, note, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import Outcome, StopSignals, lead, reset
 from hil.app.run.machine import open_bus, prepare_process
+from hil.app.scenario.chosen import Leading, chosen_of, names_of
 from hil.app.scenario.deployment import Deployment, load_deployment
-from hil.app.scenario.model_use import health_of, health_words, offer_document, offer_words
+from hil.app.scenario.model_use import chosen_words, health_of, health_words, offer_document, offer_words
 from hil.app.shared_options import argument, option
 from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus
@@ -39,6 +42,7 @@ from hil.nodes.frame_map import controllers_frames
 from hil.nodes.node import ControllerNode, Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
+from models.identification.model import Model
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -93,7 +97,10 @@ def run(
     limits = limits_point(deployment.limits, deployment.rig.kind)
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
-    asked = _Asked(path, deployment, action, dry_run, log, mcap, learn)
+    chosen = None
+    if deployment.learned is not None and action != "reset":
+        deployment, chosen = chosen_for(deployment, deployment.learned)
+    asked = _Asked(path, deployment, action, dry_run, log, mcap, learn, chosen)
     try:
         if action == "check":
             return _checked(asked, move, json_output)
@@ -113,6 +120,7 @@ class _Asked:
     log: Path
     mcap: Path | None = None
     learn: bool = False
+    leading: Leading | None = None
 
     @contextmanager
     def begun(self) -> Iterator[tuple[Task, ClockedBus]]:
@@ -124,6 +132,20 @@ class _Asked:
                 bus = ClockedBus(_drives_bus(self.deployment, self.path.parent, listens, resets), Clock())
             with bus:
                 yield task, bus
+
+
+def chosen_for(deployment: Deployment, model: Model) -> tuple[Deployment, Leading]:
+    """The deployment with what leads, chosen before its drive is enabled; a controller that its file states stands."""
+    control = deployment.control
+    seen = Localisation(std_m=control.seen_noise_m, quantum_m=control.resolution_m)
+    mission = Mission(deployment.reference, control.duration_s, deployment.limits, seen, control.estimator)
+    stated = "controller" in control.model_fields_set
+    names = [control.controller] if stated else names_of(control.controller, deployment.rig.kind)
+    with output_to_notes(), progress_bar(TEXT("run.choosing")) as report:
+        found = chosen_of(model, lambda values, _: deployment.believed(values), mission, names, report)
+    note(chosen_words(found.document()))
+    chosen = replace(deployment, values=found.values, control=control.but(controller=found.controller))
+    return chosen, found
 
 
 def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
@@ -145,6 +167,7 @@ def _led(asked: _Asked, json_output: bool) -> int:
         if outcome.end not in GOOD and isinstance(bus.inner, CarriageBus) and bus.inner.trouble:
             outcome.ended += f"; {bus.inner.trouble}"
     found = _document(asked, outcome, node, frames_log) | {"overruns": _overruns(bus)}
+    found |= asked.leading.document() if asked.leading else {}
     found |= offer_document(asked.deployment.offered, node.estimator.taken_at)
     if isinstance(bus.inner, AuthenticatedBus):
         found["unauthenticated"] = dict(bus.inner.refused)
@@ -327,5 +350,6 @@ def _lines(found: dict[str, Any], lessons: Sequence[Lesson]) -> Iterator[str]:
     yield TEXT("run.took", **found["tick_ms"])
     if found["cut_ticks"]:
         yield TEXT("run.cut", plans=found["cut_ticks"])
-    yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in lessons)))
+    words = (chosen_words(found), health_words(found), offer_words(found), *(lesson.words for lesson in lessons))
+    yield from filter(None, words)
     yield f"log: {found['log']}"

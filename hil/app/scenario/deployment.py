@@ -13,7 +13,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.reference import Trajectory
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.acceptance import Acceptance, judge
-from hil.app.scenario.model_use import ModelTable, Offered, OfferTable, offer_of, read_offer
+from hil.app.scenario.model_use import CHOSEN, ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.app.scenario.scenario import ESTIMATOR, PROBE, Estimator, check_tables
 from hil.bus.catalogue import load_catalogue
@@ -24,7 +24,8 @@ from hil.nodes.node import Task
 from hil.nodes.operator import OperatorLimits
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
-from models.identification.model import read_model, read_report
+from models.identification.finding import STAGES
+from models.identification.model import Model, read_model, read_report
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, from_table, key
@@ -158,7 +159,8 @@ class DeployedPlant:
 @dataclass(frozen=True)
 class Deployment:
     """A controller to run on a bus: `values` of a learned model, the `verdict` of its acceptance test, another maker's
-    `drive`, the limits of setpoints (`operator`), and the table `learning`.
+    `drive`, the limits of setpoints (`operator`), and the table `learning`. A stage of the model `learned` is to be
+    chosen.
     """
 
     name: str
@@ -174,6 +176,7 @@ class Deployment:
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
     learning: LearningTable = LearningTable()
+    learned: Model | None = None
 
     def task(self) -> Task:
         """The task of the controller node. Raises ValueError for a rig that cannot be controlled."""
@@ -204,9 +207,9 @@ def load_deployment(path: Path, reference: Path | None = None, known: Catalogue 
         raw = with_reference(raw, reference, "control")
         text = toml_text(raw)
     with in_file(path):
-        values, verdict = _learned(raw, path.parent, known)
+        values, verdict, learned = _learned(raw, path.parent, known)
         deployment = parse_deployment(text, values, path.stem, verdict)
-        deployment = replace(deployment, rig=known.given_to(deployment.rig))
+        deployment = replace(deployment, rig=known.given_to(deployment.rig), learned=learned)
         return replace(
             deployment,
             offered=read_offer(OfferTable.read(raw) if "offer" in raw else None, path.parent, deployment.rig, values),
@@ -316,11 +319,17 @@ def _rig(raw: Mapping[str, Any]) -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
 
 
-def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Theta, Acceptance | None]:
-    """Values of the model that the file names, and their acceptance test."""
+def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Theta, Acceptance | None, Model | None]:
+    """Values of the model that the file names, and their acceptance test; the model itself where a stage of it is to be
+    chosen. Its last stage, and what the records do not separate from it, must pass that test to be chosen.
+    """
     if not isinstance(raw.get("model"), dict):
-        return Theta(), None
+        return Theta(), None, None
     table, rig = ModelTable.read(raw), known.given_to(_rig(raw))
     model = read_model(folder / table.file, rig.kind, catalogue=known)
-    verdict = judge(read_report(folder / table.report), model, rig, stage=table.stage)
-    return model.believed(table.stage), verdict
+    stage = STAGES[-1] if table.stage == CHOSEN else table.stage
+    verdict = judge(read_report(folder / table.report), model, rig, stage=stage)
+    if table.stage != CHOSEN or not model.possible:
+        return model.believed(stage), verdict, None
+    refused = {} if verdict.passed else dict.fromkeys((stage, *model.members), verdict.sentence)
+    return model.believed(STAGES[0]), None, replace(model, barred={**refused, **model.barred})

@@ -17,7 +17,7 @@ from hil.app.console import note
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import check_word
 from models.identification.finding import STAGES
-from models.identification.model import read_model, read_report
+from models.identification.model import Model, read_model, read_report
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, key
 from models.theta import Theta
@@ -25,6 +25,8 @@ from models.words.quantities import DASH, quantity
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
+CHOSEN: Final = "chosen"
+"""The stage of a run whose model is chosen for it."""
 
 
 class ModelTable(NamedTable):
@@ -33,13 +35,18 @@ class ModelTable(NamedTable):
     where = "model"
     file: str = key("`model.toml` that `capsule close-loop` wrote, relative to this file")
     report: str = key("the `report.json` beside it")
-    stage: Annotated[str, Among(STAGES)] = key("`nominal`, `calibrated` or `augmented`", "augmented")
+    stage: Annotated[str, Among((*STAGES, CHOSEN))] = key(
+        "`nominal`, `calibrated`, `augmented`, or `chosen`: what is expected to track best, where the model carries a"
+        " choice, else `augmented`",
+        CHOSEN,
+    )
 
 
 class OfferTable(ModelTable):
     """`[offer]`: a model that takes over later."""
 
     where = "offer"
+    stage: Annotated[str, Among(STAGES)] = key("`nominal`, `calibrated` or `augmented`", "augmented")
     at_s: float = key("time from which the model is offered; it takes over at the next rest", 0.0, 0.0)
 
 
@@ -88,16 +95,23 @@ def offer_words(found: Mapping[str, Any]) -> str:
     return "" if offer is None else TEXT("offer.not_taken" if offer["taken_at_s"] is None else "offer.taken", **offer)
 
 
+def model_for(path: Path, kind: str, known: Catalogue = CATALOGUE) -> Model:
+    """The model of a file, for a controller of a rig of `kind`. Raises ValueError."""
+    return read_model(path, *(DRIVES[kind].models or (kind,)), catalogue=known)
+
+
 def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue = CATALOGUE) -> tuple[Theta, str]:
-    """The believed parameters of a rig of `kind`, and the name of their stage. Raises ValueError."""
+    """The believed parameters of a rig of `kind`, and the name of their stage, or of a model that the records leave
+    possible. Raises ValueError.
+    """
+    learned = None if model is None else model_for(model, kind, known)
     if stage is not None:
-        check_word(stage, "--stage", STAGES)
-    if model is None:
+        check_word(stage, "--stage", (*STAGES, *(learned.possible if learned else ()), CHOSEN))
+    if learned is None:
         if stage not in (None, "nominal"):
             raise ValueError(f"--stage must stand with --model unless it is nominal; got {stage!r} alone")
         return Theta(), "nominal"
     stage = stage or "augmented"
-    learned = read_model(model, *(DRIVES[kind].models or (kind,)), catalogue=known)
     if stage in learned.cautions:
         note(f"{model}: {learned.cautions[stage]}")
     return learned.believed(stage), stage
@@ -124,6 +138,11 @@ def health_of(health: Health, origin_s: float = 0.0) -> dict[str, Any]:
         "change": health.change or None,
         "evidence": health.evidence,
     }
+
+
+def chosen_words(found: Mapping[str, Any]) -> str:
+    chosen = found.get("chosen")
+    return "" if chosen is None else TEXT("chosen", **chosen)
 
 
 def health_words(found: Mapping[str, Any]) -> str:

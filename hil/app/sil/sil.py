@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -18,7 +19,8 @@ from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.model_use import health_words, offer_document, offer_of, offer_words, read_offer, values_of
+from hil.app.scenario.chosen import leading_of, mission_of
+from hil.app.scenario.model_use import chosen_words, health_words, offer_document, offer_of, offer_words, read_offer
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.learning_page import learning_files
@@ -59,19 +61,21 @@ def sil(
         known = Catalogue.read(effects)
         scenario, text = load_sil_scenario(path, reference)
         scenario = replace(scenario, loop=scenario.loop.knowing(known))
-        values, used = values_of(model, stage, scenario.loop.kind, known)
         if learn:
             check_learnt(scenario.loop.belief)
-        name = scenario.loop.control.controller if controller is None else controller
         number = scenario.loop.seed if seed is None else seed
         if mcap is not None:
             if out is None:
                 raise ValueError(f"--mcap must go with --out, the folder of the log; got --mcap {mcap} alone")
             check_mcap(mcap, [path])
         with output_to_notes():
-            believed = believed_on_bus(scenario, values)
+            asked = (stage, controller, scenario.loop.control.controller, scenario.loop.kind, known)
+            on_bus = partial(believed_on_bus, scenario)
+            leading = leading_of(model, *asked, mission_of(scenario.loop), lambda values, _: on_bus(values))
+            values, used, name = leading.values, leading.stage, leading.controller
+            believed = on_bus(values)
             offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
-            offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
+            offer = offer_of(offered, on_bus)
 
             def log_in(folder: Path) -> LockstepLog:
                 stated = {"seed": number, "offered": offered and offered.document()}
@@ -87,7 +91,7 @@ def sil(
                 learning = None if background is None else learning_of(scenario, values, background)
                 more = {"offer": offer, "recorder": None if log is None else Recorder(log), "shown": shown}
                 found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
-                found |= offer_document(offered, trace.taken_at)
+                found |= leading.document() | offer_document(offered, trace.taken_at)
                 if learn:
                     found["learned"] = [lesson.document() for lesson in trace.lessons]
             if log is not None and out is not None:
@@ -136,7 +140,8 @@ def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Ite
         outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
         outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
         yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
-    yield from filter(None, (health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons)))
+    words = (chosen_words(found), health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons))
+    yield from filter(None, words)
     if trace.ended != DONE:
         yield f"ended: {trace.ended}"
 

@@ -3,7 +3,7 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
 from typing import Any, Self
@@ -11,17 +11,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.drives import DRIVES, envelope_of, friction_command
+from controller.closed_loop import Asked, ClosedLoop
+from controller.drives import DRIVES
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
 from controller.monitor import Health
-from controller.registry import build
 from controller.signals import Action, Estimate, Measurement
-from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import Event
-from controller.supervision.model_switch import ModelSwitch, Offer
-from controller.supervision.supervisor import Supervisor
+from controller.supervision.model_switch import Offer
 from controller.vibro.cycles import in_time
 from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
@@ -86,26 +84,6 @@ class LoopTrace:
         self.estimate_s[k], self.solve_s[k] = times
 
 
-def _contradiction(
-    watch: Contradiction,
-    arrived: Sequence[Measurement],
-    command: float,
-    now: float,
-    scenario: TrackScenario,
-    trace: LoopTrace,
-) -> str:
-    """Why sensor and drive contradict each other at `now`, from measurements that arrived and commands so far."""
-    tick_s, reference = scenario.control.tick_s, scenario.reference
-    reason = watch.drove(command, float(reference.position(np.array([now]))[0]), tick_s)
-    for m in arrived:
-        if m.channel != "position_m" or not math.isfinite(m.value):
-            continue
-        then = trace.command[max(round(m.stamp_s / tick_s) - 1, 0)]
-        wanted_m = float(reference.position(np.array([m.stamp_s]))[0])
-        reason = reason or watch.saw(m.value, then if math.isfinite(then) else command, wanted_m, m.stamp_s)
-    return reason
-
-
 def believed_model(scenario: TrackScenario, values: Theta, before: ControlModel | None = None) -> ControlModel:
     """The control model of the believed rig, with the `values` of a stage of a model file."""
     drive = DRIVES[scenario.kind]
@@ -138,6 +116,19 @@ def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
     return replace(scenario.truth, drive=replace(drive, height_m=drive.height_m + asked.height_m - stated.height_m))
 
 
+class _Plant:
+    """The plant as the world of a loop; `places` are times and values of the localisation."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.places: list[tuple[float, float]] = []
+
+    def advance(self, command: float, until_s: float) -> list[Measurement]:
+        readings = self.session.advance(command, until_s)
+        self.places += [(r.stamp_s, r.value) for r in readings if r.channel == "position_m"]
+        return [Measurement(r.channel, r.value, r.stamp_s) for r in readings]
+
+
 def run_loop(
     scenario: TrackScenario,
     model: ControlModel,
@@ -150,37 +141,23 @@ def run_loop(
     """Run `scenario`: in each tick estimate, command through supervisor and limits, plant. The model on `offer` takes
     over at a rest. Raises ValueError for a controller that cannot lead this rig.
     """
-    envelope = envelope_of(model.drive, scenario.limits)
-    supervisor = Supervisor(build(controller, model, envelope), envelope)
-    watch = Contradiction(envelope, scenario.instruments.localisation.std, friction_command(model, envelope))
-    estimator = ModelSwitch(supervisor, controller, model, offer, estimator=scenario.control.estimator)
-    estimator.begin(0.0)
+    noise_m, estimator = scenario.instruments.localisation.std, scenario.control.estimator
+    loop = ClosedLoop(Asked(scenario.reference, scenario.limits, noise_m, estimator), model, controller, offer)
     truth = _lifted(scenario, model)
-    session = Session(truth, scenario.instruments, seed, supervisor.issued.command)
-    tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
+    plant = _Plant(Session(truth, scenario.instruments, seed, loop.supervisor.issued.command))
+    ticks = round(scenario.duration_s / scenario.control.tick_s)
     trace = LoopTrace.empty(ticks)
     wall = model.index("u") if "u" in model.states else None
-    arrived: list[Measurement] = []
-    places: list[tuple[float, float]] = []
     began = time.perf_counter()
-    for k in range(ticks):
-        now, start = k * tick_s, time.perf_counter()
-        estimate = estimator.observe(now, supervisor.issued.command, arrived)
-        middle = time.perf_counter()
-        supervisor.halt(_contradiction(watch, arrived, supervisor.issued.command, now, scenario, trace))
-        supervisor.most = watch.most
-        action = supervisor.act(now, estimate, scenario.reference)
-        end = time.perf_counter()
-        trace.note(k, now, estimate, action, wall, (middle - start, end - middle))
-        trace.active.append(supervisor.active)
-        readings = session.advance(action.command, now + tick_s)
-        arrived = [Measurement(r.channel, r.value, r.stamp_s) for r in readings]
-        places += [(r.stamp_s, r.value) for r in readings if r.channel == "position_m"]
+    for k, tick in enumerate(loop.run(plant, ticks)):
+        trace.note(k, tick.time_s, tick.estimate, tick.action, wall, tick.seconds)
+        trace.active.append(tick.active)
         if report is not None and k % max(1, ticks // _REPORTS) == 0:
             report(controller, k / ticks)
     trace.wall_clock_s = time.perf_counter() - began
-    trace.rows, trace.measured = np.concatenate(session.rows), np.array(places).reshape(-1, 2)
+    supervisor, switch = loop.supervisor, loop.estimator
+    trace.rows, trace.measured = np.concatenate(plant.session.rows), np.array(plant.places).reshape(-1, 2)
     trace.events, trace.truth = list(supervisor.events), truth
     trace.halted, trace.first = supervisor.halted, supervisor.first
-    trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
+    trace.counts, trace.taken_at, trace.health = switch.counts, switch.taken_at, switch.health
     return trace

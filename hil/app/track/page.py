@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 from controller.drives import DRIVES
 from controller.supervision.fallback import DONE
 from hil.app import console
-from hil.app.scenario.model_use import health_words, offer_words
+from hil.app.scenario.model_use import chosen_words, health_words, offer_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import LoopTrace
 from hil.app.track.score import HARD
@@ -134,7 +134,7 @@ def say(scenario: TrackScenario, found: Sequence[Mapping[str, Any]], out: Path |
     for one in found:
         ended = "" if one["ended"] == DONE else f"ended: {one['ended']}"
         changes = [TEXT("stays" if e["after"] == e["before"] else "change", **e) for e in one["events"]]
-        lines = filter(None, (*changes, ended, health_words(one), offer_words(one)))
+        lines = filter(None, (chosen_words(one), *changes, ended, health_words(one), offer_words(one)))
         console.say(*(f"{one['controller']}: {words}" for words in lines))
     if out is not None:
         console.say(f"report: {out / 'track.html'}")

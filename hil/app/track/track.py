@@ -1,6 +1,7 @@
 """`capsule track`: a closed loop in simulation, without a bus."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -10,7 +11,8 @@ from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app import shared_options as options
 from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
-from hil.app.scenario.model_use import offer_document, offer_of, read_offer, values_of
+from hil.app.scenario.chosen import Leading, leading_of, mission_of
+from hil.app.scenario.model_use import offer_document, offer_of, read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import argument, option
 from hil.app.track.loop import LoopTrace, believed_model, run_loop
@@ -18,7 +20,6 @@ from hil.app.track.page import page_html, say
 from hil.app.track.score import document, score, verdicts
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
-from models.theta import Theta
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -42,13 +43,14 @@ def track(
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario = load_track_scenario(path, reference).knowing(known)
-        values, used = values_of(model, stage, scenario.kind, known)
         if compare and controller is not None:
             raise ValueError(f"--compare runs all controllers, so it must stand without --controller; got {controller}")
         able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
-        names = able if compare else [scenario.control.controller if controller is None else controller]
         with output_to_notes():
-            runs = _runs(scenario, path.parent, values, used, names, scenario.seed if seed is None else seed, out)
+            asked = (stage, controller, scenario.control.controller, scenario.kind, known)
+            leading = leading_of(model, *asked, mission_of(scenario), partial(believed_model, scenario))
+            names, number = able if compare else [leading.controller], scenario.seed if seed is None else seed
+            runs = _runs(scenario, path.parent, leading, names, number, out)
             documents: Any = [found for found, _ in runs] if compare else runs[0][0]
             if out is not None:
                 write_files({out / "track.html": page_html(scenario, runs), out / "track.json": json_text(documents)})
@@ -60,11 +62,11 @@ def track(
 
 
 def _runs(
-    scenario: TrackScenario, folder: Path, values: Theta, used: str, names: Sequence[str], seed: int, out: Path | None
+    scenario: TrackScenario, folder: Path, leading: Leading, names: Sequence[str], seed: int, out: Path | None
 ) -> list[tuple[dict[str, Any], LoopTrace]]:
     """A run with each of the controllers `names`: its JSON object and its trace."""
-    believed = believed_model(scenario, values)
-    offered = read_offer(scenario.offer, folder, scenario.belief, values)
+    believed = believed_model(scenario, leading.values)
+    offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
     offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
     late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
     if late >= latest:
@@ -78,8 +80,10 @@ def _runs(
 
             trace = run_loop(scenario, believed, name, seed, part, offer=offer)
             worth = score(scenario, trace)
-            found = document(scenario, name, seed, used, worth, None if out is None else str(out / "track.json"))
-            found |= offer_document(offered, trace.taken_at)
+            found = document(
+                scenario, name, seed, leading.stage, worth, None if out is None else str(out / "track.json")
+            )
+            found |= leading.document() | offer_document(offered, trace.taken_at)
             found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
             found["led_share"] = shares(trace.led)
             if believed.rig.magnets is not None:

@@ -1,0 +1,1 @@
+"""Which model and controller lead: the closed loop in every model that the records leave possible, compared."""

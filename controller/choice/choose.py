@@ -1,0 +1,184 @@
+"""The model and the controller that lead: those whose worst error over all possible models is least."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from controller.choice.trial import Mission, Outcome, tried
+from controller.model.control_model import ControlModel
+from models.words.quantities import quantity
+from models.words.sentences import Sentences
+from models.workers import cores, each
+
+TEXT: Final = Sentences(__file__)
+TIE: Final = 1.05
+"""Ratio of errors up to which two controllers count as equal, so that the simpler one leads."""
+PLAIN: Final = "pid"
+"""The controller that needs no friction model, with which every choice is compared."""
+ORDER: Final = ("feedforward", "mpc", PLAIN)
+"""The controllers that are compared on a drive that pushes the body, the simpler first of equal ones."""
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A `controller` with the model of a `stage`; a lower `rank` is simpler."""
+
+    stage: str
+    controller: str
+    model: ControlModel
+    rank: tuple[int, int]
+
+    @property
+    def words(self) -> str:
+        return TEXT("candidate", stage=self.stage, controller=self.controller)
+
+
+@dataclass
+class Row:
+    """The outcomes of a candidate by world, of `count` worlds."""
+
+    candidate: Candidate
+    count: int
+    outcomes: dict[str, Outcome] = field(default_factory=dict)
+
+    @property
+    def worst(self) -> float:
+        return max((one.cost for one in self.outcomes.values()), default=0.0)
+
+    @property
+    def whole(self) -> bool:
+        return len(self.outcomes) == self.count and all(one.whole for one in self.outcomes.values())
+
+    @property
+    def mean(self) -> float:
+        """The mean error; a bound from below while worlds are missing."""
+        return sum(one.cost for one in self.outcomes.values()) / self.count
+
+    @property
+    def expected(self) -> float:
+        """The mean over the worlds that were tried."""
+        return sum(one.cost for one in self.outcomes.values()) / max(len(self.outcomes), 1)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What leads: `stage` with `controller`; the error in m that is `expected` of each stage with its best controller,
+    the mean over the models it was tried in, and `why` in words.
+    """
+
+    stage: str
+    controller: str
+    expected: Mapping[str, float]
+    why: str
+
+    def document(self) -> dict[str, Any]:
+        """The key `chosen` of a run's JSON object."""
+        known = {stage: error if math.isfinite(error) else None for stage, error in self.expected.items()}
+        return {"stage": self.stage, "controller": self.controller, "expected_rmse_m": known, "why": self.why}
+
+
+class Comparison:
+    """Every candidate in every world, as far as it must be tried to know which has the least worst error."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        candidates: Sequence[Candidate],
+        worlds: Sequence[str],
+        world: Callable[[str, ControlModel], ControlModel],
+        report: Progress,
+    ) -> None:
+        """`world` gives the model that is the world of that name, for a rig as the leading model has it."""
+        self._mission, self._piece, self._world, self._report = mission, mission.piece(), world, report
+        self._worlds = list(worlds)
+        self.rows = [Row(one, len(worlds)) for one in candidates]
+        self.runs = 0
+
+    def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
+        """Fill in the outcomes of `pairs`, side by side."""
+        made = [(row.candidate, self._world(name, row.candidate.model)) for row, name in pairs]
+        for candidate, world in made:
+            _ = candidate.model.sharp.kernels, candidate.model.kernels, world.sharp.kernels
+
+        def run(pair: tuple[Candidate, ControlModel]) -> Outcome:
+            candidate, world = pair
+            return tried(self._mission, self._piece, candidate.model, candidate.controller, world, most_m)
+
+        for (row, name), outcome in zip(pairs, each(run, made), strict=True):
+            row.outcomes[name] = outcome
+        self.runs += len(pairs)
+        share = self.runs / (len(self.rows) * len(self._worlds))
+        self._report(TEXT("progress", runs=self.runs), min(share, 1.0))
+
+    def _complete(self, row: Row, most_m: float) -> None:
+        """Try `row` in further worlds until its worst error exceeds `most_m`."""
+        while row.worst <= most_m and len(row.outcomes) < row.count:
+            left = [name for name in self._worlds if name not in row.outcomes]
+            self._try([(row, name) for name in left[: cores()]], most_m)
+
+    def best(self) -> Row:
+        """The row that leads; of rows equal within `TIE` the simplest. Nothing leads whose mean is above that of the
+        nominal model or of the plain controller by more than `TIE`. With a limit broken everywhere the simplest row.
+        """
+        self._try([(row, self._worlds[0]) for row in self.rows])
+        left = list(self.rows)
+        while left:
+            leading = self._least_worst(left)
+            if leading is None:
+                break
+            if not any(self._loses(leading, row) for row in self.rows if row.candidate.rank[0] == 0):
+                return leading
+            left.remove(leading)
+        return min(self.rows, key=lambda row: row.candidate.rank)
+
+    def _least_worst(self, rows: Iterable[Row]) -> Row | None:
+        least, rows = math.inf, list(rows)
+        for row in sorted(rows, key=lambda row: row.worst):
+            self._complete(row, TIE * least)
+            if row.whole:
+                least = min(least, row.worst)
+        equal = [row for row in rows if row.whole and row.worst <= TIE * least]
+        return min(equal, key=lambda row: row.candidate.rank) if math.isfinite(least) else None
+
+    def _loses(self, leading: Row, row: Row) -> bool:
+        """Whether the mean error of `leading` is above that of `row`."""
+        while row is not leading and TIE * row.mean < leading.mean and len(row.outcomes) < row.count:
+            left = [name for name in self._worlds if name not in row.outcomes]
+            self._try([(row, name) for name in left[: cores()]])
+        return row is not leading and TIE * row.mean < leading.mean
+
+
+def choose(
+    mission: Mission,
+    candidates: Sequence[Candidate],
+    worlds: Sequence[str],
+    world: Callable[[str, ControlModel], ControlModel],
+    report: Progress,
+    barred: Mapping[str, str] | None = None,
+) -> Chosen:
+    """The candidate that leads on `mission`, and why; `worlds` are the possible models, the likeliest first. `barred`
+    says why other stages are no candidates.
+    """
+    compared = Comparison(mission, candidates, worlds, world, report)
+    leading = compared.best()
+    stages = {row.candidate.stage: row for row in sorted(compared.rows, key=lambda row: -row.expected)}
+    stages[leading.candidate.stage] = leading
+    order = sorted(stages, key=lambda stage: stages[stage].candidate.rank)
+    expected = {stage: stages[stage].expected for stage in order}
+    others = [
+        TEXT("other", stage=stage, error=quantity(error, "m"))
+        for stage, error in expected.items()
+        if stage != leading.candidate.stage
+    ]
+    costs = [one.cost for one in leading.outcomes.values()]
+    spread = (
+        " " + TEXT("range", low=quantity(min(costs), "m"), high=quantity(max(costs), "m")) if len(costs) > 1 else ""
+    )
+    led, error = leading.candidate.words, quantity(leading.expected, "m")
+    why = TEXT("why", words=led, error=error, range=spread, others="".join(f", {one}" for one in others))
+    said = [why, *(TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items())]
+    return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said))

@@ -1,0 +1,92 @@
+"""A closed loop in a model of the rig, and how well it tracks a piece of the coming reference."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from controller.choice.world import Localisation, ModelWorld
+from controller.closed_loop import Asked, ClosedLoop
+from controller.limits import Limits
+from controller.model.control_model import ControlModel
+from controller.signals import Reference
+
+LONGEST_S: Final = 6.0
+"""Length of the piece of a reference that is simulated: a run's first second and, at 1 to 2 mm/s, a fold of the gut."""
+SETTLE_S: Final = 0.5  # of a piece, before which errors do not count
+_BETWEEN_S: Final = 1.0  # of the starts of pieces that are compared
+_GRID_S: Final = 0.02
+_SHARES: Final = np.linspace(0.05, 0.95, 10)
+
+
+@dataclass(frozen=True)
+class Mission:
+    """The coming motion: `reference` over `duration_s`, within `limits`, seen by a localisation `seen`; `estimator` by
+    name.
+    """
+
+    reference: Reference
+    duration_s: float
+    limits: Limits
+    seen: Localisation = Localisation()
+    estimator: str = "default"
+
+    def piece(self) -> tuple[float, float]:
+        """Begin and end in s of the piece that is simulated: all of a short reference, else that of `LONGEST_S` whose
+        speeds are distributed most like those of the whole; the first of equal ones.
+        """
+        if self.duration_s <= LONGEST_S:
+            return 0.0, self.duration_s
+        t = np.arange(0.0, self.duration_s, _GRID_S)
+        speeds, reach = np.asarray(self.reference.speed(t)), round(LONGEST_S / _GRID_S)
+        whole = np.quantile(speeds, _SHARES)
+        starts = range(0, t.size - reach + 1, round(_BETWEEN_S / _GRID_S))
+        unlike = [float(np.sum(np.abs(np.quantile(speeds[k : k + reach], _SHARES) - whole))) for k in starts]
+        begin = float(t[starts[int(np.argmin(unlike))]])
+        return begin, begin + LONGEST_S
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The rms error in m of a piece, and the ticks that broke a hard limit. Where it was not `whole`, the error is a
+    bound from below: what followed could only add to it.
+    """
+
+    rmse_m: float
+    violations: int = 0
+    whole: bool = True
+
+    @property
+    def cost(self) -> float:
+        return math.inf if self.violations else self.rmse_m
+
+
+def tried(
+    mission: Mission,
+    piece: tuple[float, float],
+    model: ControlModel,
+    controller: str,
+    world: ControlModel,
+    most_m: float = math.inf,
+) -> Outcome:
+    """`controller` with `model` in the `world` of another over a `piece` of the mission; given up once its error
+    exceeds `most_m` or it breaks a limit.
+    """
+    begin, end = piece
+    place = float(mission.reference.position(np.array([begin]))[0])
+    start = place if model.drive.anchored else 0.0
+    asked = Asked(mission.reference, mission.limits, mission.seen.std_m, mission.estimator, begin, start)
+    capsule = ModelWorld(world, mission.seen, 1, begin, place, start)
+    loop, ticks = ClosedLoop(asked, model, controller), round((end - begin) / model.tick_s)
+    wanted = mission.reference.position(begin + model.tick_s * np.arange(1.0, ticks + 1.0))
+    first = min(round(SETTLE_S / model.tick_s), ticks // 2)
+    total, counted = 0.0, ticks - first
+    for k, _ in enumerate(loop.run(capsule, ticks)):
+        if capsule.broken(mission.limits.speed_m_s):
+            return Outcome(math.inf, 1, whole=False)
+        if k >= first:
+            total += (float(capsule.state[0]) - float(wanted[k])) ** 2
+            if total > most_m**2 * counted:
+                return Outcome(math.sqrt(total / counted), whole=False)
+    return Outcome(math.sqrt(total / counted))

@@ -1,0 +1,98 @@
+"""A closed loop tick by tick: estimator, supervised controller and limits around a world, a plant or a model of one."""
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from controller.drives import envelope_of, friction_command
+from controller.limits import Limits
+from controller.model.control_model import ControlModel
+from controller.registry import build
+from controller.signals import Action, Estimate, Measurement, Reference
+from controller.supervision.contradiction import Contradiction
+from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.supervision.supervisor import Supervisor
+
+
+class World(Protocol):
+    """What is controlled."""
+
+    def advance(self, command: float, until_s: float) -> Sequence[Measurement]:
+        """Advance to `until_s` with the drive at `command` there; the measurements that arrived meanwhile."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A tick that began at `time_s`: estimate, answer, who led, and the seconds that estimate and answer took."""
+
+    time_s: float
+    estimate: Estimate
+    action: Action
+    active: str
+    seconds: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a loop is to do: follow `reference` within `limits`, with a localisation of `noise_m`; `estimator` by name.
+    It begins at `begin_s`, at rest under `command`.
+    """
+
+    reference: Reference
+    limits: Limits
+    noise_m: float
+    estimator: str = "default"
+    begin_s: float = 0.0
+    command: float = 0.0
+
+
+class ClosedLoop:
+    """The `controller` of `model` with its estimator and supervisor; the model on `offer` takes over at a rest."""
+
+    def __init__(self, asked: Asked, model: ControlModel, controller: str, offer: Offer | None = None) -> None:
+        """Raises ValueError for a controller that cannot lead this rig."""
+        envelope = envelope_of(model.drive, asked.limits)
+        self.asked, self.tick_s = asked, model.tick_s
+        self.supervisor = Supervisor(build(controller, model, envelope), envelope)
+        self.estimator = ModelSwitch(self.supervisor, controller, model, offer, estimator=asked.estimator)
+        self._watch = Contradiction(envelope, asked.noise_m, friction_command(model, envelope))
+        self._commands: list[float] = []
+        if asked.begin_s:
+            still = Estimate(asked.begin_s, model.initial() * math.nan, model.initial(), lost=True)
+            self.supervisor.reset(asked.begin_s, still, asked.command)
+        self.estimator.begin(asked.begin_s)
+
+    def run(self, world: World, ticks: int) -> Iterator[Tick]:
+        """Each tick, once the world has gone on after it."""
+        supervisor = self.supervisor
+        arrived: Sequence[Measurement] = ()
+        for k in range(ticks):
+            now, start = self.asked.begin_s + k * self.tick_s, time.perf_counter()
+            estimate = self.estimator.observe(now, supervisor.issued.command, arrived)
+            middle = time.perf_counter()
+            supervisor.halt(self._contradiction(arrived, now))
+            supervisor.most = self._watch.most
+            action = supervisor.act(now, estimate, self.asked.reference)
+            seconds = middle - start, time.perf_counter() - middle
+            self._commands.append(action.command)
+            tick = Tick(now, estimate, action, supervisor.active, seconds)
+            arrived = world.advance(action.command, now + self.tick_s)
+            yield tick
+
+    def _contradiction(self, arrived: Sequence[Measurement], now: float) -> str:
+        """Why sensor and drive contradict each other at `now`, from measurements that arrived and commands so far."""
+        command, reference = self.supervisor.issued.command, self.asked.reference
+        reason = self._watch.drove(command, float(reference.position(np.array([now]))[0]), self.tick_s)
+        for m in arrived:
+            if m.channel != "position_m" or not math.isfinite(m.value):
+                continue
+            tick = max(round((m.stamp_s - self.asked.begin_s) / self.tick_s) - 1, 0)
+            then = self._commands[tick] if tick < len(self._commands) else command
+            wanted_m = float(reference.position(np.array([m.stamp_s]))[0])
+            reason = reason or self._watch.saw(m.value, then, wanted_m, m.stamp_s)
+        return reason

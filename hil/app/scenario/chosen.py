@@ -1,0 +1,119 @@
+"""What leads a run with a model that carries a choice: the stage and the controller, expected to track best."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
+from controller.choice.trial import Mission
+from controller.choice.world import Localisation
+from controller.drives import DRIVES
+from controller.model.control_model import ControlModel
+from hil.app.console import progress_bar
+from hil.app.scenario.model_use import CHOSEN, model_for, values_of
+from hil.app.scenario.scenario import TrackScenario
+from models.effects import Catalogue
+from models.identification.finding import STAGES
+from models.identification.model import Model
+from models.theta import Theta
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+NOMINAL: Final = STAGES[0]
+Believed = Callable[[Theta, ControlModel | None], ControlModel]
+"""The control model with these values; its magnet as high as that of another model, where one is given."""
+
+
+@dataclass(frozen=True)
+class Leading:
+    """What leads: the `values` of a `stage` and a `controller`, and what was `chosen`, if anything."""
+
+    values: Theta
+    stage: str
+    controller: str
+    chosen: Chosen | None = None
+
+    def document(self) -> dict[str, Any]:
+        """The key `chosen` of a run's JSON object."""
+        return {} if self.chosen is None else {"chosen": self.chosen.document()}
+
+
+def leading_of(
+    path: Path | None,
+    stage: str | None,
+    controller: str | None,
+    usual: str,
+    kind: str,
+    known: Catalogue,
+    mission: Mission,
+    believed: Believed,
+    bar: Callable[[str], AbstractContextManager[Progress]] = progress_bar,
+) -> Leading:
+    """What leads `mission` on a rig of `kind` with the model of the file `path`, if any. The `stage` and the
+    `controller` given by hand stand; the `usual` controller is the scenario's. Raises ValueError.
+    """
+    if path is not None and stage in (None, CHOSEN):
+        model = model_for(path, kind, known)
+        if model.possible:
+            names = [controller] if controller else names_of(usual, kind)
+            with bar(TEXT("choose")) as report:
+                return chosen_of(model, believed, mission, names, report)
+        if stage == CHOSEN:
+            raise ValueError(f"{path}: model must carry a choice for --stage chosen, as close-loop writes it; got none")
+    values, used = values_of(path, stage, kind, known)
+    return Leading(values, used, controller or usual)
+
+
+def names_of(usual: str, kind: str) -> list[str]:
+    """The controllers that are compared on a rig of `kind`, the simpler first."""
+    return [usual] if DRIVES[kind].shaken else list(dict.fromkeys((*ORDER, usual)))
+
+
+def mission_of(scenario: TrackScenario) -> Mission:
+    """The motion of a scenario, with the localisation as it states it."""
+    seen, control = scenario.instruments.localisation, scenario.control
+    localisation = Localisation(seen.rate_Hz, seen.std, seen.latency_s, seen.quantum)
+    return Mission(scenario.reference, scenario.duration_s, scenario.limits, localisation, control.estimator)
+
+
+def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Progress) -> Leading:
+    """The stage or possible model, and the controller among `names`, that lead `mission`."""
+    stages = [stage for stage in (*STAGES, *model.members) if stage not in model.barred]
+    candidates = list[Candidate]()
+    known = list[Theta]()
+    for stage in stages:
+        values = model.believed(stage)
+        if any(values == other for other in known):
+            continue
+        known.append(values)
+        leading = believed(values, None)
+        rank = 0 if stage == NOMINAL else 1 if stage == STAGES[1] else 2
+        candidates += [
+            Candidate(stage, name, leading, (rank, names.index(name)))
+            for name in names
+            if name != PLAIN or stage == NOMINAL or len(names) == 1
+        ]
+    numbers = worlds_of(model)
+    made: dict[tuple[str, float], ControlModel] = {}
+
+    def world(name: str, before: ControlModel) -> ControlModel:
+        height = 0.0 if before.rig.magnets is None else before.rig.magnets.height_m
+        if (name, height) not in made:
+            made[name, height] = believed(numbers[name], before)
+        return made[name, height]
+
+    found = choose(mission, candidates, list(numbers), world, report, model.barred)
+    return Leading(model.believed(found.stage), found.stage, found.controller, found)
+
+
+def worlds_of(model: Model) -> dict[str, Theta]:
+    """The models that the records leave possible, the last stage first; equal ones once."""
+    names = [stage for stage in (*reversed(STAGES), *model.possible) if stage not in model.refuted]
+    found: dict[str, Theta] = {}
+    for name in names:
+        values = model.possible[name] if name in model.possible else model.stages[name]
+        if values not in found.values():
+            found[name] = values
+    return found

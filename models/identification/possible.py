@@ -1,0 +1,67 @@
+"""What a controller may choose from: models that the records leave possible, stages that must not lead as they are."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import numpy as np
+
+from models.identification.experiment import Candidate, root_of
+from models.identification.fitting.confidence import memory
+from models.identification.model import DRAW
+from models.identification.search.search import Search
+from models.identification.settings import SET
+from models.identification.steps import Choice, Judged, Predicted, Prepared
+from models.identification.verdict import at_bounds
+from models.rigs.kinds import KINDS
+from models.theta import Theta
+from models.words.sentences import Quantity, Sentences
+
+TEXT: Final = Sentences(__file__)
+
+
+def choice_of(prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, seed: int) -> Choice:
+    """The choice that a model carries; empty for a rig whose capsule is not driven."""
+    rig = KINDS[prepared.kind.name]
+    if not rig.of_capsule or rig.imposed:
+        return Choice()
+    errors = predicted.error["holdout"] or predicted.error["train"]
+    possible = {**dict(_members(prepared, found)), **dict(_draws(prepared, found, seed))}
+    return Choice(possible, barred(prepared, found, judged), refuted(errors, prepared.kind.error_unit))
+
+
+def _members(prepared: Prepared, found: Search) -> Iterator[tuple[str, Theta]]:
+    """The model with each effect that the records do not separate from a found one in its place, as it was fitted."""
+    for _, _, rival in found.doubts:
+        yield rival.effect, prepared.kind.nominal() | rival.fitted.thetas[0]
+
+
+def _draws(prepared: Prepared, found: Search, seed: int) -> Iterator[tuple[str, Theta]]:
+    """The last model with its numbers drawn from their covariance."""
+    kind, fit, rng = prepared.kind, found.augmented, np.random.default_rng(seed)
+    root = root_of(kind, fit, found.model, max(fit.chi2 * memory(fit.residual), 1.0))
+    last = Candidate("", tuple(found.model), kind.nominal() | fit.theta)
+    for number in range(1, SET.possible_draws + 1 if root.size else 1):
+        yield f"{DRAW}{number}", last.moved(kind, root @ rng.standard_normal(len(root)))
+
+
+def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
+    """Why a stage must not lead as it is: a parameter of a base or of a part of `unknown` stands at its bound, or it
+    errs more on held-out records than an earlier one.
+    """
+    said = dict(judged.worse)
+    calibrated = at_bounds(prepared.kind, found.calibrated, [])
+    last = at_bounds(prepared.kind, found.augmented, found.model) if judged.verdict == "unknown" else []
+    for stage, bounds in (("calibrated", calibrated), ("augmented", last)):
+        if bounds:
+            said[stage] = TEXT("bounds", parameters=bounds, n=len(bounds))
+    return said
+
+
+def refuted(errors: Mapping[str, float], unit: str) -> dict[str, str]:
+    """The stages that the records exclude, as their error is far above the least."""
+    least = min(errors.values(), default=0.0)
+    return {
+        stage: TEXT("refuted", error=Quantity(error, unit), least=Quantity(least, unit))
+        for stage, error in errors.items()
+        if error > SET.refuted * least
+    }

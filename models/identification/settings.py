@@ -109,6 +109,7 @@ class SearchSettings:
     events: float = setting(1.1, "1", "cost for each residual beyond which a slip event may be missing")
     beside: float = setting(0.1, "1", "of a fit's cost, what further starts near it cost more, to first order")
     near_by: int = setting(64, "1", "further starts near a fit")
+    down_ranked: int = setting(8, "1", "those of them, the best at coarse steps, that are ranked at fine ones")
     down_from: int = setting(3, "1", "number of these starts from which a descent is made")
     rival_gain: float = setting(0.3, "1", "largest share of the effect's gain in log cost that a rival may lack")
     rival_near: float = setting(3.0, "1", "times the model's cost, up to which a rival is fitted from anywhere")

@@ -38,7 +38,7 @@ def answer(
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
     proposal = _proposal(prepared, found, train, seed)
-    wanted = (words_of(proposal), report.next_experiment(kind, theta, train))
+    wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
         quantity=kind.quantity,

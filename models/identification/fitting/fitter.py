@@ -85,7 +85,7 @@ class Fitter:
         best = final.near(start, SET.fine, SET.rounds)
         more = self.axes and self.kind.beginnings_s and not best.by_chance
         for seed in range(SET.ways_down if more else 0):
-            some = final.lowest(final._likely(best, seed), SET.down_from)
+            some = final.lowest(self.lowest(final._likely(best, seed), SET.down_ranked), SET.down_from)
             again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=attrgetter("cost"))
             gained = again.cost < (1 - SET.refines) * best.cost
             best = min(best, again, key=attrgetter("cost"))

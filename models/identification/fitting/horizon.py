@@ -25,7 +25,7 @@ def lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, list[R
 
 def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     """The first `length` s of each record that count, and the rows before."""
-    return [record.beginning(length + lead_in_s(record)) for record in records]
+    return [r.beginning(length + lead_in_s(r)) if length < np.inf else r for r in records]
 
 
 def predictable(

@@ -36,7 +36,7 @@ def track(
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
 ) -> int:
-    """Run a scenario in closed loop: 1 where a run fails a check of the scenario. Raises ValueError."""
+    """Run a scenario in closed loop: 1 where a run fails a check or is stopped. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario = load_track_scenario(path, reference).knowing(known)
@@ -55,7 +55,8 @@ def track(
         print_json({"runs": documents} if compare else documents)
     else:
         say(scenario, [found for found, _ in runs], out)
-    return int(any(not check["passed"] for found, _ in runs for check in found["checks"]))
+    failed = any(not check["passed"] for found, _ in runs for check in found["checks"])
+    return int(failed or any(trace.halted for _, trace in runs))
 
 
 def _runs(

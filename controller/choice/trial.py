@@ -12,7 +12,7 @@ from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.signals import Reference
 
-LONGEST_S: Final = 6.0
+LONGEST_S: Final = 5.0
 """Length of the piece of a reference that is simulated: a run's first second and, at 1 to 2 mm/s, a fold of the gut."""
 SETTLE_S: Final = 0.5  # of a piece, before which errors do not count
 _BETWEEN_S: Final = 1.0  # of the starts of pieces that are compared
@@ -84,7 +84,7 @@ def tried(
     total, counted = 0.0, ticks - first
     for k, _ in enumerate(loop.run(capsule, ticks)):
         if capsule.broken(mission.limits.speed_m_s):
-            return Outcome(math.inf, 1, whole=False)
+            return Outcome(math.inf, 1)
         if k >= first:
             total += (float(capsule.state[0]) - float(wanted[k])) ** 2
             if total > most_m**2 * counted:

@@ -14,6 +14,7 @@ from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
 from controller.signals import Array
 from models.assembly.model import followed_by
+from models.drives.coil import ELECTRICAL
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
@@ -168,7 +169,8 @@ def control_model(
 ) -> ControlModel:
     """The model of `rig` with `values`, one stage of a model file; `tick_s` in s is the controller's, `smoothing` in
     m/s that of friction, `driven` the commanded column if there are several. Missing `values` keep the rig file's
-    number. Effects of amplitude 0, `HELD_OUT`, the delay of a logged switch and a free curve over speed are left out.
+    number. Effects of amplitude 0, `HELD_OUT`, the delay of a logged switch, a coil's numbers that the drive does not
+    command by, and a free curve over speed are left out.
     Raises ValueError for a rig without a free capsule, an unknown name, a value not finite.
     """
     drive = drive_of(rig, driven)
@@ -186,7 +188,7 @@ def control_model(
     numbers = Theta.declared(symbols.parameters)
     given = theta.only([e.id for e in effects])
     for name, value in given.items():
-        if name in (*OF_THE_LOG, HELD_OUT):
+        if name in (*OF_THE_LOG, HELD_OUT) or (name in ELECTRICAL and name not in numbers):
             continue
         got, known = spelled(name), [*map(spelled, numbers)]
         if name not in numbers:

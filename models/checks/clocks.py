@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import scipy
@@ -15,7 +16,8 @@ from models.records.record import USED
 from models.rigs.columns import TIME
 from models.rigs.tables import MOST_DRIFT
 
-_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit that a drift takes away, over a constant shift
+_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit of unseen strokes, over a constant shift
+_SINGULAR = 1e-6  # of the squares of a unit column: what part of a loop the other strokes do not show
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 
 
@@ -116,57 +118,90 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
     that follows the sign of the speed more or less gradually, of speed and of slope; behind a magnet all but the speed
     may grow over the record.
     """
-    strokes = np.sign(view.speed[view.moves])
+    turns = view.t[view.moves][1:][np.diff(np.sign(view.speed[view.moves])) != 0]
     length = float(view.t[-1] - view.t[0])
-    if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * SET.lag_longest_s:
+    if len(turns) < 3 or length < 20 * SET.lag_longest_s:
         return None
     x, moving = without_steps(view, view.record[moved]), view
     if moved != view.moving_column:
         moving = View(view.record.with_column(view.moving_column, view.record[moved]), view.rig)
     y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # impacts would weigh most
-    left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (SET.lag_rows, SET.lag_rows_rough))
-    least = SET.lag_samples * view.dt
-    lags = np.linspace(-SET.lag_longest_s, SET.lag_longest_s, 61)
-    best = int(np.argmin([left(lag, 0.0) for lag in lags]))
-    fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
-    constant = min((float(left(lag, 0.0)), float(lag)) for lag in fine)
+    fine, rough = (Shifted.of(view, x, moving.speed, y, rows) for rows in (SET.lag_rows, SET.lag_rows_rough))
+    lags = np.linspace(-_margin_s(), _margin_s(), 141)
+    best = float(lags[np.argmin([rough.left(lag, 0.0) for lag in lags])])
+    _, offset = min(
+        (float(fine.left(lag, 0.0)), float(lag)) for lag in best + np.ptp(lags[:2]) * np.linspace(-1, 1, 21)
+    )
     ends = np.linspace(-SET.lag_most_drifted_s, SET.lag_most_drifted_s, 41)
-    first, then = np.divmod(int(np.argmin([rough(lag, ends) for lag in lags[::2]])), len(ends))
-    start = (lags[2 * first], ends[then])
+    first, then = np.divmod(int(np.argmin([rough.left(lag, ends) for lag in lags[::4]])), len(ends))
     found = scipy.optimize.minimize(
-        lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120}
+        lambda at: fine.left(*at),
+        (lags[4 * first], ends[then]),
+        method="Nelder-Mead",
+        bounds=[(lags[0], lags[-1]), (ends[0], ends[-1])],
+        options={"xatol": 5e-4, "maxfev": 120},
     )
     middle, drifted = (float(value) for value in found.x)
-    gain = 1 - float(found.fun) / max(constant[0], 1e-300)
-    most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
+    least, most = SET.lag_samples * view.dt, min(SET.lag_most_drifted_s, MOST_DRIFT * length)
     least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
-    if gain > least_gain and max(SET.lag_drifted_s, least) < abs(drifted) < most:
-        return Lag(middle - drifted / 2, drifted / length, gain)
-    gain, offset = 1 - constant[0] / max(float(left(0.0, 0.0)), 1e-300), constant[1]
-    inside = 0 < best < len(lags) - 1
-    return Lag(offset, 0.0, gain) if inside and abs(offset) > max(SET.lag_s, least) and gain > SET.lag_gain else None
+    if max(SET.lag_drifted_s, least) < abs(drifted) < most and abs(middle - drifted / 2) < SET.lag_longest_s:
+        gain = 1 - fine.unseen(middle, drifted, turns) / max(fine.unseen(offset, 0.0, turns), 1e-300)
+        if gain > least_gain:
+            return Lag(middle - drifted / 2, drifted / length, gain)
+    gain = 1 - float(fine.left(offset, 0.0)) / max(float(fine.left(0.0, 0.0)), 1e-300)
+    there = max(SET.lag_s, least) < abs(offset) < SET.lag_longest_s and gain > SET.lag_gain
+    return Lag(offset, 0.0, gain) if there else None
 
 
-def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float | Array], Array]:
-    """The sum of squares that the loop over the position `x` and its `speed` leaves of `y`, by how late `y` is in the
-    middle of the record and how far it drifts from beginning to end (one value or several); on about so many `rows`.
+def _margin_s() -> float:
+    """The largest lag in the middle of a record."""
+    return SET.lag_longest_s + SET.lag_most_drifted_s / 2
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """What a friction loop leaves of a column that is shifted in time: the column `y` by time, at even times `at` in s,
+    `share` of the record from its middle; `within` (n, p) are orthonormal rows of the loop.
     """
-    begin, end = float(view.t[0]), float(view.t[-1])
-    even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
-    margin = SET.lag_longest_s + SET.lag_most_drifted_s / 2
-    inner = (even > begin + margin) & (even < end - margin)
-    at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
-    loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
-    if view.kind.follows:  # a wall that dries lets the capsule come later and later, in both directions alike
-        loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
-    within, _ = np.linalg.qr(loop)
-    interpolated = _interpolation(view.t, y)
 
-    def left(lag: float, drifted: float | Array) -> Array:
-        moved = interpolated(at + lag + np.multiply.outer(drifted, share))
-        return np.asarray(np.sum(moved**2, axis=-1) - np.sum((moved @ within) ** 2, axis=-1))
+    y: Callable[[Array], Array]
+    at: Array
+    share: Array
+    within: Array
 
-    return left
+    @classmethod
+    def of(cls, view: View, x: Array, speed: Array, y: Array, rows: int) -> Self:
+        """The loop over the position `x` and its `speed`, on about so many `rows`."""
+        begin, end = float(view.t[0]), float(view.t[-1])
+        even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
+        inner = (even > begin + _margin_s()) & (even < end - _margin_s())
+        at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
+        loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
+        if view.kind.follows:  # a wall that dries lets the capsule come later and later, in both directions alike
+            loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
+        return cls(_interpolation(view.t, y), at, share, np.linalg.qr(loop)[0])
+
+    def _moved(self, lag: float, drifted: float | Array) -> Array:
+        return self.y(self.at + lag + np.multiply.outer(drifted, self.share))
+
+    def left(self, lag: float, drifted: float | Array) -> Array:
+        """The sum of squares where the column is late by `lag` s in the middle of the record and drifts by `drifted` s
+        from beginning to end (one value or several).
+        """
+        moved = self._moved(lag, drifted)
+        return np.asarray(np.sum(moved**2, axis=-1) - np.sum((moved @ self.within) ** 2, axis=-1))
+
+    def unseen(self, lag: float, drifted: float, turns: Array) -> float:
+        """The same of strokes between the `turns` in s, each by the loop of all others. A stroke is one piece of
+        evidence: slip events move all of it in time, and a loop fitted to few of them fits whatever their shift is.
+        """
+        rows, left = np.column_stack([self.within, self._moved(lag, drifted)]), 0.0
+        strokes = np.searchsorted(turns, self.at)
+        squares = [rows[strokes == k].T @ rows[strokes == k] for k in range(int(strokes[-1]) + 1)]
+        for own, rest in zip(squares, sum(squares) - np.array(squares), strict=True):
+            loop = np.linalg.solve(rest[:-1, :-1] + _SINGULAR * np.eye(len(rest) - 1), rest[:-1, -1])
+            left += float(own[-1, -1] - 2 * own[-1, :-1] @ loop + loop @ own[:-1, :-1] @ loop)
+        return left
 
 
 def _interpolation(t: Array, y: Array) -> Callable[[Array], Array]:

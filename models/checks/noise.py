@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
+import scipy
 from annotated_types import Ge
 
-from models.checks.estimators import Array, Mask, estimated_noise, grid_step
+from models.checks.estimators import Array, estimated_noise, grid_step
 from models.checks.finding import Findings
 from models.checks.sensor import without_outliers
 from models.checks.settings import SET
@@ -146,44 +147,14 @@ def _throughout(view: View) -> list[tuple[float, float]]:
     if n < 128 or view.kind.vibrates:
         return []
     pieces = np.diff(view.y[: n * SET.tone_parts].reshape(SET.tone_parts, n), axis=1)
-    frequency, power = _periodogram(pieces, view.dt)
-    width, step = max(5, n // 40), frequency[1] - frequency[0]
-
-    def level(k: int) -> Array:
-        return np.asarray(np.median(power[:, max(0, k - width) : k + width + 1], axis=1))
-
-    ratio = np.zeros(len(frequency))
-    for k in np.flatnonzero((frequency >= SET.tone_lowest_hz) & _above_most(power, SET.tone, width)).tolist():
-        ratio[k] = np.min(power[:, k] / np.maximum(level(k), 1e-300))
+    frequency, power = scipy.signal.periodogram(pieces, 1 / view.dt, "hann")
+    step, around = frequency[1], 2 * max(5, n // 40) + 1
+    level = np.array([scipy.ndimage.median_filter(row, around) for row in power])
+    ratio = np.min(power / np.maximum(level, 1e-300), axis=0) * (frequency >= SET.tone_lowest_hz)
     found: list[tuple[float, float]] = []
     while len(found) < 3 and np.max(ratio) >= SET.tone:
         k = int(np.argmax(ratio))
-        line = range(max(0, k - 3), min(k + 4, len(frequency)))
-        rms = np.sqrt(np.median(np.sum([power[:, at] - level(at) for at in line], axis=0)) * step)
+        rms = np.sqrt(np.median(np.sum((power - level)[:, max(0, k - 3) : k + 4], axis=1)) * step)
         found.append((float(frequency[k]), float(np.sqrt(2) * rms / (2 * np.sin(np.pi * frequency[k] * view.dt)))))
         ratio[np.abs(frequency - frequency[k]) < max(SET.tone_wide * frequency[k], 6 * step)] = 0.0
     return found
-
-
-def _periodogram(pieces: Array, dt: float) -> tuple[Array, Array]:
-    """Frequencies in Hz (m,) and power density (k, m) of each of the `pieces` (k, n), less its mean, by Hann's window.
-    SciPy has the same, but takes half a second to load.
-    """
-    n = pieces.shape[1]
-    window = np.hanning(n + 1)[:-1]
-    transform = np.fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)), axis=1)
-    power = np.abs(transform) ** 2 * (dt / np.sum(window**2))
-    power[:, 1 : (n + 1) // 2] *= 2
-    return np.asarray(np.fft.rfftfreq(n, dt), dtype=float), power
-
-
-def _above_most(power: Array, times: float, width: int) -> Mask:
-    """Where each row of `power` (n, m) is so many `times` above half of its `width` neighbours on either side and more,
-    shape (m,): only there can it be above their median.
-    """
-    beside = np.lib.stride_tricks.sliding_window_view(
-        np.pad(power, ((0, 0), (width, width)), constant_values=np.inf), 2 * width + 1, axis=1
-    )
-    at = np.arange(power.shape[1])
-    there = 1 + np.minimum(at, width) + np.minimum(at[::-1], width)
-    return np.asarray(np.all(2 * np.count_nonzero(times * beside <= power[:, :, None], axis=2) >= there, axis=0))

@@ -95,31 +95,3 @@ def products(rows: Array) -> Any:
         for j in range(i):
             out[j, i] = out[i, j]
     return out
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def butterworth(rows: Array, share: float) -> Any:
-    """`rows` (k, n) below `share` of the sampling rate: Butterworth, second order, forward and back, so without phase.
-    Beyond its ends a row goes on for nine samples, turned about the last one.
-    """
-    t = math.tan(math.pi * share)
-    norm = 1.0 + math.sqrt(2.0) * t + t * t
-    b, a1, a2 = t * t / norm, 2.0 * (t * t - 1.0) / norm, (1.0 - math.sqrt(2.0) * t + t * t) / norm
-    n, out = rows.shape[1], np.empty_like(rows)
-    y = np.empty(n + 18)
-    for lane in range(len(rows)):
-        row = rows[lane]
-        y[9 : n + 9] = row
-        for k in range(9):
-            y[k], y[n + 9 + k] = 2.0 * row[0] - row[9 - k], 2.0 * row[n - 1] - row[n - 2 - k]
-        for _ in range(2):  # each way begins as if it had stood at its first value for ever
-            z2 = (b - a2) * y[0]
-            z1 = (2.0 * b - a1) * y[0] + z2
-            for k in range(n + 18):
-                x = y[k]
-                y[k] = b * x + z1
-                z1 = 2.0 * b * x - a1 * y[k] + z2
-                z2 = b * x - a2 * y[k]
-            y = y[::-1].copy()
-        out[lane] = y[9 : n + 9]
-    return out

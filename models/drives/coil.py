@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -87,6 +87,10 @@ class Winding:
         left = np.exp(-turns)
         mean = final + (start - final) * (1 - left) / turns
         return np.clip(mean, -most, most), np.clip(final + (start - final) * left, -most, most)
+
+
+ELECTRICAL: Final = ("coil_force_N_per_A", *(p.name for p in Winding().parameters()))
+"""Parameters that only records of a voltage have; a drive commanded otherwise lacks those that it does not declare."""
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def answer(
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
     proposal = _proposal(prepared, found, train, seed)
-    wanted = (words_of(proposal), report.next_experiment(kind, theta, train))
+    wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
         quantity=kind.quantity,
@@ -150,7 +150,9 @@ def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str
     costs = {"before": found.before, "after": found.after, "chance": found.null_cost}
     said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
     if found.effects:
-        said.append(TEXT("statement.explained", share=min(found.explained, 1.0)))
+        excess = found.before - found.null_cost  # the misfit beyond chance
+        share = (found.before - found.after) / excess if excess > 0 else 1.0
+        said.append(TEXT("statement.explained", share=min(share, 1.0)))
     if found.horizon_s < np.inf:
         said.append(TEXT("statement.horizon", horizon=found.horizon_s))
     elif found.sensitivity > SET.clean * found.null_cost:

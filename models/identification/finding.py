@@ -9,6 +9,8 @@ from models.effects.effect import Effect
 from models.formula import Line
 from models.identification.kind import Array
 
+Alike = Mapping[str, tuple[str, ...]]
+"""By an effect that was found, those that the records do not separate from it."""
 STAGES = ("nominal", "calibrated", "augmented")
 NEXT_TOML, NEXT_CSV = "next_experiment.toml", "next_experiment.csv"
 """The files of a proposal: a reference for a controller, and the motion itself."""

@@ -153,7 +153,10 @@ def _setbacks(
     """
     last = "augmented" if found.effects else "calibrated"
     said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
-    bounds = at_bounds(kind, found.augmented, found.model)
+    bounds = {
+        "calibrated": at_bounds(kind, found.calibrated, []),
+        "augmented": at_bounds(kind, found.augmented, found.model),
+    }
     return setback_findings(said, holdout, bounds, last if beyond else None)
 
 

@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from models.identification.fitting.fit import axes, evaluate, judged_cost
+from models.identification.fitting.fit import axes, evaluate, judged_cost, mean_squares
 from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind
 from models.identification.settings import SET
@@ -79,9 +79,7 @@ def _off(kind: Kind, effects: Sequence[str], theta: Theta, rng: np.random.Genera
 
 
 def _size(residual: Array) -> float:
-    """Mean square in the middle one of up to forty stretches, each of `SET.stretch` numbers or more."""
-    stretches = np.array_split(residual, int(np.clip(len(residual) // SET.stretch, 1, SET.blocks)))
-    return float(np.median([float(part @ part) / len(part) for part in stretches]))
+    return float(np.median(mean_squares(residual, SET.stretch)))
 
 
 def _autocorrelation(residual: Array) -> float:

@@ -130,12 +130,12 @@ def setbacks(error: Mapping[str, float], floor: float, unit: str = "1") -> dict[
 
 
 def setback_findings(
-    said: Mapping[str, str], holdout: Sequence[Record], bounds: Sequence[str], weakened: str | None
+    said: Mapping[str, str], holdout: Sequence[Record], bounds: Mapping[str, Sequence[str]], weakened: str | None
 ) -> tuple[RecordFinding, ...]:
-    """`setbacks` as findings that head a report; `bounds` are the parameters that ran to theirs. Only that of the stage
-    `weakened` weakens the verdict: the last one's, where it errs beyond chance.
+    """`setbacks` as findings that head a report; `bounds` are each stage's parameters that ran to theirs. Only that of
+    the stage `weakened` weakens the verdict: the last one's, where it errs beyond chance.
     """
-    at = f" {TEXT('worse.bounds', parameters=bounds, n=len(bounds))}" if bounds else ""
+    at = {stage: f" {TEXT('worse.bounds', parameters=own, n=len(own))}" for stage, own in bounds.items() if own}
     files, how, remedy = ", ".join(record.name for record in holdout), TEXT("worse.how"), TEXT("worse.remedy")
     return tuple(
         RecordFinding(
@@ -143,7 +143,7 @@ def setback_findings(
             "weakens" if stage == weakened else "note",
             files,
             TEXT("worse.where", stage=stage),
-            f"{sentence}{at}",
+            sentence + at.get(stage, ""),
             how,
             remedy,
         )

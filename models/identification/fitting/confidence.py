@@ -1,6 +1,7 @@
 """Confidence intervals of fitted parameters."""
 
 from collections.abc import Sequence
+from itertools import takewhile
 
 import numpy as np
 
@@ -16,10 +17,9 @@ Part = tuple[float, Theta]
 
 
 def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[Name, Fitted]:
-    """95 % intervals: the widest of least squares' own from the Jacobian, widened for the residual beyond chance and
-    for residuals that are not independent, of the sandwich with the scores' scatter from block to block, which holds
-    for a model that is not quite right, and of the jackknife, by which the fits on `parts` of the records differ from
-    the one on all; never beyond the bounds.
+    """95 % intervals, within the bounds: the widest of least squares' own, widened for a residual beyond chance or not
+    independent, of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite
+    right, and of the jackknife, by which the fits on `parts` of the records differ from the one on all.
     """
     fitted = axes(kind, effects)
     if not fitted:
@@ -32,24 +32,23 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
         p = axis.parameter
         moved = jackknife(value, [(share, theta[axis.name]) for share, theta in parts if axis.name in theta], p.unit)
         half = float(np.hypot(SET.z95 * max(deviation, moved), SET.accuracy * abs(value)))
-        identifiable = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
+        identifiable = half < 0.5 * max(abs(value), axis.scale) + axis.scale and not any(
+            near(value, bound, p) for bound in (p.lower, p.upper)
+        )
         out[axis.name] = Fitted(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, identifiable)
     return out
 
 
-def _by_noise(jacobian: Array) -> Array:
-    """Covariance (p, p) that noise alone gives least squares: the inverse of J'J, rows in units of the noise."""
-    values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
-    return np.asarray((vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T)
-
-
 def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
-    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for a misfit
-    beyond chance and for residuals that are not independent, and the sandwich.
+    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, by noise alone the inverse
+    of J'J, widened for a misfit beyond chance and for residuals that are not independent, and the sandwich.
     """
     rows = fit.jacobian * scale
-    inverse = _by_noise(rows)
-    scores = np.array([part.T @ r for part, r in zip(_blocks(rows), _blocks(fit.residual), strict=True)])
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    inverse = np.asarray((vectors / np.maximum(values, SET.tiny * max(values[-1], SET.tiny))) @ vectors.T)
+    count = min(SET.bootstrap_blocks, len(rows))
+    pairs = zip(np.array_split(rows, count), np.array_split(fit.residual, count), strict=True)
+    scores = np.array([part.T @ r for part, r in pairs])
     scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
     return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
 
@@ -68,29 +67,13 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
 def near(value: float, bound: float, p: Parameter) -> bool:
     """Whether `value` stands at the `bound` of `p`: within 0.1 % of itself, or 1e-6 of the range."""
     spread = p.upper - p.lower
-    margin = max(SET.at_bound * min(spread, max(abs(value), abs(bound))) * (bound != 0), 1e-6 * spread)
+    margin = max(SET.at_bound * min(spread, max(abs(value), abs(bound))) * (bound != 0), SET.at_bound**2 * spread)
     return bool(np.isfinite(bound) and abs(value - bound) <= (margin if np.isfinite(margin) else 0.0))
 
 
-def _inside(value: float, p: Parameter) -> bool:
-    return not any(near(value, bound, p) for bound in (p.lower, p.upper))
-
-
-def _blocks(values: np.ndarray) -> list[np.ndarray]:
-    return np.array_split(values, min(SET.bootstrap_blocks, len(values)))
-
-
 def memory(residual: np.ndarray) -> float:
-    """Samples of a residual that count as one: 1 + 2 sum of the autocorrelation until it dies out (200 lags)."""
-    r = residual - residual.mean()
-    n = len(r)
-    power = float(r @ r)
-    if n < 20 or power == 0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, min(200, n // 4)):
-        rho = float(r[:-lag] @ r[lag:]) / power
-        if rho < SET.memoryless:
-            break
-        total += 2 * rho
-    return total
+    """Samples of a residual that count as one: 1 + 2 sum of the autocorrelation until it dies out."""
+    r, n = residual - residual.mean(), len(residual)
+    power = max(float(r @ r), np.finfo(float).tiny)
+    rho = (float(r[:-lag] @ r[lag:]) / power for lag in range(1, min(SET.memory_lags, n // 4)))
+    return 1.0 + 2 * sum(takewhile(lambda one: one >= SET.memoryless, rho))

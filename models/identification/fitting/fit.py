@@ -27,19 +27,26 @@ class FreeParameter:
         """The key of its value."""
         return self.parameter.key
 
+    def on_side_of(self, start: Theta) -> "FreeParameter":
+        """The same on the side of zero where it is at `start`, and above its `least` size: below that the effect is
+        another one, as a wave of very long wavelength is a force in time.
+        """
+        p = self.parameter
+        if not p.least:
+            return self
+        low, high = (p.least, p.upper) if start.get(p.key, p.value) >= 0 else (p.lower, -p.least)
+        return replace(self, parameter=replace(p, lower=low, upper=high))
+
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted point: values, cost (sum of squares), number of residuals, Jacobian in the axes' order, the residuals;
-    `why` says what ended the fit.
-    """
+    """A fitted point: values, cost (sum of squares), number of residuals, Jacobian in the axes' order, residuals."""
 
     theta: Theta
     cost: float
     count: int
     jacobian: Array
     residual: Array
-    why: str = ""
 
     @property
     def chi2(self) -> float:
@@ -81,21 +88,15 @@ def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta],
     return np.hstack([kind.stacked(record, thetas, criterion) for record in records])
 
 
-def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Theta], criterion: int) -> list[float]:
-    """Sum of squares of the residuals at each of `thetas`."""
-    groups = (thetas[i : i + kind.lanes] for i in range(0, len(thetas), kind.lanes))
-    rows = (evaluate_all(kind, records, group, criterion) for group in groups)
-    return [float(cost) for some in rows for cost in np.einsum("ij,ij->i", some, some)]
+def mean_squares(residual: Array, least: int = 1) -> list[float]:
+    """Mean square in each of up to forty blocks of `least` numbers or more."""
+    parts = np.array_split(residual, int(np.clip(len(residual) // least, 1, SET.blocks)))
+    return [float(part @ part) / len(part) for part in parts]
 
 
 def judged(kind: Kind, records: Sequence[Record], theta: Theta) -> Array:
-    """Mean square of the residuals in each of at most forty blocks, under the kind's judge that suits it better."""
-
-    def blocks(residual: Array) -> list[float]:
-        parts = np.array_split(residual, min(SET.blocks, len(residual)))
-        return [float(part @ part) / len(part) for part in parts]
-
-    rows = [blocks(evaluate(kind, records, theta, criterion)) for criterion in kind.judges]
+    """`mean_squares` of the residuals, under the kind's judge that suits each block better."""
+    rows = [mean_squares(evaluate(kind, records, theta, criterion)) for criterion in kind.judges]
     return np.asarray(np.min(rows, axis=0))
 
 

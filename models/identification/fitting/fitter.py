@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from models.effects import REFINEMENTS
-from models.identification.fitting.fit import Fit, FreeParameter, axes, costs_of, evaluate_all, judged_cost
+from models.identification.fitting.fit import Fit, FreeParameter, axes, evaluate_all, judged_cost
 from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.fitting.horizon import lengths, scattered
 from models.identification.kind import Array, Kind
@@ -18,9 +18,7 @@ from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
-from models.workers import cores, each
-
-by_cost: Callable[[Fit], float] = attrgetter("cost")
+from models.workers import each
 
 
 @dataclass(frozen=True)
@@ -46,19 +44,27 @@ class Fitter:
         self, start: Theta, widths: Sequence[float] = (*SET.narrow, SET.fine[-1]), rounds: int = SET.most_rounds
     ) -> Fit:
         """A descent from `start`, with derivatives as secants that look across jags: first wide, then narrower."""
-        x, own = self.at(start), replace(self, fixed=start.only({*self.effects, *self.kind.in_base}))
+        fixed = start.only({*self.effects, *self.kind.in_base})
+        own = replace(self, fixed=fixed, axes=[axis.on_side_of(start) for axis in self.axes])
+        x = own.at(start)
         if not len(x):
             (r,) = own.residuals([x])
-            return Fit(own.fixed, float(r @ r), len(r), np.zeros((len(r), 0)), r, "nothing to fit")
+            return Fit(fixed, float(r @ r), len(r), np.zeros((len(r), 0)), r)
         end = own._solver.descend(x, widths, rounds)
-        return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual, end.why)
+        return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
     def far(self, starts: Sequence[Theta], enough: float = SET.near, seeds: int = SET.seeds) -> Fit:
         """The best fit from anywhere: from close by each of `starts`; where that leaves more than `enough` for each
         residual of a time series, on growing prefixes from many points around the starts and around the nominal base,
         at most `seeds` times with other points, until none does better.
         """
-        fits = [self.near(self._opened(start)) for start in starts]
+        starts = [start.only({*self.effects, *self.kind.in_base}) for start in starts]
+        for criterion in () if self.kind.beginnings_s else range(self.criterion):  # smoother ones lead the way
+            opened = Fitter.of(self.kind, self.records, self.effects, criterion)
+            starts = [start | opened.near(start).theta for start in starts]
+        fits = [self.near(start) for start in starts]
+        if len(fits) == 1 and not seeds:
+            return fits[0]
         left = [judged_cost(self.kind, self.records, fit.theta) for fit in fits]
         for seed in range(1, 1 + (seeds if self.kind.beginnings_s else 0)):
             least = min(left)
@@ -71,25 +77,18 @@ class Fitter:
                 break
         return fits[int(np.argmin(left))]
 
-    def _opened(self, start: Theta) -> Theta:
-        """Where a kind's smoother criteria, if it is no time series, lead from `start`."""
-        first = 0 if not self.kind.beginnings_s else self.criterion
-        for criterion in range(first, self.criterion):
-            start = start | Fitter.of(self.kind, self.records, self.effects, criterion).near(start).theta
-        return start
-
     def exactly(self, start: Theta) -> Fit:
-        """`near` at the kind's final criterion; where that leaves more than chance, also from the best of many points
-        that the fit allows, again as long as that gains.
+        """From a fit, `near` at the kind's final criterion; where that leaves more than chance, also from the best of
+        many points that the fit allows, again as long as that gains.
         """
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
-        best = final.near(self.near(start).theta, SET.fine, SET.rounds)
+        best = final.near(start, SET.fine, SET.rounds)
         more = self.axes and self.kind.beginnings_s and not best.by_chance
         for seed in range(SET.ways_down if more else 0):
-            some = final.lowest(final._likely(best, seed), SET.down_from)
-            again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=by_cost)
+            some = final.lowest(self.lowest(final._likely(best, seed), SET.down_ranked), SET.down_from)
+            again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=attrgetter("cost"))
             gained = again.cost < (1 - SET.refines) * best.cost
-            best = min(best, again, key=by_cost)
+            best = min(best, again, key=attrgetter("cost"))
             if not gained or best.by_chance:
                 break
         return best
@@ -97,7 +96,7 @@ class Fitter:
     def _likely(self, fit: Fit, seed: int) -> list[Theta]:
         """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more."""
         squares, vectors = np.linalg.eigh(fit.jacobian.T @ fit.jacobian)
-        reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, 1e-12 * squares[-1]))
+        reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, SET.tiny * squares[-1]))
         draws = np.random.default_rng(seed).standard_normal((SET.near_by, len(squares)))
         own, x = replace(self, fixed=fit.theta), self.at(fit.theta)
         steps = (draws / np.linalg.norm(draws, axis=1, keepdims=True) * reach) @ vectors.T
@@ -106,9 +105,11 @@ class Fitter:
     def plain(self) -> Fitter:
         """The same over the base's parameters and those that say how large each effect is and of what kind: size,
         place, phase and what its grid spans; of a refinement, which is but a shape, all. Finer shapes of many numbers
-        follow anything on a short record.
+        follow anything on a short record. A table is never short.
         """
         named = self.kind.catalogue
+        if not self.kind.beginnings_s:
+            return self
 
         def first(p: Parameter) -> bool:
             effect = named[p.effect]
@@ -117,22 +118,17 @@ class Fitter:
 
         return replace(self, axes=[a for a in self.axes if not a.parameter.effect or first(a.parameter)])
 
-    def beyond(self, effect: str, start: Theta) -> Fit:
-        """`near`, with the parameters of `effect` that must not be small (`least`) on the better side of zero."""
-        sides = [replace(self, axes=[_side(axis, effect, sign) for axis in self.axes]) for sign in (1.0, -1.0)]
-        return min((side.near(start) for side in sides), key=by_cost)
-
     def lowest(self, thetas: Sequence[Theta], count: int) -> list[Theta]:
         """The `count` of `thetas` with the lowest cost, lowest first."""
-        parts = [thetas[i :: cores()] for i in range(min(cores(), len(thetas)))]
-        costs = np.empty(len(thetas))
-        for i, part in enumerate(each(self.costs, parts)):
-            costs[i :: cores()] = part
+        groups = [thetas[i : i + self.kind.lanes] for i in range(0, len(thetas), self.kind.lanes)]
+        costs = [cost for some in each(self.costs, groups) for cost in some]
         return [thetas[k] for k in np.argsort(costs, kind="stable")[:count]]
 
     def costs(self, thetas: Sequence[Theta]) -> list[float]:
         """Sum of squares of the records' residuals at each of `thetas`."""
-        return costs_of(self.kind, self.records, thetas, self.criterion)
+        groups = (thetas[i : i + self.kind.lanes] for i in range(0, len(thetas), self.kind.lanes))
+        rows = (evaluate_all(self.kind, self.records, group, self.criterion) for group in groups)
+        return [float(cost) for some in rows for cost in np.einsum("ij,ij->i", some, some)]
 
     def theta(self, x: Array) -> Theta:
         """The parameters by name at the point `x` (n,)."""
@@ -151,15 +147,6 @@ class Fitter:
         own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
         return np.concatenate([rows, own], axis=1)
 
-    def jacobian(self, x: Array, secant: float) -> Array:
-        """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
-        solver = self._solver
-        steps = np.diag(secant * solver.scale)
-        points = [np.clip(x + sign * step, solver.lower, solver.upper) for step in steps for sign in (1.0, -1.0)]
-        rows = self.residuals(points) if points else np.zeros((0, self.residuals([x]).shape[1]))
-        lengths = [max(float(np.sum(up - down)), 1e-300) for up, down in zip(points[::2], points[1::2], strict=True)]
-        return np.asarray(((rows[::2] - rows[1::2]) / np.array(lengths)[:, None]).T)
-
     @cached_property
     def _solver(self) -> GaussNewton:
         ends = np.array([(a.parameter.lower, a.parameter.upper, a.scale) for a in self.axes]).reshape(-1, 3)
@@ -170,9 +157,8 @@ class Fitter:
 class Growth:
     """One model fitted on growing prefixes, from the first slip events to whole records. Every length is started from
     the fits of the length before, from the `starts` again, and from effects redrawn on the bases found so far, because
-    a short prefix cannot show every effect. The best fit so far is always kept. Of the newest effect not even the size
-    is known, so that it begins as declared, too; another `seed` draws other starts. `fits` are those of the last
-    length, the best first, without their rows.
+    a short prefix cannot show every effect. The best fit so far is kept. Of the newest effect not even the size is
+    known, so that it begins as declared, too. `fits` are those of the last length, the best first, without their rows.
     """
 
     model: Fitter
@@ -180,18 +166,18 @@ class Growth:
     seed: int = 0
     fits: list[Fit] = field(default_factory=list)
 
-    def on(self, number: int, records: Sequence[Record]) -> Growth:
-        """To the next length, `records` being the prefixes number `number`; itself."""
+    def on(self, number: int, records: Sequence[Record]) -> list[Fit]:
+        """The fits of the next length, `records` being the prefixes number `number`."""
         fitter, kept = replace(self.model, records=records), SET.kept[number]
         found = [fit.theta for fit in self.fits]
-        points = found + list(self.starts) + (self._redrawn(found[: SET.bases]) if found else self._scattered())
+        points = [*found, *self.starts, *self._drawn(found)]
         best = fitter.lowest(points, kept)
         if found and kept > 1 and found[0] not in best:
             best[-1] = found[0]
         late = number >= SET.ranked_from
         widths, rounds = (SET.narrow, SET.rounds) if late else (SET.narrow[-1:], SET.first_rounds)
-        self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=by_cost)
-        return self
+        self.fits = sorted(each(lambda point: fitter.near(point, widths, rounds).bare(), best), key=attrgetter("cost"))
+        return self.fits
 
     def over(self, records: Sequence[Record]) -> Theta:
         """Where the best fit on the whole `records` ends."""
@@ -199,37 +185,21 @@ class Growth:
             self.on(number, parts)
         return self.fits[0].theta
 
-    @property
-    def newest(self) -> str:
-        """The newest effect that is no refinement, or ""."""
-        named = self.model.kind.catalogue
-        return next((name for name in reversed(self.model.effects) if named[name] not in REFINEMENTS), "")
-
-    def _scattered(self) -> list[Theta]:
-        """Points around the nominal base and the starts' effects, with every size of the newest one."""
-        kind, newest, starts = self.model.kind, self.newest, list(self.starts)
+    def _drawn(self, found: Sequence[Theta]) -> list[Theta]:
+        """Points around the nominal base and the starts' effects, with every size of the newest one; once bases are
+        `found`, each with effects drawn around their declared values: a drift does not show at first.
+        """
+        kind, effects, starts, moved = self.model.kind, self.model.effects, [*self.starts], self.model.axes
+        newest = next((name for name in reversed(effects) if kind.catalogue[name] not in REFINEMENTS), "")
+        if found:
+            moved = [axis for axis in moved if axis.parameter.effect in effects]
+            bases = [theta.only(kind.in_base) for theta in found[: SET.bases]]
+            return scattered(kind, moved, bases, SET.points // 2, self.seed + 1, newest)
         if newest:
             starts.append(starts[-1].with_(newest, kind.catalogue[newest].start()))
-        return scattered(kind, self.model.axes, starts, SET.points, self.seed, newest)
-
-    def _redrawn(self, found: Sequence[Theta]) -> list[Theta]:
-        """Each base of `found` with effects drawn around their declared values: a drift does not show at first."""
-        kind, count = self.model.kind, SET.points // 2
-        moved = [axis for axis in self.model.axes if axis.parameter.effect in self.model.effects]
-        bases = [theta.only(kind.in_base) for theta in found]
-        return scattered(kind, moved, bases, count, self.seed + 1, self.newest) if moved else []
+        return scattered(kind, moved, starts, SET.points, self.seed, newest)
 
 
 def begins(kind: Kind, starts: Sequence[Theta]) -> list[Theta]:
     """`starts`, and the first at the nominal base: one fitted without an effect may compensate for it."""
     return [*starts, starts[0] | Theta.declared(p for p in kind.base if p.fit)]
-
-
-def _side(axis: FreeParameter, effect: str, sign: float) -> FreeParameter:
-    """The axis with its parameter beyond `least` on one side of zero."""
-    p = axis.parameter
-    if not p.least or p.effect != effect:
-        return axis
-    lower, upper = (p.least, p.upper) if sign > 0 else (p.lower, -p.least)
-    begin = float(np.copysign(max(abs(p.value), p.least), sign))
-    return replace(axis, parameter=replace(p, lower=lower, upper=upper, value=begin))

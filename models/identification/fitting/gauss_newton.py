@@ -1,7 +1,7 @@
 """Least squares on a jagged criterion: secants along the criterion's principal directions, trial steps side by side."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,24 +12,11 @@ from models.identification.settings import SET
 Residuals = Callable[[Sequence[Array]], Array]
 """Residuals (P, m) at P points, a row each."""
 
-_STEPS = (
-    (1e-6, 1.0),
-    (1e-6, 0.5),
-    (1e-6, 0.2),
-    (1e-6, 2.0),
-    (1e-2, 1.0),
-    (0.1, 0.7),
-    (1.0, 1.0),
-    (10.0, 0.5),
-)  # damping and share of a Gauss-Newton step, likeliest first
-_TINY = 1e-12  # change of the residuals that is none
-
 
 @dataclass(frozen=True)
 class Slope:
     """A point with its residuals (m,), and their derivatives at it or a step before: `along` (n, m) the directions
-    whose inverse is `turned` (n, n). `normal` (n, n) and `gradient` (n,) are J'J and J'r. `why` says what ended the
-    descent.
+    whose inverse is `turned` (n, n). `normal` (n, n) and `gradient` (n,) are J'J and J'r.
     """
 
     x: Array
@@ -38,7 +25,6 @@ class Slope:
     turned: Array
     normal: Array
     gradient: Array
-    why: str = "rounds"
 
     @property
     def cost(self) -> float:
@@ -62,24 +48,22 @@ class GaussNewton:
 
     def descend(self, start: Array, widths: Sequence[float], rounds: int) -> Slope:
         """Gauss-Newton from `start` in at most so many rounds; never ends higher than it began. The derivatives are
-        those of the last round.
-
-        In each round the residuals are evaluated on both sides along directions whose effects are orthogonal and of
-        equal size, a width times `SET.secant_rms` of the residuals' unit rms. Narrower jags average out, and parameters
-        that nearly compensate each other get long secants. Then steps of several lengths and dampings are tried at once
-        and the lowest is taken. A width that no longer gains gives way to the next of `widths`; after the last
-        the first follows again, as long as that gains.
+        those of the last round. In each round the residuals are evaluated on both sides along directions whose effects
+        are orthogonal and of equal size, a width times `SET.secant_rms` of the residuals' unit rms. Narrower jags
+        average out, and parameters that nearly compensate each other get long secants. Then steps of several lengths
+        and dampings are tried at once and the lowest is taken. A width that no longer gains gives way to the next of
+        `widths`; after the last the first follows again, as long as that gains.
         """
         x, number = start, 0
         r, reach = self._first_reach(x, widths[0])
         basis, began = np.diag(reach), float(r @ r)
         for _ in range(rounds):
             here, seen = self._slope(x, r, basis)
-            height, (x, r) = here.cost, self._lowest(here, seen)
+            steps, height = self._steps(here), here.cost
+            x, r = min((x, r), seen, _lowest(steps, self.residuals(steps)), key=lambda one: float(one[1] @ one[1]))
             gain, last = height - float(r @ r), number == len(widths) - 1
             if last and gain <= SET.enough * height:
                 if began - float(r @ r) <= SET.refines * began:
-                    why = "settled"
                     break
                 number, began = 0, float(r @ r)  # a valley that bends is gone along with wide secants again
                 _, reach = self._first_reach(x, widths[0])
@@ -87,57 +71,46 @@ class GaussNewton:
                 continue
             number += not last and gain <= SET.refines * height
             wanted = SET.secant_rms * widths[number] * np.sqrt(len(r))
-            norms = np.maximum(np.sqrt(np.diag(here.normal)), _TINY)
-            reach = self._limited(np.clip(wanted / norms, reach / 3, reach * 3))
+            norms = np.maximum(np.sqrt(np.diag(here.normal)), SET.tiny)
+            reach = np.minimum(
+                np.clip(wanted / norms, reach / SET.secant_change, reach * SET.secant_change), self._widest
+            )
             basis = self._principal(here.normal, x, reach, wanted)
-        else:
-            why = "rounds"
-        return Slope(x, r, here.along, here.turned, here.normal, here.gradient, why)
-
-    def _lowest(self, here: Slope, seen: tuple[Array, Array]) -> tuple[Array, Array]:
-        """The lowest of `seen` and of the trial steps; `here` where none is lower."""
-        steps = self._steps(here)
-        return min((here.x, here.residual), seen, self._best(steps, self.residuals(steps)), key=_height)
-
-    def _best(self, points: Sequence[Array], rows: Array) -> tuple[Array, Array]:
-        k = int(np.argmin(np.einsum("ij,ij->i", rows, rows)))
-        return points[k], rows[k].copy()
+        return replace(here, x=x, residual=r)
 
     def _first_reach(self, x: Array, width: float) -> tuple[Array, Array]:
         """The residuals at `x`, and how far each parameter goes for the wanted effect, by a trial of its scale."""
-        reach = self._limited(width * self.scale)
+        reach = np.minimum(width * self.scale, self._widest)
         up = np.where(x + reach <= self.upper, reach, -reach)
         r, *values = self.residuals([x, *(self.clip(x + step) for step in np.diag(up))])
         wanted = SET.secant_rms * width * np.sqrt(len(r))
         changes = np.array([np.linalg.norm(v - r) for v in values])
-        return r.copy(), self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, SET.secant_stretch))
+        times = np.clip(wanted / np.maximum(changes, SET.tiny), SET.secant_shrink, SET.secant_stretch)
+        return r.copy(), np.minimum(reach * times, self._widest)
 
     def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, tuple[Array, Array]]:
         """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the evaluated points."""
-        points, lengths = [], []
-        for direction in basis.T:
-            for step in (direction, -direction):
-                share = self._room(x, step)
-                points.append(self.clip(x + share * step))
-                lengths.append(share)
-        rows = self.residuals(points)
-        both = np.array(lengths[::2]) + np.array(lengths[1::2])
-        along = np.asarray((rows[::2] - rows[1::2]) / np.where(both > _TINY, both, np.inf)[:, None])
+        n, steps = len(x), np.vstack([basis.T, -basis.T])
+        ahead, sizes = np.where(steps > 0, self.upper - x, x - self.lower), np.abs(steps)
+        room = np.divide(ahead, sizes, out=np.ones_like(steps), where=ahead < sizes)  # share that stays within bounds
+        lengths = np.maximum(np.min(room, axis=1), 0.0)
+        points = [self.clip(x + length * step) for length, step in zip(lengths, steps, strict=True)]
+        rows, both = self.residuals(points), lengths[:n] + lengths[n:]
+        along = np.asarray((rows[:n] - rows[n:]) / np.where(both > SET.tiny, both, np.inf)[:, None])
         turned = np.asarray(np.linalg.inv(basis), dtype=float)
         square = products(np.vstack([along, r]))
         normal, gradient = turned.T @ square[:-1, :-1] @ turned, turned.T @ square[:-1, -1]
-        return Slope(x, r, along, turned, normal, gradient), self._best(points, rows)
+        return Slope(x, r, along, turned, normal, gradient), _lowest(points, rows)
 
     def _steps(self, here: Slope) -> list[Array]:
         """Gauss-Newton steps of several lengths and dampings; a parameter that pushes against its bound stays there."""
-        size = np.maximum(np.diag(here.normal), 1e-30)
-        edge, gradient = self._edge(), here.gradient
-        free = ~(
-            ((here.x <= self.lower + 2 * edge) & (gradient > 0)) | ((here.x >= self.upper - 2 * edge) & (gradient < 0))
-        )
+        size = np.maximum(np.diag(here.normal), SET.tiny**2)
+        edge, gradient = 2 * self._edge, here.gradient
+        down, up = (here.x <= self.lower + edge) & (gradient > 0), (here.x >= self.upper - edge) & (gradient < 0)
+        free = ~(down | up)
         block = np.ix_(free, free)
         points = []
-        for damping, share in _STEPS:
+        for damping, share in SET.trial_steps:
             step = np.zeros(len(here.x))
             step[free] = np.linalg.solve(here.normal[block] + damping * np.diag(size[free]), -gradient[free])
             points.append(self.clip(here.x + share * step))
@@ -151,34 +124,26 @@ class GaussNewton:
             own = reach[inner]
             squares, turned = np.linalg.eigh(normal[np.ix_(inner, inner)] * np.outer(own, own))
             effects = np.sqrt(np.maximum(squares, 0.0))
-            lengths = np.clip(wanted / np.maximum(effects, _TINY), SET.secant_shorter, SET.secant_longer)
+            lengths = np.clip(wanted / np.maximum(effects, SET.tiny), SET.secant_shorter, SET.secant_longer)
             columns = own[:, None] * turned * lengths
-            columns /= np.maximum(1.0, np.max(np.abs(columns) / self._widest()[inner, None], axis=0))
+            columns /= np.maximum(1.0, np.max(np.abs(columns) / self._widest[inner, None], axis=0))
             basis[np.ix_(inner, inner)] = columns
         return basis
 
+    @property
     def _widest(self) -> Array:
-        span = self.upper - self.lower
-        return np.where(np.isfinite(span), SET.secant_share * span, np.inf)
+        return SET.secant_share * (self.upper - self.lower)
 
-    def _limited(self, reach: Array) -> Array:
-        return np.asarray(np.minimum(reach, self._widest()))
-
+    @property
     def _edge(self) -> Array:
         span = self.upper - self.lower
-        return np.where(np.isfinite(span), span, 1.0) * 1e-9
+        return SET.inside * np.where(np.isfinite(span), span, 1.0)
 
     def clip(self, x: Array) -> Array:
         """`x` a little inside the bounds."""
-        edge = self._edge()
-        return np.clip(x, self.lower + edge, self.upper - edge)
-
-    def _room(self, x: Array, step: Array) -> float:
-        """The share of `step` that stays within the bounds."""
-        ahead = np.where(step > 0, self.upper - x, x - self.lower)
-        short = ahead < np.abs(step)
-        return float(max(np.min(ahead[short] / np.abs(step[short]), initial=1.0), 0.0))
+        return np.clip(x, self.lower + self._edge, self.upper - self._edge)
 
 
-def _height(point: tuple[Array, Array]) -> float:
-    return float(point[1] @ point[1])
+def _lowest(points: Sequence[Array], rows: Array) -> tuple[Array, Array]:
+    k = int(np.argmin(np.einsum("ij,ij->i", rows, rows)))
+    return points[k], rows[k].copy()

@@ -9,16 +9,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from models.identification.fitting.fit import Fit, judged
+from models.identification.fitting.fit import judged
 from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind, Split
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
+from models.workers import each
 
-Fits = Sequence[Theta]
-_Start = TypeVar("_Start")
-_LEAST = 1e-12  # a cost whose logarithm can be taken
+_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -27,13 +26,8 @@ class FittedModel:
 
     kind: Kind
     splits: Sequence[Split]
-    effects: tuple[str, ...]
-    thetas: tuple[Theta, ...]
-
-    @classmethod
-    def of(cls, kind: Kind, splits: Sequence[Split], effects: Sequence[str], thetas: Fits) -> FittedModel:
-        """The model from any sequences."""
-        return cls(kind, splits, tuple(effects), tuple(thetas))
+    effects: tuple[str, ...] = ()
+    thetas: tuple[Theta, ...] = ()
 
     def fitted(self, thetas: Iterable[Theta], effects: Sequence[str] | None = None) -> FittedModel:
         """The same model with other fits; with other effects where given."""
@@ -41,30 +35,25 @@ class FittedModel:
 
     def near(self, starts: Iterable[Theta], effects: Sequence[str] | None = None) -> FittedModel:
         """The same model fitted from close by `starts`, one a split; with other effects where given."""
-        return self._by(starts, effects, lambda fitter, start: fitter.near(start))
+        return self.far(([start] for start in starts), effects, seeds=0)
 
     def far(
         self, starts: Iterable[Sequence[Theta]], effects: Sequence[str] | None = None, seeds: int = SET.seeds
     ) -> FittedModel:
         """The same from anywhere, several starts a split."""
-        return self._by(starts, effects, lambda fitter, some: fitter.far(some, seeds=seeds))
-
-    def _by(
-        self, starts: Iterable[_Start], effects: Sequence[str] | None, fit: Callable[[Fitter, _Start], Fit]
-    ) -> FittedModel:
         chosen = self.effects if effects is None else tuple(effects)
         pairs = zip(self.splits, starts, strict=True)
-        return self.fitted((fit(Fitter.of(self.kind, part, chosen), start).theta for (part, _), start in pairs), chosen)
+        fits = (Fitter.of(self.kind, part, chosen).far(some, seeds=seeds) for (part, _), some in pairs)
+        return self.fitted((fit.theta for fit in fits), chosen)
 
-    def within_name(self, name: str) -> FittedModel:
-        """The same model with the effect `name` within the range that its name stands for. Some effects contain another
-        as a limit: a wave of very long wavelength is a force in time. A parameter with such a limit (`least`) stays
-        above it; of the fits on either side of zero the better one is taken.
-        """
-        least = [p for p in self.kind.catalogue[name].parameters() if p.least]
-        if all(abs(theta.get((name, p.name), p.value)) >= p.least for p in least for theta in self.thetas):
-            return self
-        return self._by(self.thetas, None, lambda fitter, theta: fitter.beyond(name, theta))
+    def each(self, fit: Callable[[_Item], FittedModel], items: Sequence[_Item]) -> list[FittedModel]:
+        """`fit` of every item, side by side; only values come back, for a kind and its records stay where they are."""
+
+        def values(item: _Item) -> tuple[tuple[str, ...], tuple[Theta, ...]]:
+            found = fit(item)
+            return found.effects, found.thetas
+
+        return [self.fitted(thetas, effects) for effects, thetas in each(values, items)]
 
     @property
     def part(self) -> list[Record]:
@@ -88,18 +77,14 @@ class FittedModel:
         return float(np.mean(self.blocks))
 
     @cached_property
-    def _trained(self) -> list[Array]:
-        return [judged(self.kind, part, theta) for part, theta in self.parts]
-
-    @property
     def training_blocks(self) -> Array:
-        """The same of the training parts."""
-        return np.concatenate(self._trained)
+        """`blocks` of the training parts."""
+        return np.concatenate([judged(self.kind, part, theta) for part, theta in self.parts])
 
     @property
     def training_cost(self) -> float:
         """Sum of these."""
-        return sum(float(blocks.sum()) for blocks in self._trained)
+        return float(self.training_blocks.sum())
 
 
 def ahead(best: Array, other: Array) -> float:
@@ -118,7 +103,7 @@ def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     block, however high. A model that clearly lowers the `training` cost need not lead by standard errors; one whose
     validation cost rises clearly is not the best.
     """
-    logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
+    logs = [np.log(np.maximum(blocks, SET.tiny)) for blocks in rows]
 
     def behind(row: Array, other: Array) -> Array:
         return np.clip(row - other, -SET.one_block, SET.one_block)

@@ -1,6 +1,7 @@
 """Refinements of the shapes of named effects: which of them the records support."""
 
 from collections.abc import MutableMapping, Sequence
+from operator import attrgetter
 
 from models.effects import CATALOGUE, REFINEMENTS
 from models.identification.fitting.fit import Fit
@@ -18,15 +19,15 @@ Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
 
 def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     """The refinements of the named effects' shapes, and the fits with them: added one after the other, the fewest that
-    do about as well on validation records as the best. Each is compared with the model without it, refitted also from
-    the base with it, so that none wins by a luckier search. `known` fits are not made again; new ones are added to it.
+    do about as well on validation records as the best. Each also begins where it changes nothing, and is compared with
+    the model without it, refitted from its base: none wins or fails by luck. New fits are added to those `known`.
     """
     curves = _shapes(model.kind, model.effects) if model.training_blocks.mean() > SET.events else []
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
         if finer not in known:
-            starts = ([theta.with_(curve, _begin(curve))] for theta in rows[-1].thetas)
+            starts = ([theta.with_(curve, at) for at in ({}, _begin(curve))] for theta in rows[-1].thetas)
             known[finer] = rows[-1].far(starts, finer, seeds=1).thetas
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
@@ -39,16 +40,14 @@ def refined_at_last(
 ) -> tuple[list[str], Fit]:
     """The refinements beyond `taken` that `fit`, made at the kind's final criterion, still needs, and the best fit: the
     coarser steps on which shapes are compared may hide one. Started from `fit`, or from a better `known` fit on a part,
-    as long as the reported error is above the noise floor. A refinement must lower the training cost or the reported
-    error clearly, also against the model without it refitted from its base, and leave about the noise. Where `fit` and
-    `known` fits cost `SET.behind` times the noise, more than a shape is missing. A kind with one criterion hides none.
+    as long as the reported error is above the noise floor. A refinement must be clearly better, also than the model
+    without it refitted from its base, and leave about the noise, not `SET.behind` times that as where more is missing.
     """
     added: list[str] = []
     if kind.criteria == 1:
         return added, fit
-    floors = _floors(kind, records, fit)
     for curve in (name for name in _shapes(kind, effects) if name not in taken):
-        if floors < SET.close:
+        if _floors(kind, records, fit) < SET.close:
             break
         model = [*effects, *taken, *added, curve]
         starts = [fit.theta.with_(curve, _begin(curve)), *known.get(tuple(model), ())]
@@ -57,14 +56,12 @@ def refined_at_last(
         if min(fit.cost, *fitter.costs([start])) > SET.behind * fit.count:
             break
         finer = fitter.near(start, SET.narrow, SET.rounds)
-        left = _floors(kind, records, finer)
-        if finer.chi2 < SET.near and _clearly(finer, left, fit, floors):
+        if finer.chi2 < SET.near and _clearly(kind, records, finer, fit):
             again = Fitter.of(kind, records, model[:-1], kind.final).near(finer.theta.without(curve), SET.fine)
-            if again.cost < fit.cost:
-                fit, floors = again, _floors(kind, records, again)
-            if _clearly(finer, left, fit, floors):
+            fit = min(fit, again, key=attrgetter("cost"))
+            if _clearly(kind, records, finer, fit):
                 added.append(curve)
-                fit, floors = finer, left
+                fit = finer
     return added, fit
 
 
@@ -73,11 +70,12 @@ def _floors(kind: Kind, records: Sequence[Record], fit: Fit) -> float:
     return kind.error(records, [kind.predict(record, fit.theta) for record in records]) / kind.noise_floor(records)
 
 
-def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
-    """Whether `finer`, which leaves `left` floors, is clearly better than `fit`."""
-    return finer.cost <= (1 - SET.finer_gain) * fit.cost or (
-        finer.cost < fit.cost and left <= (1 - SET.finer_share) * floors
-    )
+def _clearly(kind: Kind, records: Sequence[Record], finer: Fit, fit: Fit) -> bool:
+    """Whether `finer` is clearly better than `fit`, by its cost or by the reported error."""
+    if finer.cost >= (1 - SET.finer_gain) * fit.cost:
+        most = (1 - SET.finer_share) * _floors(kind, records, fit)
+        return finer.cost < fit.cost and _floors(kind, records, finer) <= most
+    return True
 
 
 def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -9,16 +10,13 @@ from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
-from models.identification.search.candidates import Trial, opening
-from models.identification.search.fitted_model import Fits, FittedModel, ahead
+from models.identification.search.candidates import Trial
+from models.identification.search.fitted_model import FittedModel, ahead
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
 from models.workers import each
-
-Starts = Sequence[Mapping[str, float]]
-"""Values of an effect's own parameters."""
 
 
 @dataclass(frozen=True)
@@ -44,38 +42,38 @@ def rivals_of(
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
     rest = [name for name in model.effects if name not in own]
-    beside = {effect, *rest, *kind.in_base}
-    tried = {trial.effect: trial for trial in trials if {*trial.thetas[0].effects} <= {trial.effect, *beside}}
+    tried = {trial.effect: trial for trial in trials if {*trial.fitted.effects} <= {trial.effect, effect, *rest}}
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     strong = [row.effect for row in screened if row.starts and row.share >= SET.rival_has * share][: SET.pool]
     starts = {row.effect: row.starts for row in screened}
-    made = _predicted(model) if kind.beginnings_s else [part for part, _ in model.splits]
+    made = [part for part, _ in model.splits]
+    if kind.beginnings_s:  # as the model predicts them
+        both = ([(r, kind.predict(r, theta)) for r in part] for part, theta in model.parts)
+        made = [[record.with_column(kind.quantity, own) for record, own in rows] for rows in both]
 
-    def rival(name: str) -> tuple[float, bool, Fits, tuple[str, ...]]:
-        pairs = [_imitation(model, k, part, name, own, rest, starts.get(name, ())) for k, part in enumerate(made)]
-        known = tried[name].thetas if name in tried else ()
+    def rival(name: str) -> tuple[float, bool, Sequence[Theta], Sequence[str]]:
+        bases = zip(made, (theta.without(*own) for theta in model.thetas), strict=True)
+        pairs = [_imitation(kind, part, base, [*rest, name], starts.get(name, ())) for part, base in bases]
+        known = tried[name].fitted.thetas if name in tried else ()
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
         fitted = model.far(points, [*rest, name], seeds=0)
         if fitted.training_cost <= SET.rival_near * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
-        fitted = fitted.within_name(name)
-        for effects, thetas in tried[name].refinements.items() if name in tried else ():
-            fitted = min(fitted, model.fitted(thetas, effects), key=lambda one: one.cost)
+        finer = tried[name].finer if name in tried else None
+        fitted = min(fitted, finer or fitted, key=attrgetter("cost"))
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)
-        found = _compared(model, name, fitted, gain, close or name in kind.equivalents.get(effect, ()))
-        return found.apart, found.alike, fitted.thetas, fitted.effects  # a kind and its records stay where they are
+        apart, alike = _compared(model, fitted, gain)
+        same = alike or close or name in kind.equivalents.get(effect, ())
+        return apart, same, fitted.thetas, fitted.effects  # a kind and its records stay where they are
 
     possible = {e.id for e in kind.effects} - {effect, *rest}
     waiting = [name for name in dict.fromkeys((*tried, *strong, *_like(kind, [effect]))) if name in possible]
     rivals = dict[str, Rival]()
     while waiting:
-        found = [
-            Rival(name, apart, alike, model.fitted(thetas, effects))
-            for name, (apart, alike, thetas, effects) in zip(waiting, each(rival, waiting), strict=True)
-        ]
-        rivals |= {one.effect: one for one in found}
-        alike = _like(kind, [one.effect for one in found if one.alike])
-        waiting = [name for name in alike if name in possible and name not in rivals]
+        for name, (apart, alike, thetas, effects) in zip(waiting, each(rival, waiting), strict=True):
+            rivals[name] = Rival(name, apart, alike, model.fitted(thetas, effects))
+        likely = _like(kind, [name for name in waiting if rivals[name].alike])
+        waiting = [name for name in likely if name in possible and name not in rivals]
     return list(rivals.values())
 
 
@@ -84,37 +82,35 @@ def _like(kind: Kind, names: Sequence[str]) -> list[str]:
     return [e.id for e in kind.effects if any(e.looks_like(kind.catalogue[name]) for name in names)]
 
 
-def _predicted(model: FittedModel) -> list[list[Record]]:
-    """Each split's training records as the model predicts them."""
-    kind = model.kind
-    return [
-        [record.with_column(kind.quantity, kind.predict(record, theta)) for record in part]
-        for part, theta in model.parts
-    ]
-
-
 def _imitation(
-    model: FittedModel, k: int, made: Sequence[Record], name: str, own: set[str], rest: Sequence[str], starts: Starts
+    kind: Kind, made: Sequence[Record], base: Theta, effects: Sequence[str], starts: Sequence[Mapping[str, float]]
 ) -> tuple[Theta, float]:
-    """A fit of the effect `name` in place of those in `own` to the model's own predictions `made` of split `k`, and the
+    """A fit of the last of `effects`, beside a `base` with the others, to a model's own predictions `made`, and the
     mean square of what it leaves, in units of the noise. Without noise and misfit an equal form fits exactly, however
     far off another search ended. For a table `made` are its records.
     """
-    kind, fitter = model.kind, Fitter.of(model.kind, made, [*rest, name])
     begun = prefixes(made[:1], kind.beginnings_s[-1]) if kind.beginnings_s else made
-    start = opening(kind, begun, [model.thetas[k].without(*own)], name, [*starts, kind.declared(name).start()])
-    near = fitter.near(start, SET.narrow, SET.rounds).theta
+    effect = kind.declared(effects[-1])
+    size, wanted = effect.amplitude(), effect.probe * np.outer((1, -1), 2.0 ** np.arange(SET.doublings))
+    points = [
+        base.with_(effect.id, {**start, size.name: float(value)})
+        for start in (*starts, effect.start())
+        for value in np.unique([start[size.name], *wanted.ravel()])
+        if size.lower <= value <= size.upper and value
+    ]
+    (start,) = Fitter.of(kind, begun, effects).lowest(points, 1)
+    near = Fitter.of(kind, made, effects).near(start, SET.narrow, SET.rounds).theta
     return near, judged_cost(kind, made, near) if kind.beginnings_s else np.inf
 
 
-def _compared(model: FittedModel, name: str, fitted: FittedModel, gain: float, same: bool) -> Rival:
-    """Alike where the difference is chance, or so small that it may be an error of the form, or where the rival is the
-    `same` for these records: it imitates the effect, or no form separates it. The forms of the catalogue miss up to
-    0.3 % of the power of an effect of another form (docs/results/identification.md).
+def _compared(model: FittedModel, fitted: FittedModel, gain: float) -> tuple[float, bool]:
+    """By how many standard errors `model` leads, and whether the two are alike: the difference is chance, or so small
+    that it may be an error of the form. The forms of the catalogue miss up to 0.3 % of the power of an effect of
+    another form (docs/results/identification.md).
     """
     training, on_training = model.training_blocks, fitted.training_blocks
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
     finer = max(SET.finer_gain, float(np.log1p(SET.rival_form * np.expm1(gain))))
     small = max(behind, float(np.log(on_training.sum() / training.sum()))) < finer
-    return Rival(name, apart, bool(same or (behind < SET.rival_gain * gain and (apart < SET.apart or small))), fitted)
+    return apart, bool(behind < SET.rival_gain * gain and (apart < SET.apart or small))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -45,9 +46,9 @@ class _View:
     basis: Array
 
     @classmethod
-    def of(cls, seen: Callable[[Array], Array], residual: Array, jacobian: Array, width: Array) -> _View:
+    def of(cls, seen: Callable[[Array], Array], residual: Array, changes: Array) -> _View:
         own = seen(residual[None])
-        basis = np.linalg.qr((seen(residual + jacobian.T * width[:, None]) - own).T)[0]
+        basis = np.linalg.qr((seen(residual + changes) - own).T)[0]
         return cls(seen, own, own[0] - basis @ (basis.T @ own[0]), basis)
 
     def measured(self, effect: type[Effect], start: Mapping[str, float], change: Array) -> Screened:
@@ -72,68 +73,59 @@ class _View:
         return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
 
 
-def _ranked(fitter: Fitter, theta: Theta, taken: Sequence[str] = ()) -> list[Screened]:
-    """Each candidate not `taken` in its best shape beside the fit at `theta`, with the starts of the best few shapes at
-    each view; best first.
+def screen(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
+) -> list[Screened]:
+    """Every candidate's share of the residual of a fit with `effects` at `theta`, best first: the larger of what it
+    shows of each sample and of what is slow, in its best shape, with the starts of the best few shapes at each view.
     """
-    kind, x, first = fitter.kind, fitter.at(theta), fitter.records[0]
-    here, jacobian = fitter.residuals([x])[0], fitter.jacobian(x, SET.screened_secant)
-    width = SET.screened_secant * np.array([axis.scale for axis in fitter.axes])
+    fitter, taken = Fitter.of(kind, records, effects), {*effects, *dropped}
+    x, first, share = fitter.at(theta), records[0], attrgetter("share")
+    n, steps = len(x), SET.screened_secant * np.diag([axis.scale for axis in fitter.axes])
+    around = fitter.residuals([fitter.at(fitter.theta(point)) for point in (x, *(x + steps), *(x - steps))])
+    here, changes = around[0], (around[1 : n + 1] - around[n + 1 :]) / 2
     seen = (np.asarray, partial(kind.slow, first)) if kind.beginnings_s else (np.asarray,)
-    views = [_View.of(one, here, jacobian, width) for one in seen]
+    views = [_View.of(one, here, changes) for one in seen]
 
     def tried(effect: type[Effect]) -> Screened:
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
-        starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, fitter.records)]
+        starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, records)]
         phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
         n, shown = len(phases), [list[Screened]() for _ in views]
         some = max(1, kind.lanes // n)
         for k in range(0, len(starts), some):
             thetas = [theta.with_(effect.id, {**start, **at}) for start in starts[k : k + some] for at in phases]
             rows = np.tile(here, (len(thetas), 1))  # the priors' rows do not change
-            own = evaluate_all(kind, fitter.records, thetas, fitter.criterion)
+            own = evaluate_all(kind, records, thetas, fitter.criterion)
             rows[:, : own.shape[1]] = own
             for view, found in zip(views, shown, strict=True):
                 change = view.seen(rows) - view.here
                 found += [
                     view.measured(effect, s, change[n * i : n * i + n]) for i, s in enumerate(starts[k : k + some])
                 ]
-        best = [sorted(own, key=_by_share)[: SET.screened_starts] for own in shown]
-        leader = min((rows[0] for rows in best), key=_by_share)
+        best = [sorted(own, key=share, reverse=True)[: SET.screened_starts] for own in shown]
+        leader = max((rows[0] for rows in best), key=share)
         return replace(leader, starts=tuple(start for rows in best for row in rows for start in row.starts))
 
-    return sorted(each(tried, [effect for effect in kind.effects if effect.id not in taken]), key=_by_share)
+    rows = each(tried, [effect for effect in kind.effects if effect.id not in taken])
+    return sorted(rows, key=share, reverse=True)
 
 
-def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
+def _shapes(effect: type[Effect], records: Sequence[Record]) -> list[dict[str, float]]:
     grid = {key: list(values) for key, values in effect.grid.items() if key != effect.of_role("phase")}
     position = effect.of_role("place")
     if position is not None:
         x = np.concatenate([record["position_m"] for record in records])
-        low, high = np.percentile(x, [1, 99])
+        low, high = np.percentile(x, SET.within)
         grid[position] = np.linspace(low, high, SET.positions).tolist()
-    for values in itertools.product(*grid.values()):
-        yield dict(zip(grid, values, strict=True))
+    return [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
 
 
-def _by_share(row: Screened) -> float:
-    return -row.share
-
-
-def screen(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Theta, dropped: Sequence[str] = ()
-) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first: the larger of what it shows of each sample
-    and of what is slow.
-    """
-    return _ranked(Fitter.of(kind, records, effects), theta, (*effects, *dropped))
-
-
-def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
-    """What of `part` is imitated: the first few seconds of time series with an observer, else all."""
-    if kind.criteria == 1 or any(TIME not in record.columns for record in part):
-        return list(part)
+def records_for_null(kind: Kind, part: Sequence[Record]) -> Sequence[Record]:
+    """What of `part` is imitated: the first few seconds of time series that are fitted on prefixes, else all."""
+    if not kind.beginnings_s:
+        return part
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
     return prefixes(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))], SET.imitated_s)
 
@@ -147,13 +139,12 @@ def null_distribution(
     """
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for imitated in [[kind.imitate(record, theta, rng) for record in records] for _ in range(SET.imitations)]:
-        fitter = Fitter.of(kind, imitated, [])
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > SET.near:
-            again = fitter.near(theta, SET.fine).theta
+            again = Fitter.of(kind, imitated, []).near(theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         cost = max(cost, left)
-        rows = _ranked(fitter, own)
+        rows = screen(kind, imitated, [], own)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)

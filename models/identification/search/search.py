@@ -5,25 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
-from models.checks.usable import counted
 from models.effects import effect_words
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit, judged_cost
 from models.identification.fitting.fitter import Fitter
+from models.identification.fitting.horizon import predictable, prefixes
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.rivals import Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
-from models.identification.search.sensitivity import predictable, sensitivity_cost
 from models.identification.settings import SET
 from models.records.record import Record
-from models.theta import Theta
 
 Progress = Callable[[str, float], None]
 
@@ -55,7 +52,6 @@ class Search:
     horizon_s: float = np.inf
     known: Known = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
-    trained_share: float = 1.0
     last_s: float = field(default_factory=time.monotonic)
 
     def note(self, name: str) -> None:
@@ -69,12 +65,6 @@ class Search:
         """Everything beyond the base: the named effects and the refinements of their shapes."""
         return [*self.effects, *self.refinements]
 
-    @property
-    def explained(self) -> float:
-        """Share of the misfit beyond chance that the effects took away, on validation records."""
-        excess = self.before - self.null_cost
-        return 1.0 if excess <= 0 else (self.before - self.after) / excess
-
 
 def search(
     kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = SET.most_effects
@@ -85,19 +75,19 @@ def search(
     records = kind.searched(train)
     splits = kind.splits(records)
     base = Fitter.of(kind, records, []).far([kind.nominal()])
-    model = FittedModel.of(kind, splits, [], [base.theta] * len(splits)).near([base.theta] * len(splits))
-    found = Search(base, base, trained_share=_trained_share(splits), last_s=began)
+    model = FittedModel(kind, splits).near([base.theta] * len(splits))
+    found = Search(base, base, last_s=began)
     found.note("calibration")
     on_all = judged_cost(kind, records, base.theta)
-    grown = _named(model, found, on_all, progress, rng, most)
+    calibrated, model = model, _named(model, found, on_all, progress, rng, most)
     if kind.beginnings_s and not found.effects and found.after > SET.clean:
         trials = found.rounds[0][2] if found.rounds else []
-        likeliest = trials[0].thetas[0] if trials else model.thetas[0]
-        found.horizon_s, splits = predictable(kind, splits, likeliest, SET.clean, rng)
+        likeliest = (trials[0].fitted if trials else calibrated).thetas[0]
+        found.horizon_s, _ = predictable(kind, splits[0][1], likeliest, SET.clean, rng)
         if found.horizon_s < np.inf:
-            shorter = replace(model, splits=splits).far([base.theta] for _ in splits)
-            grown = _named(shorter, found, on_all, progress, rng, most)
-    model = grown
+            splits = [(prefixes(part, found.horizon_s), prefixes(held, found.horizon_s)) for part, held in splits]
+            shorter = replace(calibrated, splits=splits).far([base.theta] for _ in splits)
+            model = _named(shorter, found, on_all, progress, rng, most)
     if found.effects:
         found.refinements, model = refined(model, found.known)
         found.after = model.cost
@@ -105,30 +95,29 @@ def search(
         model = _compare_rivals(model, found, progress)
         found.note("rivals")
     progress("fitting the model on all records", 0.85)
-    _finish(model, found, train, base.theta)
+    _finish(model, found, train)
     if found.effects and kind.beginnings_s:
-        found.sensitivity = sensitivity_cost(kind, splits, found.augmented.theta, rng)
+        _, found.sensitivity = predictable(kind, splits[0][1], found.augmented.theta, np.inf, rng)
     found.note("final fit")
     return found
 
 
-def _finish(model: FittedModel, found: Search, train: Sequence[Record], base: Theta) -> None:
+def _finish(model: FittedModel, found: Search, train: Sequence[Record]) -> None:
     """The fits of the base and of the model on all records `train`."""
-    kind, rows = model.kind, sum(map(len, train))
-    plain = Fitter.of(kind, train, [])
+    kind, rows, base, plain = model.kind, sum(map(len, train)), found.calibrated.theta, Fitter.of(model.kind, train, [])
+    if kind.searched(train) != train:
+        found.calibrated = plain.near(base)
     if found.effects:
         reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
         fitter = Fitter.of(kind, train, found.model)
-        start = fitter.far([base | model.thetas[0]], max(SET.near, reached))
-        fit = fitter.exactly(base | start.theta)
+        fit = fitter.exactly(fitter.far([base | model.thetas[0]], max(SET.near, reached)).theta)
         added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, fit, found.known)
         found.refinements += added
         again = model.near([found.augmented.theta] * len(model.splits), found.model)
         if again.training_cost <= model.training_cost:  # of fits to the same parts, whichever search found it
             model, found.after = again, again.cost
-        found.calibrated = found.calibrated if kind.searched(train) == train else plain.near(base)
     else:
-        found.calibrated = found.augmented = plain.exactly(base)
+        found.calibrated = found.augmented = plain.exactly(found.calibrated.theta)
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
 
 
@@ -153,21 +142,30 @@ def _named(
         found.ended = _ended(kind, found, most)
         if found.ended:
             return model
-        progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
+
+        def moved(name: str, share: float, number: int = number) -> None:
+            told = f"fitting candidates, round {number}: {effect_words(name)}"
+            progress(told, 0.15 + 0.15 * (number + share))
+
+        progress(f"screening, round {number}", 0.05 + 0.15 * number)
         screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
         found.note("screening")
-        trials, model = fair(model, compare_candidates(model, screened, partial(_moved, progress, number)))
+        trials, model = fair(model, compare_candidates(model, screened, moved))
         found.after = model.cost
         if not found.effects:
             found.before = found.after
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
-        if not trials or not _accept(kind, found, trials[0]):
+        best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
+        if best is None or best.gain <= _wanted(kind, found):
             found.ended = "gain"
             return model
-        _add(found, trials[0])
-        model = model.fitted(trials[0].thetas, found.effects).far([theta] for theta in trials[0].thetas)
-        found.after = min(float(trials[0].blocks.mean()), model.cost)
+        found.effects.append(best.effect)
+        found.gains[best.effect] = best.gain
+        if best.finer:
+            found.known[best.finer.effects] = best.finer.thetas
+        model = best.fitted.far([theta] for theta in best.fitted.thetas)
+        found.after = min(float(best.blocks.mean()), model.cost)
         model = _test_again(model, found)
         found.note("testing again")
 
@@ -191,44 +189,24 @@ def _wanted(kind: Kind, found: Search) -> float:
     return max(found.threshold, kind.next_share * first)
 
 
-def _moved(progress: Progress, number: int, name: str, share: float) -> None:
-    """The candidate `name` leads; `share` of the round `number` is done."""
-    progress(f"fitting candidates, round {number}: {effect_words(name)}", 0.3 + 0.15 * (number - 1) + 0.15 * share)
-
-
 def _test_again(model: FittedModel, found: Search) -> FittedModel:
     """Drops every earlier effect that later ones made unnecessary: without it the validation gain falls by no more than
     chance, or by less than a further effect has to gain.
     """
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
-        shorter = _refitted(model, effect, rest, [])
         beside = [curve for name in rest for curve in shared_by(model.kind, name)]
-        mended = _refitted(model, effect, rest, beside) if beside else shorter
-        left = min(shorter.cost, mended.cost)
+        shapes = ([], beside) if beside else ([],)
+        starts = [[with_each(theta.without(effect), shape) for theta in model.thetas] for shape in shapes]
+        fits = [model.far(some, [*rest, *shape], seeds=1) for some, shape in zip(starts, shapes, strict=True)]
+        left = min(fit.cost for fit in fits)
         rest_alone = float(np.log(found.before / left))
         if np.log(left / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
-            found.after, model = left, shorter
-            found.known[mended.effects] = mended.thetas
+            found.after, model = left, fits[0]
+            found.known[fits[-1].effects] = fits[-1].thetas
     return model
-
-
-def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
-    """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
-    starts = (with_each(theta.without(dropped), beside) for theta in model.thetas)
-    return model.far(starts, [*effects, *beside], seeds=1)
-
-
-def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
-    return trial.gain > _wanted(kind, found) and trial.drop > SET.least_drop
-
-
-def _add(found: Search, best: Trial) -> None:
-    found.effects.append(best.effect)
-    found.gains[best.effect] = best.gain
-    found.known.update(best.refinements)
 
 
 def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> FittedModel:
@@ -265,9 +243,3 @@ def _replaced(model: FittedModel, found: Search, effect: str, rival: Rival) -> F
     found.refinements = [name for name in rival.fitted.effects if name not in found.effects]
     found.after = rival.fitted.cost
     return rival.fitted
-
-
-def _trained_share(splits: Sequence[tuple[Sequence[Record], Sequence[Record]]]) -> float:
-    """Share of the rows that the training parts of `splits` have, on average."""
-    rows = [tuple(sum(int(counted(r).sum()) for r in records) for records in split) for split in splits]
-    return float(np.mean([train / (train + held) for train, held in rows]))

@@ -106,6 +106,18 @@ def test_states_are_cut_to_what_matters() -> None:
     )
 
 
+@pytest.mark.parametrize("kind", ["coil", "vibro"])
+def test_a_model_of_records_of_a_voltage_leads_a_drive_that_is_commanded_otherwise(kind: str) -> None:
+    """What the records say of the friction is kept; resistance and back-EMF are the current's own loop's."""
+    fitted = {"friction_coefficient": 0.11}
+    coil = {"coil_force_N_per_A": 0.47, "coil_resistance_ohm": 10.6, "back_emf_V_s_per_m": 0.4}
+    numbers = Theta(fitted | coil)
+    assert control_model(rig_of(kind), numbers, TICK_S).theta["friction_coefficient"] == 0.11
+    if kind == "coil":
+        behind = control_model(rig_of(kind), numbers, TICK_S, driven="coil_voltage_V")
+        assert behind.theta.base.items() >= coil.items()
+
+
 @pytest.mark.parametrize("kind", ["magnetic", "coil", "vibro"])
 @pytest.mark.parametrize("speed", [0.0, 3e-3, -3e-3])
 def test_jacobians_are_the_slopes_of_the_step(kind: str, speed: float) -> None:

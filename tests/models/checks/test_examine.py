@@ -14,6 +14,10 @@ from models.effects import CATALOGUE
 from models.records.record import USED, Record, record_of
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from plant.experiments.examples import BELIEVED
+from plant.experiments.profile import RandomRuns
+from plant.experiments.scenario import RunTable, Scenario, record_scenario
+from plant.sensing import Sensor
 from tests.rig_texts import GUT
 
 Array = NDArray[np.float64]
@@ -478,6 +482,16 @@ def test_a_localisation_whose_clock_drifts_is_told(seconds: float) -> None:
     place = np.interp(t - seconds * t / t[-1], t, behind) + 5e-5 * np.random.default_rng(3).standard_normal(len(t))
     told = of_magnet(Record("one", "magnetic", {"t_s": t, "carriage_position_m": carriage, "position_m": place}))
     assert ("clock_drift" in told) is bool(seconds)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("magnetic_plate", 20), ("magnetic", 23), ("magnetic", 29)])
+def test_a_short_clean_record_has_no_drifting_clock(kind: str, seed: int) -> None:
+    """A rig of the plant in strokes of 8 to 20 s in all: few slips move whole strokes in time."""
+    believed, rng = BELIEVED[kind], np.random.default_rng([4242, seed])
+    truth, seconds, rate_Hz = believed.truth(rng), float(rng.uniform(8, 20)), float(rng.choice([100, 200, 250, 500]))
+    run = RunTable("", round(seconds, 2), int(rng.integers(2**31)), truth.step_s)
+    columns = record_scenario(Scenario(run, "magnetic", truth, RandomRuns(), Sensor(rate_Hz, 5e-5)), rng)
+    assert examine(parse_rig(believed.tables()), [Record("one", "magnetic", columns)]) == ()
 
 
 @pytest.mark.parametrize(("column", "scale"), [("position_m", 10.0), ("position_m", 0.1), ("carriage_position_m", 0.1)])

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-import scipy
 
-from models.compiled.residuals import Array, butterworth, in_time, products, sampled, weighed
+from models.compiled.residuals import Array, in_time, products, sampled, weighed
 
 N, LANES = 400, 8
 
@@ -70,10 +69,3 @@ def test_products_are_those_of_numpy_and_the_same_every_time(shape: tuple[int, i
         moved[:] = rows
         np.testing.assert_array_equal(products(moved), got)
     np.testing.assert_array_equal(got, got.T)
-
-
-@pytest.mark.parametrize(("n", "share"), [(16, 0.004), (N, 0.002), (N, 0.4)])
-def test_the_low_pass_is_the_one_of_scipy(n: int, share: float) -> None:
-    rows = np.cumsum(np.random.default_rng(4).standard_normal((3, n)), axis=1)
-    want = scipy.signal.sosfiltfilt(scipy.signal.butter(2, 2 * share, output="sos"), rows)
-    np.testing.assert_allclose(butterworth(rows, share), want, atol=1e-11)

@@ -153,11 +153,12 @@ def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told()
         "augmented",
     ]
     said_worse = {"calibrated": "the calibrated model predicts worse"}
-    told = setback_findings(said_worse, [], ["mass_kg"], "calibrated")
+    bounds = {"calibrated": ["mass_kg"], "augmented": ["mass_kg", "stenosis.tail"]}
+    told = setback_findings(said_worse, [], bounds, "calibrated")
     assert told[0].severity == "weakens"
     assert "mass_kg" in told[0].sentence
-    assert setback_findings(said_worse, [], [], None)[0].severity == "note"
-    assert setback_findings(said_worse, [], [], "augmented")[0].severity == "note"  # the effects are missing in it
+    assert setback_findings(said_worse, [], {}, None)[0].severity == "note"
+    assert setback_findings(said_worse, [], {}, "augmented")[0].severity == "note"  # the effects are missing in it
     worse = {"nominal": 0.3, "calibrated": 0.46, "augmented": 0.4}
     assert said(Stribeck, held_out=worse) == ("unknown", {"held_out_gain"})
 

@@ -26,6 +26,7 @@ _REPORTS: Final[Mapping[type, ModuleType]] = {
 def report_of(kind: AnyKind) -> Any:
     """The module with the words for models of `kind`: `equations(kind, theta)` with their numbers, a line each;
     `statements(kind, theta_by_stage, records)` on the limits of these data and the residual; and
-    `next_experiment(kind, theta, records)` that would separate confounded effects, None where none is needed.
+    `next_experiment(kind, theta, records, alike)` that would separate each effect from those that the records do not
+    separate from it (`alike`), None where none is needed.
     """
     return _REPORTS[type(kind)]

@@ -9,6 +9,7 @@ import numpy as np
 
 from models.effects.equation import LEFT, TORQUE, lines_of
 from models.formula import Formula, Line, equal, symbols
+from models.identification.finding import Alike
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 from models.identification.settings import SET
@@ -65,13 +66,13 @@ def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Seq
     return out
 
 
-def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str | None:
+def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record], alike: Alike) -> str | None:
     wishes = {
         ("directional_asymmetry", "asymmetry"): TEXT("axis_hold"),
         ("sensor_delay", "delay_s"): TEXT("axis_current"),
         ("viscous_drag", "exponent"): TEXT("axis_sweep", unit=f"m{kind.coordinates.length_unit}/s"),
     }
-    return "; ".join(wish for name, wish in wishes.items() if name in theta) or None
+    return "; ".join(wish for name, wish in wishes.items() if name in theta and alike.get(name[0])) or None
 
 
 def _accelerating(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:

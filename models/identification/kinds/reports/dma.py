@@ -10,6 +10,7 @@ import scipy
 
 from models.effects.equation import lines_of
 from models.formula import Formula, Line, equal, symbols
+from models.identification.finding import Alike
 from models.identification.fitting.confidence import near
 from models.identification.kind import Array
 from models.identification.kinds.dma import NAMES, DmaKind, single_samples
@@ -196,7 +197,7 @@ def _band(records: Sequence[Record]) -> tuple[float, float]:
     return float(frequency.min()), float(frequency.max())
 
 
-def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> str | None:
+def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record], _: Alike) -> str | None:
     """A sweep about a frequency that stands out, else wider or denser; None where the samples scatter as much."""
     if not records:
         return None

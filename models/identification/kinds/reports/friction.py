@@ -8,6 +8,7 @@ import numpy as np
 from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.formula import Line, equal, symbols
+from models.identification.finding import Alike
 from models.identification.kinds.friction import FORCE, LOAD, SPEED, FrictionKind, cannot_show
 from models.records.record import Record
 from models.rigs.benches import FRICTION
@@ -58,7 +59,7 @@ def _least(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Seq
     return [TEXT("friction_least", speed=float(v[k]), friction=Quantity(float(friction[k]), kind.unit))]
 
 
-def next_experiment(kind: FrictionKind, theta: Theta, records: Sequence[Record]) -> str | None:
+def next_experiment(kind: FrictionKind, theta: Theta, records: Sequence[Record], _: Alike) -> str | None:
     """What the table lacks most: speeds, loads, the other direction, repeats; None where it has them all."""
     x = kind.extent
     if x is None:

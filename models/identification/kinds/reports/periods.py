@@ -9,7 +9,7 @@ import scipy
 
 from models.effects.equation import LEFT, lines_of
 from models.formula import Formula, Line, called, equal, symbols
-from models.identification.finding import STAGES
+from models.identification.finding import STAGES, Alike
 from models.identification.kind import Array
 from models.identification.kinds.periods import PeriodsKind
 from models.identification.settings import SET
@@ -117,7 +117,7 @@ def _several_speeds(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) 
     ]
 
 
-def next_experiment(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) -> str | None:
+def next_experiment(kind: PeriodsKind, theta: Theta, records: Sequence[Record], _: Alike) -> str | None:
     """What would separate a stiffer wall from a shorter or viscous one; with several speeds, time from space."""
     speeds = kind.speeds_of(records)
     if len(speeds) > 1:

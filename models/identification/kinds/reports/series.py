@@ -8,6 +8,7 @@ from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.effects.refinements import LevelAtOnset
 from models.formula import Line
+from models.identification.finding import Alike
 from models.identification.kinds.series.series import SeriesKind
 from models.records.record import Record
 from models.theta import Theta
@@ -48,11 +49,10 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
     return said + drive.unidentifiable()
 
 
-def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What would separate each effect from those confounded with it."""
+def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record], alike: Alike) -> str | None:
+    """What would separate each effect from those that are alike."""
     wishes = []
-    for name in sorted(theta.effects):
-        effect = kind.catalogue[name]
-        one, *others = (effect_words(each, kind.catalogue) for each in (name, *effect.confounders))
-        wishes.append(TEXT("series_separate", effect=one, others=others, how=effect.separated_by))
+    for name in sorted(name for name in theta.effects if alike.get(name)):
+        one, *others = (effect_words(each, kind.catalogue) for each in (name, *alike[name]))
+        wishes.append(TEXT("series_separate", effect=one, others=others, how=kind.catalogue[name].separated_by))
     return " ".join(wishes) or None

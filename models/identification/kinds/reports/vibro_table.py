@@ -8,6 +8,7 @@ import numpy as np
 from models.effects import effect_words
 from models.effects.equation import lines_of
 from models.formula import Line, called, equal, symbols
+from models.identification.finding import Alike
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds.table import distinct
 from models.identification.kinds.vibro_table.solver import GRAVITY
@@ -71,8 +72,8 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
     return [*out, *_validation(kind, theta, records), *_runs(kind, theta, records)]
 
 
-def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    wishes = []
+def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record], alike: Alike) -> str | None:
+    wishes, theta = [], theta.only([name for name in theta.effects if alike.get(name)])
     if ("spring_damping", "damping_N_s_per_m") in theta or ("guide_friction", "friction_N") in theta:
         wishes.append(TEXT("vibro_ring_down"))
     if any(name in theta for name in (*_LAGS, _REACH)):

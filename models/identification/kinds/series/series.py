@@ -9,13 +9,14 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from models.checks.estimators import estimated_noise, grid_step
 from models.checks.noise import noise_used
 from models.checks.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
-from models.compiled.residuals import butterworth, weighed
+from models.compiled.residuals import weighed
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
@@ -38,8 +39,8 @@ def low_passed(signal: Array, dt: float) -> Array:
     """`signal` (..., n) below 2 Hz: Butterworth, second order, forward and back, so without phase."""
     if signal.shape[-1] < 16 or SET.low_pass_hz * 2 * dt >= 1:
         return signal
-    rows = np.ascontiguousarray(np.atleast_2d(signal), dtype=float)
-    return np.asarray(butterworth(rows, SET.low_pass_hz * dt)).reshape(signal.shape)
+    sections = scipy.signal.butter(2, 2 * SET.low_pass_hz * dt, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, signal))
 
 
 @lru_cache(maxsize=KEPT)

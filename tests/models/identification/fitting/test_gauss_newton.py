@@ -93,7 +93,6 @@ def test_widths_give_way_where_a_width_no_longer_gains() -> None:
 
         ground = valley(ripple, [-5.0] * 3, [5.0] * 3, [0.1] * 3)
         ends = [ground.descend(np.array([1.0, -2.0, 1.5]), widths, 60) for widths in ([1.0, 0.03], [1.0], [0.03])]
-        assert ends[0].why == ends[1].why == "settled"
         costs.append([end.cost for end in ends])
     in_turn, wide, narrow = np.mean(costs, axis=0)
     assert in_turn < wide < 0.1 * narrow
@@ -110,16 +109,8 @@ def test_a_width_that_never_gains_costs_one_round() -> None:
 
     ends = np.ones(2)
     found = GaussNewton(counted, -ends, ends, 0.1 * ends).descend(np.zeros(2), (0.3, 0.1, 0.03), 40)
-    assert found.why == "settled"
     assert rounds == 3
     assert found.x == pytest.approx([0.0, 0.0], abs=1e-9)
-
-
-def test_too_few_rounds_are_said() -> None:
-    found = valley(lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]), [-3.0] * 2, [3.0] * 2, [0.1] * 2).descend(
-        np.array([-1.2, 1.0]), [0.1], 1
-    )
-    assert found.why == "rounds"
 
 
 def test_the_products_are_those_of_the_derivatives() -> None:

@@ -272,8 +272,8 @@ def test_equations_name_every_effect_present() -> None:
         "a delayed sensor: y = y_0(t - 0.0003)",
     ):
         assert piece in text
-    assert report.next_experiment(KIND, theta, []) is not None
-    assert report.next_experiment(KIND, TRUE, []) is None
+    assert report.next_experiment(KIND, theta, [], {"sensor_delay": ("added_mass",)}) is not None
+    assert report.next_experiment(KIND, theta, [], {"sensor_delay": ()}) is None
 
 
 def test_effects_declare_what_the_loop_needs() -> None:

@@ -122,7 +122,7 @@ def test_springpot_has_its_angle_and_power() -> None:
 def test_words_and_signals_cover_the_model(calibrated: Theta) -> None:
     assert "i omega" in line_text(report.equations(KIND, calibrated)[0])
     assert "(i f/f_0)^0.3" in " ".join(map(line_text, report.equations(KIND, Theta.of({**calibrated, **BROAD}))))
-    assert "elastic reference" in str(report.next_experiment(KIND, calibrated, [measured()]))
+    assert "elastic reference" in str(report.next_experiment(KIND, calibrated, [measured()], {}))
     assert list(KIND.signals(measured())["sample"][:6]) == [1, 1, 1, 1, 1, 2]
 
 
@@ -151,7 +151,7 @@ def test_words_follow_from_the_record_of_three_decades() -> None:
         assert piece in words
     for piece in ("dips", "not what is missing", "no better", "No known effect"):
         assert piece not in words
-    experiment = str(report.next_experiment(KIND, theta, [record]))
+    experiment = str(report.next_experiment(KIND, theta, [record], {}))
     assert "30 and 60" not in experiment
     assert "Hz" in experiment
 

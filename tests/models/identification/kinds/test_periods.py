@@ -113,7 +113,7 @@ def test_report_says_what_is_equivalent_and_what_to_do(calibrated: Theta) -> Non
         "0.2403 s",
     ):
         assert piece in words
-    experiment = str(report.next_experiment(KIND, theta, [measured()]))
+    experiment = str(report.next_experiment(KIND, theta, [measured()], {}))
     assert "several speeds" in experiment
     assert "step and hold" in experiment
     assert "a wall stiffer at small strain: tension scale = 1 + " in " ".join(
@@ -152,7 +152,7 @@ def test_several_speeds_are_judged_each_by_its_own_means() -> None:
             assert len(kind.speeds_of(part)) == 2
     words = " ".join(report.statements(kind, {"nominal": kind.nominal(), "calibrated": kind.nominal()}, [record]))
     assert "From 500 µm/s to 10 mm/s the measured period goes from 100 ms to 1 s (times 10)" in words
-    assert "twice over the same stretch" in str(report.next_experiment(kind, kind.nominal(), [record]))
+    assert "twice over the same stretch" in str(report.next_experiment(kind, kind.nominal(), [record], {}))
 
 
 def test_imitations_scatter_about_the_model_not_about_the_record() -> None:

@@ -30,6 +30,7 @@ from models.rigs.reader import parse_rig
 from models.surfaces.surface import Plate
 from models.theta import Theta
 from plant.drives import TrueCoil, TrueVibro
+from plant.experiments.examples import BELIEVED
 from plant.experiments.profile import RandomPulses, pulse_width
 from plant.experiments.scenario import RunTable, Scenario, record_scenario
 from plant.rig import TruePlate, Truth
@@ -196,3 +197,12 @@ def test_a_prediction_that_runs_away_costs_much_and_warns_of_nothing(monkeypatch
     left = kind.residual(record, Theta(), 0)
     assert np.isfinite(left).all()
     assert np.min(np.abs(left[:3])) > 1e3
+
+
+def test_a_further_record_is_asked_for_only_where_effects_are_alike() -> None:
+    """Folds that are named alone need no record that separates them; with a rival, it is the rival that is named."""
+    kind = kind_for(parse_rig(BELIEVED["pull"].tables()), [])
+    folds = kind.nominal() | Theta.of({("fold_periodic", "depth"): 0.2})
+    assert report.next_experiment(kind, folds, [], {"fold_periodic": ()}) is None
+    said = str(report.next_experiment(kind, folds, [], {"fold_periodic": ("respiration",)}))
+    assert "from a breathing force" in said

@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from models.identification.kinds import kind_for
-from models.identification.search.candidates import Trial, _from_base_of, compare_candidates
+from models.identification.search.candidates import Trial, compare_candidates, from_best_base
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.screening import screen
 from models.records.record import read_record
@@ -28,19 +28,19 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> FittedModel:
     answer = tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     base = kind.nominal() | {k: v for k, v in answer.items() if k in kind.nominal()}
     splits = kind.splits(records)
-    return FittedModel.of(kind, splits, [], [base] * len(splits))
+    return FittedModel(kind, splits).fitted([base] * len(splits))
 
 
 def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(late: FittedModel) -> None:
     base = late.thetas[0]
-    lag = Trial.of(late, "actuator_lag", late.near([base | LAG] * len(late.splits), ["actuator_lag"]))
+    lag = Trial("actuator_lag", late.near([base | LAG] * len(late.splits), ["actuator_lag"]), late.blocks)
     off = base | {"magnet_stiffness_N_per_m": 21.3, ("sensor_delay", "delay_s"): 0.02}
-    stuck = Trial.of(late, "sensor_delay", late.fitted([off] * len(late.splits), ["sensor_delay"]))
+    stuck = Trial("sensor_delay", late.fitted([off] * len(late.splits), ["sensor_delay"]), late.blocks)
     assert stuck.gain < lag.gain
-    again = _from_base_of(late, lag, stuck)
+    same, again = from_best_base(late, [lag, stuck])
     assert again.gain > lag.gain
-    assert again.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
-    assert _from_base_of(late, lag, lag) is lag
+    assert again.fitted.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
+    assert same.fitted.thetas == lag.fitted.thetas
 
 
 def test_a_candidate_does_not_lead_by_what_a_look_alike_beside_it_does(late: FittedModel) -> None:
@@ -50,7 +50,7 @@ def test_a_candidate_does_not_lead_by_what_a_look_alike_beside_it_does(late: Fit
         for row in screen(late.kind, late.part, [], late.thetas[0])
         if row.effect in ("actuator_lag", "sensor_delay")
     ]
-    trials = compare_candidates(late, rows)
+    trials = compare_candidates(late, rows, lambda name, share: None)
     assert trials[0].effect == "sensor_delay"
-    assert trials[0].thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
+    assert trials[0].fitted.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
     assert all(trial.gain < trials[0].gain - 0.1 for trial in trials[1:])

@@ -50,7 +50,7 @@ def test_chance_is_told_from_enough_of_the_records(monkeypatch: pytest.MonkeyPat
     part = AxisKind.from_rig(Rig("axis", noise=Noise(force_std_N=1.0))).splits([still])[0][0]
     assert records_for_null(AxisKind.from_rig(Rig("axis")), part) == part
     seconds = [still.beginning(share * SET.imitated_s) for share in (0.4, 0.6, 0.8, 1.0)]
-    monkeypatch.setattr(AxisKind, "criteria", 2)
+    monkeypatch.setattr(AxisKind, "beginnings_s", SET.beginnings_s)
     assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds)) == 3
     assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds[::-1])) == 2
     assert len(records_for_null(AxisKind.from_rig(Rig("axis")), seconds[:1])) == 1

@@ -45,7 +45,7 @@ def test_a_rival_that_no_round_tried_stands_in_the_class_where_the_records_canno
     assert isinstance(kind, AxisKind)
     splits = kind.splits(records)
     nominal = kind.nominal()
-    base = FittedModel.of(kind, splits, [], [nominal] * len(splits)).far([nominal] for _ in splits)
+    base = FittedModel(kind, splits).far([nominal] for _ in splits)
     screened = screen(kind, base.part, [], base.thetas[0])
     begun = next(row for row in screened if row.effect == SPRING).starts[0]
     model = base.far(([theta.with_(SPRING, begun)] for theta in base.thetas), [SPRING])
@@ -67,13 +67,13 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
         start = nominal.with_(effect.id, {**effect.start(), **values})
         return [Fitter.of(kind, part, [effect.id]).far([start]).theta for part, _ in splits]
 
-    model = FittedModel.of(kind, splits, [SPRING], fitted(SpringOverPosition, stiffness_N_per_m=10.0))
+    model = FittedModel(kind, splits).fitted(fitted(SpringOverPosition, stiffness_N_per_m=10.0), [SPRING])
     taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
-    blocks = FittedModel.of(kind, splits, [], taper).blocks
-    trial = Trial(LumenTaper.id, tuple(taper), blocks + 1, blocks)
+    tried = model.fitted(taper, [LumenTaper.id])
+    trial = Trial(LumenTaper.id, tried, tried.blocks + 1)
     rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, 4.0, [], [trial])}
     assert rivals[LumenTaper.id].alike
-    assert rivals[LumenTaper.id].fitted.cost <= model.fitted(taper, [LumenTaper.id]).cost * 1.001
+    assert rivals[LumenTaper.id].fitted.cost <= tried.cost * 1.001
 
 
 def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
@@ -107,7 +107,7 @@ def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
     records = [r.with_column("position_m", kind.predict(r, theta) + unexplained) for r in records]
     kind = kind_for(rig, records)
     splits = kind.splits(records)
-    model = FittedModel.of(kind, splits, [InclineGravity.id], [theta for _ in splits])
+    model = FittedModel(kind, splits).fitted([theta for _ in splits], [InclineGravity.id])
     rivals = {rival.effect: rival for rival in rivals_of(model, InclineGravity.id, 3.0, [], [])}
     assert rivals["directional_asymmetry"].alike
     assert not rivals["sensor_bias"].alike
@@ -136,7 +136,7 @@ def breathing(span_m: float) -> tuple[FittedModel, list[Theta]]:
     records = [r.with_column("force_N", kind.predict(r, theta) + 1e-3 * rng.standard_normal(len(t))) for r in records]
     splits = kind.splits(records)
     wave = Theta(theta.base, {WAVE: {**theta.effects["respiration"], "wavenumber_per_m": 0.1}})
-    return FittedModel.of(kind, splits, [Respiration.id], [theta for _ in splits]), [wave for _ in splits]
+    return FittedModel(kind, splits).fitted([theta for _ in splits], [Respiration.id]), [wave for _ in splits]
 
 
 @pytest.mark.parametrize(("span_m", "alike"), [(0.03, False), (0.3e-3, True)])
@@ -144,7 +144,7 @@ def test_a_wave_that_stands_everywhere_at_once_is_no_rival_of_a_force_in_time(sp
     """A wave at least: over 30 mm it would come late by a tenth of a turn, over 0.3 mm by nothing that shows."""
     model, waves = breathing(span_m)
     assert model.fitted(waves, [WAVE]).cost == pytest.approx(model.cost, rel=0.05)
-    trial = Trial(WAVE, tuple(waves), model.blocks + 1, model.blocks)
+    trial = Trial(WAVE, model.fitted(waves, [WAVE]), model.blocks + 1)
     rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial])}
     assert rivals[WAVE].alike == alike
     assert all(abs(theta[WAVE, "wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.identification.fitting.horizon import predictable
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.sensitivity import predictable, sensitivity_cost
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.theta import Theta
@@ -34,15 +34,12 @@ def test_a_falling_resistance_makes_a_magnet_drawn_capsule_sensitive(
     case: tuple[str | None, dict[str, float], float], least: float, most: float, tmp_path: Path
 ) -> None:
     kind, records, theta = _made(*case, tmp_path)
-    assert least < sensitivity_cost(kind, kind.splits(records), theta, np.random.default_rng(0)) < most
+    _, cost = predictable(kind, kind.splits(records)[0][1], theta, np.inf, np.random.default_rng(0))
+    assert least < cost < most
 
 
 def test_calm_motion_is_predicted_to_its_end_and_sensitive_motion_is_not(tmp_path: Path) -> None:
     kind, records, theta = _made(*CALM, tmp_path / "calm")
-    length, splits = predictable(kind, kind.splits(records), theta, 1.5, np.random.default_rng(0))
-    assert length == np.inf
-    assert [len(part) for part in splits[0][0]] == [len(records[0])]
+    assert predictable(kind, records[1:], theta, 1.5, np.random.default_rng(0))[0] == np.inf
     kind, records, theta = _made(*FALLING, tmp_path / "falling")
-    length, splits = predictable(kind, kind.splits(records), theta, 1.5, np.random.default_rng(0))
-    assert 5.0 <= length < 45.0
-    assert all(record["t_s"][-1] < length for part in splits[0] for record in part)
+    assert 5.0 <= predictable(kind, records[1:], theta, 1.5, np.random.default_rng(0))[0] < 45.0

@@ -2,9 +2,10 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -52,14 +53,24 @@ class Asked:
 
 
 class ClosedLoop:
-    """The `controller` of `model` with its estimator and supervisor; the model on `offer` takes over at a rest."""
+    """The `controller` of `model` with its estimator and supervisor; the model on `offer` takes over at a rest, one of
+    the `others` once the model is broken.
+    """
 
-    def __init__(self, asked: Asked, model: ControlModel, controller: str, offer: Offer | None = None) -> None:
+    def __init__(
+        self,
+        asked: Asked,
+        model: ControlModel,
+        controller: str,
+        offer: Offer | None = None,
+        others: Mapping[str, ControlModel] = MappingProxyType({}),
+    ) -> None:
         """Raises ValueError for a controller that cannot lead this rig."""
         envelope = envelope_of(model.drive, asked.limits)
         self.asked, self.tick_s = asked, model.tick_s
         self.supervisor = Supervisor(build(controller, model, envelope), envelope)
-        self.estimator = ModelSwitch(self.supervisor, controller, model, offer, estimator=asked.estimator)
+        beside: dict[str, Any] = {"estimator": asked.estimator, "others": others}
+        self.estimator = ModelSwitch(self.supervisor, controller, model, offer, **beside)
         self._watch = Contradiction(envelope, asked.noise_m, friction_command(model, envelope))
         self._commands: list[float] = []
         if asked.begin_s:

@@ -1,6 +1,7 @@
 """Whether the model in use still holds: a sequential test on what it forecasts, while it leads."""
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -125,6 +126,7 @@ one stays small.
 
 WIDER = 2.5  # factor on the errors of a model that no longer holds
 MOST = 6.0  # evidence of one second at most, so that no single one raises an alarm
+RECENT: Final = 5  # seconds of motion behind `Monitor.misfit`
 ABOUT_S = 3.0  # seconds around the beginning of a sum that count as near it
 
 
@@ -207,13 +209,21 @@ class Monitor:
         self._slow = (Sum(), Sum(), Sum(), Sum())
         self._before, self._seen = [0.0, 0.0], [0, 0]
         self._recent = [0.0] * int(ABOUT_S)
+        self._misfits: deque[float] = deque(maxlen=RECENT)
+
+    @property
+    def misfit(self) -> float:
+        """Minus the log likelihood of the last `RECENT` seconds of motion, by forecast and innovations; nan before."""
+        return sum(self._misfits) if len(self._misfits) == RECENT else math.nan
 
     def look(self, now: float, command: float, estimate: Estimate) -> Health:
         """Advance a tick, to the `estimate` at `now`; `command` was in force since the last tick."""
         try:
             second = self._forecast.step(now, command + self._estimator.offset, estimate)
-            if second is not None and self.health.state != "broken":
-                self.judge(now, second)
+            if second is not None and abs(second.moved_m) >= self._expected.least_m:
+                self._misfits.append(sum(min(0.5 * size * size, MOST) for size in self._sizes(second)))
+                if self.health.state != "broken":
+                    self.judge(now, second)
         except Exception:  # noqa: BLE001 - a monitor must not stop what it watches
             self._forecast.drop()
         return self.health
@@ -223,7 +233,7 @@ class Monitor:
         e, began = self._expected, now - SPAN_S
         if not abs(second.moved_m) >= e.least_m:
             return
-        sizes = (second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation)
+        sizes = self._sizes(second)
         for one, size in zip(self._off, sizes, strict=True):
             one.add(wider(size), began)
         least, most = SENSITIVE
@@ -243,6 +253,11 @@ class Monitor:
             for one, size in zip(self._slow, (against, -against, more, -more), strict=True):
                 one.add(shifted(size, SHIFT), began, max(self._recent))
         self._say(now)
+
+    def _sizes(self, second: Second) -> tuple[float, float]:
+        """Forecast and innovations of a `second` over their scatter."""
+        e = self._expected
+        return second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation
 
     def _say(self, now: float) -> None:
         """The state from the sums."""

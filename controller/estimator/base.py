@@ -113,13 +113,13 @@ def trusting(model: ControlModel) -> FilterNoise:
 
 class Level:
     """The learned friction level l: the parameter at `index` is (1 + l) times `middle`, the model's own; l lies within
-    [`low`, `high`], the parameter's bounds.
+    [`low`, `high`], the parameter's bounds. `values` (p,) are the parameters in use, at first the model's.
     """
 
     index = 0  # of a surface's parameters, which stand first, the one that scales its friction
 
     def __init__(self, model: ControlModel) -> None:
-        self._values, self._kernels = model.values, model.kernels
+        self.values, self._kernels = model.values.copy(), model.kernels
         parameter = model.symbols.parameters[self.index]
         self.middle = float(model.values[self.index])
         self.low, self.high = (bound / self.middle - 1 for bound in (parameter.lower, parameter.upper))
@@ -127,7 +127,7 @@ class Level:
 
     def numbers(self, level: float) -> Array:
         """The model's parameters (p,) at `level`."""
-        numbers = self._values.copy()
+        numbers = self.values.copy()
         numbers[self.index] *= 1 + min(max(level, self.low), self.high)
         return numbers
 
@@ -137,7 +137,7 @@ class Level:
         """
         numbers = self.numbers(level)
         self._path[0] = state
-        return force_N + self._wall(t, self._values) - self._wall(t, numbers), Adapted(numbers, force_N)
+        return force_N + self._wall(t, self.values) - self._wall(t, numbers), Adapted(numbers, force_N)
 
     def _wall(self, t: float, numbers: Array) -> float:
         self._kernels.holds(self._path, self._held, self._slopes, t, self._kernels.tick_s, numbers)

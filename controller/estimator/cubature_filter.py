@@ -55,6 +55,7 @@ class Process:
         self._bounds = np.array([self.level.low, self.level.high, self.level.middle])
         self._states = np.zeros((2 * n + 1, len(model.states)))
         self._d, self._level, self._values = (np.zeros(2 * n + 1) for _ in range(3))
+        self._which = np.array([self.level.index])
         self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
         shown = model.measured(x, t)
@@ -74,7 +75,7 @@ class Process:
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *points, self._values)
         before = self.model.command_from(b.command, command)
         moved = (self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
-        k.run_each(self.level.index, self._values, *moved)
+        k.run_each(self._which, self._values[None, :], *moved)
         take_moments(*points, self.where, self._scale, self._noise_of(b), b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from controller.model.symbols import Symbols
 from controller.signals import Array
@@ -52,7 +53,7 @@ def _stage(
 def _run(
     code: int,
     lanes: int,
-    which: int,
+    which: NDArray[np.int64],
     values: Array,
     states: Array,
     command: float,
@@ -63,7 +64,7 @@ def _run(
     substeps: int,
     parameters: Array,
 ) -> None:
-    """`lanes` states at a time, the last group filled up; `which` -1: all have the same parameters."""
+    """`lanes` states at a time, the last group filled up; each has its own `values` of the parameters `which`."""
     n, m, now = states.shape[1], parameters.shape[0], np.empty(4)
     work = np.empty((n + m + 1) * lanes)
     for i in range(m * lanes):
@@ -73,8 +74,8 @@ def _run(
             k = min(first + lane, states.shape[0] - 1)
             for i in range(n):
                 work[i * lanes + lane] = states[k, i]
-            if which >= 0:
-                work[(n + which) * lanes + lane] = values[k]
+            for i in range(which.size):
+                work[(n + which[i]) * lanes + lane] = values[i, k]
             work[(n + m) * lanes + lane] = d[k]
         _stage(code, work, now, command, after, t, tick, substeps)
         for k in range(first, min(first + lanes, states.shape[0])):
@@ -161,8 +162,8 @@ class Kernels:
     is allocated.
 
     - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: m states, each with its
-      own disturbance, while the command moves linearly from `command` to `after`; `run_each(which, values (m,), states,
-      ...)`: with the parameter at `which` per state.
+      own disturbance, while the command moves linearly from `command` to `after`; `run_each(which (k,), values (k, m),
+      states, ...)`: with the parameters at `which` per state.
     - `roll(path (N + 1, n), commands (N + 1,), motion)`: from `path[0]` N stages, the command linear between
       `commands`; fills `path[1:]`. A `motion` is (disturbance_N, t, stage_s, substeps, parameters).
     - `linearise(path, A (N, n, n), B (N, n, 2), commands, motion)`: the same with `dx_next = A dx + B (dc0, dc1)`.
@@ -199,7 +200,7 @@ def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: in
         np.ascontiguousarray(values, dtype=float),
         tick_s,
         substeps,
-        run=partial(_run, step, 1, -1, np.zeros(0)),
+        run=partial(_run, step, 1, np.zeros(0, dtype=np.int64), np.zeros((0, 0))),
         run_each=partial(_run, addresses(codes[:1], LANES)[0], LANES),
         roll=partial(_roll, step),
         linearise=partial(_linearise, slopes),

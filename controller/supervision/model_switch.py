@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from controller.monitor import NOT_WATCHED, Health, Monitor
 from controller.registry import Chain, Observer, build, estimator_for
 from controller.signals import Array, Estimate, Measurement
 from controller.supervision.acceptance import Acceptance
+from controller.supervision.others import Others
 from controller.supervision.supervisor import Supervisor
 
 ROOM: Final = 1 << 18  # stored readings of a channel: nine minutes at 500 Hz
@@ -90,6 +92,7 @@ class ModelSwitch:
         offer: Offer | None = None,
         deadline_s: float = math.inf,
         estimator: str = "default",
+        others: Mapping[str, ControlModel] = MappingProxyType({}),
     ):
         """Raises ValueError for a model that this controller cannot use, or one with another tick."""
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
@@ -100,6 +103,11 @@ class ModelSwitch:
         self.origin_s = math.inf  # when the reference began, on the clock of `observe`
         self._monitor = _monitor_of(self._present)
         self.history: History | None = None
+        self.switched: list[tuple[float, str]] = []
+        self._beside = {name: self.prepare(Offer(other, Acceptance())) for name, other in others.items()}
+        pairs = {name: (one.observer, one.monitor) for name, one in self._beside.items()}
+        watched = {name: (o, m) for name, (o, m) in pairs.items() if isinstance(o, Estimator) and m is not None}
+        self._others = Others(watched)
         if offer is not None:
             self.propose(offer)
 
@@ -157,19 +165,33 @@ class ModelSwitch:
             self._monitor.look(now, command, estimate)
         if self.history is not None:
             self.history.add(measurements)
+        if self._monitor is not None and now >= self.origin_s:
+            better = self._others.observe(now, command, measurements, self._monitor)
+            if better is not None:
+                self._lead_on(better[0], now)
+                return better[1]
         if not self._waiting or now < self.origin_s + self._waiting[0].offer.at_s:
             return estimate
         fresh = self._waiting[0].observer.observe(now, command, measurements)
         if fresh.lost or not self._supervisor.take_offered():
             return estimate
         self._take_over(self._waiting.popleft(), now)
+        self.taken_at = now - self.origin_s
         return fresh
+
+    def _lead_on(self, name: str, now: float) -> None:
+        """The model `name` in place of the broken one."""
+        prepared = self._beside.pop(name)
+        self._others.drop(name)
+        self._supervisor.lead_on(prepared.chain, f"the model is broken, {name} predicts better")
+        self._take_over(prepared, now)
+        self.switched.append((now - self.origin_s, name))
 
     def _take_over(self, prepared: Prepared, now: float) -> None:
         """Continue with the `prepared` model: nothing is built in this tick."""
         for field in fields(Counts):
             setattr(prepared.observer.counts, field.name, getattr(self._present.counts, field.name))
-        self._present, self.taken_at = prepared.observer, now - self.origin_s
+        self._present = prepared.observer
         self.switches += 1
         if self._waiting:
             first = self._waiting[0]

@@ -102,6 +102,11 @@ class Supervisor:
         self._reason = "new model"
         return True
 
+    def lead_on(self, chain: Sequence[Controller], reason: str) -> None:
+        """Take `chain`, the controllers of a better model, over at once; the step between the commands fades."""
+        self._begin(tuple(chain), self._now)
+        self._reason = reason
+
     def halt(self, reason: str) -> None:
         """Stop permanently, until `reset`."""
         self.halted = self.halted or reason

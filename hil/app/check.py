@@ -5,7 +5,7 @@ from typing import Final
 
 from rich.console import Console
 
-from hil.app.close_loop import read_series
+from hil.app.close_loop import read_series, sizes_table
 from hil.app.console import print_json, say, summary
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile
@@ -14,7 +14,11 @@ from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
 from models.effects import Catalogue
-from models.words.sentences import Sentences
+from models.identification.identify import narrowed, smallest
+from models.identification.kinds import kind_for, ready
+from models.records.record import Record
+from models.rigs.rig import Rig
+from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 STOPPED = 1  # exit status where a finding would stop a fit
@@ -25,14 +29,29 @@ def check(records: Records, rig: RigFile, *, json_output: Json = False, effects:
     belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
     read, _ = read_series(records, (), belief, lenient=True)
     findings = examine(belief, read)
-    hidden = cannot_show(belief, read, catalogue.acting_on(belief.kind)) if stopping(findings) is None else {}
+    stops = stopping(findings) is not None
+    hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
+    sizes = {} if stops else _smallest(catalogue.given_to(belief), read)
     if json_output:
-        print_json({"findings": [finding.to_dict() for finding in findings], "cannot_show": hidden})
+        values = {name: size.value for name, size in sizes.items()}
+        found = [finding.to_dict() for finding in findings]
+        print_json({"findings": found, "cannot_show": hidden, "smallest_detectable": values})
     else:
         show(summary(), findings, hidden)
         if not findings:
             say(TEXT("check.nothing"))
+        if sizes:
+            summary().print(sizes_table(sizes))
     return STOPPED if stopping(findings) else 0
+
+
+def _smallest(rig: Rig, records: Sequence[Record]) -> dict[str, Quantity]:
+    """What the records would show at least; nothing where they cannot be fitted at all."""
+    try:
+        train = [ready(record, rig) for record in records]
+        return smallest(narrowed(kind_for(rig, train), rig, train)[0], train)
+    except ValueError:
+        return {}
 
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:

@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,13 +19,13 @@ from hil.report.closed_loop import report_html
 from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json
 from hil.report.words import PARTS, confidence_words, error_cells, error_scale, grouped, headline
-from models.effects import Catalogue
+from models.effects import Catalogue, effect_words
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
 from models.records.record import Record
 from models.rigs.rig import Rig
-from models.words.sentences import Sentences
+from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
@@ -111,12 +111,26 @@ def noted_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bo
 def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:
     """Close the loop and write its files to `out`; a next experiment from before does not stay."""
     with progress_bar(title) as progress, output_to_notes():
-        finding, model = close(rig, train, held, progress, seed=seed)
+        finding, model = close(rig, train, held, progress, seed=seed, told=_tell)
         files = result_files(finding, model)
     write_files({out / name: content for name, content in files.items()})
     for name in {NEXT_TOML, NEXT_CSV} - set(files):
         (out / name).unlink(missing_ok=True)
     return finding
+
+
+def _tell(sizes: Mapping[str, Quantity]) -> None:
+    """Print what the records would show at least, before the fit."""
+    if sizes:
+        notes().print(sizes_table(sizes))
+
+
+def sizes_table(sizes: Mapping[str, Quantity]) -> Table:
+    """The smallest amplitude of each effect that the records would show."""
+    table = text_table(TEXT("close_loop.smallest"), ("effect", "from"), ("effect",))
+    for name, size in sizes.items():
+        table.add_row(effect_words(name), str(size))
+    return table
 
 
 def result_files(finding: Finding, model: Model) -> dict[str, str]:

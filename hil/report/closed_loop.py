@@ -11,7 +11,7 @@ from hil.report.figure_residuals import agreement_figure, residual_figure, speed
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
 from hil.report.mathml import equations_html, symbol_html
-from hil.report.numbers import error_rows, measured_unit, parameters, smallest_rows
+from hil.report.numbers import error_rows, parameters, smallest_rows
 from hil.report.panels import Panel, closer, panels
 from hil.report.words import (
     PARTS,
@@ -29,6 +29,7 @@ from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependenc
 from models.identification.residual_term import law_of
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
+from models.words.quantities import measured_unit
 
 POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 

@@ -12,7 +12,7 @@ from models.effects import effect_words
 from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect
 from models.parameter import LETTERS
-from models.words.quantities import DASH, change, number, percent, plain, quantity, scale, with_interval
+from models.words.quantities import DASH, change, measured_unit, number, percent, plain, quantity, scale, with_interval
 
 _RENAMED: Final = {"identifiable": "told"}
 """Names of fields that stand under another key in JSON."""
@@ -134,11 +134,6 @@ def smallest_rows(finding: Finding) -> list[list[str]]:
         words, unit = (parameter_words(amplitude.name), amplitude.unit) if amplitude else ("", "")
         rows.append([effect_words(name), words, quantity(value, measured_unit(unit, finding.unit))])
     return rows
-
-
-def measured_unit(unit: str, measured: str) -> str:
-    """The unit of a number that counts in that of the measured column."""
-    return unit.replace("of the measured unit", measured)
 
 
 def _delogged(name: str, estimate: Fitted) -> Fitted:

@@ -37,7 +37,7 @@ def answer(
     """All that is known of the records and the model, but for how long it took."""
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
-    proposal = _proposal(prepared, found, train, seed)
+    proposal = _proposal(prepared, found, train, seed, unexplained=verdict == "unknown")
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
@@ -85,11 +85,13 @@ def _leading(choice: Choice) -> tuple[str, ...]:
     return (TEXT("lead.able", stages=able, n=len(able)), *barred)
 
 
-def _proposal(prepared: Prepared, found: Search, train: Sequence[Record], seed: int) -> Proposal | None:
-    """The motion of the next record."""
-    hidden = prepared.hidden
-    shown = shown_with(prepared.rig, train, hidden) if hidden else None
-    return propose(prepared.kind, prepared.kind.searched(train), found, shown, np.random.default_rng(seed))
+def _proposal(
+    prepared: Prepared, found: Search, train: Sequence[Record], seed: int, *, unexplained: bool
+) -> Proposal | None:
+    """The drive of the next record."""
+    kind, hidden, rng = prepared.kind, prepared.hidden, np.random.default_rng(seed)
+    shown = shown_with(prepared.rig, train, hidden) if hidden or unexplained else None
+    return propose(kind, kind.searched(train), found, shown, rng, unexplained=unexplained)
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -11,12 +11,15 @@ import numpy as np
 
 from models.checks.excitation import Shown
 from models.effects import effect_words
+from models.identification.drive_plan import DrivePlan, DriveRoom
 from models.identification.finding import NEXT_CSV, Proposal, Separation
 from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Fit, axes, evaluate
 from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind
-from models.identification.motion_plan import Plan, Room, random_plan, varied
+from models.identification.kinds.series.drive_input import driven_column
+from models.identification.kinds.series.series import SeriesKind
+from models.identification.motion_plan import Plan, Room
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.search import Search
 from models.identification.settings import SET
@@ -126,20 +129,24 @@ def root_of(kind: Kind, fit: Fit, effects: Sequence[str], variance: float) -> Ar
 
 
 def propose(
-    kind: Kind, records: Sequence[Record], found: Search, shown: Shown | None, rng: np.random.Generator
+    kind: Kind,
+    records: Sequence[Record],
+    found: Search,
+    shown: Shown | None,
+    rng: np.random.Generator,
+    *,
+    unexplained: bool = False,
 ) -> Proposal | None:
-    """A motion for the next record of a rig that is led along a path; None where nothing is confounded or hidden, and
-    for other kinds of rig.
+    """The drive of the next record of a time series; None where nothing is confounded, hidden or `unexplained`.
 
-    It is half as long as a record and stays within the positions of the `records`. It separates the effects that are
-    `found` from their rivals by as many standard deviations as a bounded search finds. Where there are no rivals, it
-    maximises `shown` (of a motion: the hidden effects that it would show, and how rich it is); None: nothing is hidden.
+    It is half as long as a record, or 20 s, and stays within the positions of the `records`; where no path is imposed,
+    as the model that was found predicts. It separates the effects that are `found` from their rivals by as many
+    standard deviations as a bounded search finds. Where there are no rivals, it maximises `shown` (of a motion: the
+    hidden effects that it would show, and how rich it is); None: nothing is hidden.
     """
     rig = KINDS[kind.name]
-    if not rig.led:
-        return None
-    room = Room.of(records, rig.layout.driven[0][0])
-    if not room.speed > 0 or not room.span > 0:
+    room = _room(kind, records, kind.nominal() | found.augmented.theta)
+    if room is None:
         return None
 
     def candidate(effect: str, model: FittedModel) -> Candidate:
@@ -155,10 +162,10 @@ def propose(
         return None
     else:
         asked, apart = [], []
-        plan = _richest(kind, replace(room, length=max(room.length, SET.plan_shows_s)), shown, rng)
-    motion = plan.record(kind.name)
+        plan = _richest(room, shown, rng)
+    motion = plan.motion
     shows = () if shown is None else tuple(sorted(shown(motion)[0]))
-    if not pairs and not shows:
+    if not pairs and not shows and not unexplained:
         return None
     times, places = plan.waypoints()
     return Proposal(
@@ -174,14 +181,26 @@ def propose(
     )
 
 
-def _richest(kind: Kind, room: Room, shown: Shown, rng: np.random.Generator) -> Plan:
+def _room(kind: Kind, records: Sequence[Record], theta: Theta) -> Room | DriveRoom | None:
+    """What a drive can do; None where it does nothing, and for a kind without a capsule in motion."""
+    rig = KINDS[kind.name]
+    if rig.led:
+        room = Room.of(records, rig.layout.driven[0][0])
+        return room if room.speed > 0 and room.span > 0 else None
+    if not isinstance(kind, SeriesKind):
+        return None
+    driven = driven_column(kind.name, records)
+    return DriveRoom(kind, tuple(records), theta, driven) if any(np.ptp(r[driven]) for r in records) else None
+
+
+def _richest(room: Room | DriveRoom, shown: Shown, rng: np.random.Generator) -> Plan | DrivePlan:
     """The random plan that shows most effects; of those the richest."""
 
-    def worth(plan: Plan) -> tuple[int, float]:
-        effects, rich = shown(plan.record(kind.name))
-        return len(effects), rich
+    def worth(plan: Plan | DrivePlan) -> tuple[float, int, float]:
+        effects, rich = shown(plan.motion)
+        return -plan.beyond, len(effects), rich
 
-    return max((random_plan(room, rng) for _ in range(SET.plan_effort[0])), key=worth)
+    return max((room.random(rng) for _ in range(SET.plan_effort[0])), key=worth)
 
 
 def words_of(proposal: Proposal | None) -> str | None:
@@ -196,29 +215,30 @@ def words_of(proposal: Proposal | None) -> str | None:
         so_far = min(one.so_far for one in ones)
         case = "next.separates" if so_far < SET.apart else "next.separates_better"
         said.append(TEXT(case, effect=effect_words(effect), rivals=rivals, so_far=so_far))
+    if not proposal.separations and not proposal.shows:
+        said.append(TEXT("next.unexplained"))
     if proposal.shows:
         said.append(TEXT("next.shows", names=map(effect_words, proposal.shows)))
     return " ".join(said)
 
 
 def _best(
-    kind: Kind, room: Room, asked: Sequence[Question], read: Sequence[Record], rng: np.random.Generator
-) -> tuple[Plan, list[float]]:
+    kind: Kind, room: Room | DriveRoom, asked: Sequence[Question], read: Sequence[Record], rng: np.random.Generator
+) -> tuple[Plan | DrivePlan, list[float]]:
     """The plan whose least separation is largest, and its separations; the last few with the rivals truly fitted."""
 
-    def worth(plan: Plan) -> float:
-        motion = plan.record(kind.name)
-        return min(q.separation(motion) for q in asked)
+    def worth(plan: Plan | DrivePlan) -> float:
+        return -plan.beyond or min(q.separation(plan.motion) for q in asked)
 
-    def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
+    def judged(plans: Sequence[Plan | DrivePlan]) -> list[tuple[float, Plan | DrivePlan]]:
         return list(zip(each(worth, plans), plans, strict=True))
 
     first, again, best, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
-    rows = judged([random_plan(room, rng) for _ in range(first)])
+    rows = judged([room.random(rng) for _ in range(first)])
     for _ in range(rounds):
         rows = sorted(rows, key=lambda row: -row[0])[:best]
-        rows += judged([varied(rows[k % best][1], rng) for k in range(again)])
+        rows += judged([rows[k % best][1].varied(rng) for k in range(again)])
     finals = [plan for _, plan in sorted(rows, key=lambda row: -row[0])[:best]]
-    apart = [[q.refitted(read, plan.record(kind.name)) for q in asked] for plan in finals]
+    apart = [[q.refitted(read, plan.motion) for q in asked] for plan in finals]
     farthest = max(range(len(finals)), key=lambda k: min(apart[k]))
     return finals[farthest], apart[farthest]

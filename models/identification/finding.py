@@ -96,9 +96,9 @@ class Separation:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven `column`, the
-    same as columns of a record, what it would separate, and the ids of effects that it would show and the records so
-    far cannot.
+    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven `column`, or
+    of the capsule where no path is imposed; the drive as columns of a record, what it would separate, and the ids of
+    effects that it would show and the records so far cannot.
     """
 
     column: str

@@ -20,6 +20,7 @@ from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.possible import choice_of
 from models.identification.record_checks import check_parts, check_records
+from models.identification.search.screening import null_distribution, records_for_null
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
@@ -34,7 +35,8 @@ from models.identification.verdict import (
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
-from models.words.sentences import Sentences
+from models.words.quantities import measured_unit
+from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 
@@ -47,19 +49,22 @@ def close(
     seed: int = 0,
     known: Known = NOTHING_KNOWN,
     most: int = SET.most_effects,
+    told: Callable[[Mapping[str, Quantity]], None] = lambda _: None,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     only checked for what makes it unusable until the end.
 
     Base parameters that are `known` from elsewhere replace the rig file's and constrain the calibration as its
-    `[prior]` does; known effects belong to the base. At `most` so many effects are searched for. The same records and
-    `seed` give the same numbers. Raises ValueError for records from which nothing is identifiable.
+    `[prior]` does; known effects belong to the base. At `most` so many effects are searched for. Before the fit `told`
+    gets the `smallest` sizes that would show. The same records and `seed` give the same numbers. Raises ValueError for
+    records from which nothing is identifiable.
     """
     began = time.monotonic()
     findings = examined(rig, train, holdout)
     train, holdout = [ready(record, rig) for record in train], [ready(record, rig) for record in holdout]
     prepared = prepare(rig, train, known, findings)
     check_parts(prepared.kind, train, holdout)
+    told(smallest(prepared.kind, train))
     found = search(prepared.kind, train, progress, np.random.default_rng(seed), most)
     progress("held-out records", 0.95)
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
@@ -99,6 +104,16 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     if isinstance(kind, SeriesKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
+
+
+def smallest(kind: AnyKind, records: Sequence[Record]) -> dict[str, Quantity]:
+    """The smallest amplitude of each effect of `kind` that a search in such `records` would tell from chance, before
+    any fit: in records that the nominal model makes. Nothing where they are too few for that.
+    """
+    part = records_for_null(kind, kind.searched(records))
+    _, sizes, _ = null_distribution(kind, part, kind.nominal(), np.random.default_rng(0))
+    units = {name: kind.declared(name).amplitude().unit for name in sizes}
+    return {name: Quantity(size, measured_unit(units[name], kind.unit)) for name, size in sorted(sizes.items())}
 
 
 def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]]) -> Predicted:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,11 +15,12 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Room:
-    """The range of a motion: positions of the records, from `low` to `high` in m, beginning at `start`; up to `speed`
-    in m/s (up to four times theirs, as long as that is at most 10 mm/s); `length` in s, sampled every `dt` s in
-    `column`.
+    """The range of a motion of a `kind` of rig: positions of the records, from `low` to `high` in m, beginning at
+    `start`; up to `speed` in m/s (up to four times theirs, as long as that is at most 10 mm/s); `length` in s, sampled
+    every `dt` s in `column`.
     """
 
+    kind: str
     column: str
     low: float
     high: float
@@ -39,7 +41,18 @@ class Room:
         fastest = max(fast, min(SET.plan_faster * fast, SET.plan_usual_m_s))
         length = float(np.clip(0.5 * np.mean(lengths), SET.plan_shortest_s, SET.plan_longest_s))
         low, high = float(positions.min()), float(positions.max())
-        return cls(column, low, high, float(records[0][column][0]), fastest, length, dt)
+        return cls(records[0].kind, column, low, high, float(records[0][column][0]), fastest, length, dt)
+
+    def random(self, rng: np.random.Generator, begun: Sequence[Move] = ()) -> Plan:
+        """The moves `begun` as long as there is time, then random ones until the time is over."""
+        moves, here, left = [], self.start, self.length
+        waiting = list(begun)
+        while left > 0:
+            move = waiting.pop(0) if waiting else _random_move(self, here, rng)
+            left -= abs(move.position - here) / move.speed + move.rest
+            moves.append(move)
+            here = move.position
+        return Plan(self, tuple(moves))
 
     @property
     def span(self) -> float:
@@ -70,6 +83,29 @@ class Plan:
 
     room: Room
     moves: tuple[Move, ...]
+    beyond: ClassVar[float] = 0.0
+
+    def varied(self, rng: np.random.Generator) -> Plan:
+        """The same with one or two of its moves changed, left out or added."""
+        room, moves = self.room, list(self.moves)
+        for _ in range(int(rng.integers(1, 3))):
+            k = int(rng.integers(len(moves)))
+            here = moves[k - 1].position if k else room.start
+            match int(rng.integers(5)):
+                case 0:
+                    moves[k] = _random_move(room, here, rng)
+                case 1:
+                    moves.insert(k, _random_move(room, here, rng))
+                case 2 if len(moves) > 1:
+                    del moves[k]
+                case 3:
+                    speed = float(
+                        np.clip(moves[k].speed * np.exp(rng.normal(0, 0.5)), SET.slow * room.speed, room.speed)
+                    )
+                    moves[k] = replace(moves[k], speed=speed)
+                case _:
+                    moves[k] = replace(moves[k], rest=_random_rest(room, rng))
+        return room.random(rng, moves)
 
     def waypoints(self) -> tuple[Array, Array]:
         """Times in s (n,) from 0 to the length, and the positions in m (n,)."""
@@ -86,8 +122,9 @@ class Plan:
         t, x = zip(*kept, (self.room.length, end), strict=True)
         return np.array(t), np.array(x)
 
-    def record(self, kind: str) -> Record:
-        """The motion as the driven columns of a record, corners rounded."""
+    @property
+    def motion(self) -> Record:
+        """The motion as the driven column of a record, corners rounded."""
         room = self.room
         n = round(room.length / room.dt) + 1
         t = room.dt * np.arange(n)
@@ -96,42 +133,9 @@ class Plan:
         sums = np.cumsum(np.concatenate([[0.0], before]))
         return Record(
             "next experiment",
-            kind,
+            room.kind,
             {"t_s": np.asarray(t), room.column: np.asarray((sums[width:] - sums[:-width]) / width)},
         )
-
-
-def random_plan(room: Room, rng: np.random.Generator, begun: Sequence[Move] = ()) -> Plan:
-    """The moves `begun` as long as there is time, then random ones until the room's time is over."""
-    moves, here, left = [], room.start, room.length
-    waiting = list(begun)
-    while left > 0:
-        move = waiting.pop(0) if waiting else _random_move(room, here, rng)
-        left -= abs(move.position - here) / move.speed + move.rest
-        moves.append(move)
-        here = move.position
-    return Plan(room, tuple(moves))
-
-
-def varied(plan: Plan, rng: np.random.Generator) -> Plan:
-    """`plan` with one or two of its moves changed, left out or added."""
-    room, moves = plan.room, list(plan.moves)
-    for _ in range(int(rng.integers(1, 3))):
-        k = int(rng.integers(len(moves)))
-        here = moves[k - 1].position if k else room.start
-        match int(rng.integers(5)):
-            case 0:
-                moves[k] = _random_move(room, here, rng)
-            case 1:
-                moves.insert(k, _random_move(room, here, rng))
-            case 2 if len(moves) > 1:
-                del moves[k]
-            case 3:
-                speed = float(np.clip(moves[k].speed * np.exp(rng.normal(0, 0.5)), SET.slow * room.speed, room.speed))
-                moves[k] = replace(moves[k], speed=speed)
-            case _:
-                moves[k] = replace(moves[k], rest=_random_rest(room, rng))
-    return random_plan(room, rng, moves)
 
 
 def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:

@@ -142,3 +142,8 @@ def _exponent(value: float, digits: int) -> int:
 
 def _signed(text: str) -> str:
     return text.replace("-", _MINUS) if text.startswith("-") else text
+
+
+def measured_unit(unit: str, measured: str) -> str:
+    """The unit of a number that counts in that of the measured column."""
+    return unit.replace("of the measured unit", measured)

@@ -1,8 +1,8 @@
 """What leads a run with a model that carries a choice: the stage and the controller, expected to track best."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,6 +11,7 @@ from controller.choice.trial import Mission
 from controller.choice.world import Localisation
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
+from controller.supervision.others import MOST
 from hil.app.console import progress_bar
 from hil.app.scenario.model_use import CHOSEN, model_for, values_of
 from hil.app.scenario.scenario import TrackScenario
@@ -28,12 +29,15 @@ Believed = Callable[[Theta, ControlModel | None], ControlModel]
 
 @dataclass(frozen=True)
 class Leading:
-    """What leads: the `values` of a `stage` and a `controller`, and what was `chosen`, if anything."""
+    """What leads: the `values` of a `stage` and a `controller`, and what was `chosen`, if anything. Where no stage was
+    given by hand, `others` may lead on once that model is broken.
+    """
 
     values: Theta
     stage: str
     controller: str
     chosen: Chosen | None = None
+    others: Mapping[str, Theta] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
         """The key `chosen` of a run's JSON object."""
@@ -63,7 +67,8 @@ def leading_of(
         if stage == CHOSEN:
             raise ValueError(f"{path}: model must carry a choice for --stage chosen, as close-loop writes it; got none")
     values, used = values_of(path, stage, kind, known)
-    return Leading(values, used, controller or usual)
+    others = {} if path is None or stage is not None else others_of(model_for(path, kind, known), values)
+    return Leading(values, used, controller or usual, others=others)
 
 
 def names_of(usual: str, kind: str) -> list[str]:
@@ -105,7 +110,18 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
         return made[name, height]
 
     found = choose(mission, candidates, list(numbers), world, report, model.barred)
-    return Leading(model.believed(found.stage), found.stage, found.controller, found)
+    values = model.believed(found.stage)
+    return Leading(values, found.stage, found.controller, found, others_of(model, values))
+
+
+def others_of(model: Model, leading: Theta) -> dict[str, Theta]:
+    """The stages and members that may lead in place of the `leading` values, at most `MOST`, the last stage first."""
+    found: dict[str, Theta] = {}
+    for stage in (*reversed(STAGES), *model.members):
+        values = model.believed(stage)
+        if stage not in model.barred and values != leading and values not in found.values():
+            found[stage] = values
+    return dict(list(found.items())[:MOST])
 
 
 def worlds_of(model: Model) -> dict[str, Theta]:

@@ -3,9 +3,10 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -55,6 +56,7 @@ class LoopTrace:
     measured: Array = field(default_factory=lambda: np.zeros((0, 2)))
     wall_clock_s: float = 0.0
     taken_at: float = math.nan
+    switched: list[tuple[float, str]] = field(default_factory=list)
     health: Health = field(default_factory=Health)
     truth: Truth | None = None
     halted: str = ""
@@ -137,12 +139,14 @@ def run_loop(
     report: Progress | None = None,
     *,
     offer: Offer | None = None,
+    others: Mapping[str, ControlModel] = MappingProxyType({}),
 ) -> LoopTrace:
     """Run `scenario`: in each tick estimate, command through supervisor and limits, plant. The model on `offer` takes
-    over at a rest. Raises ValueError for a controller that cannot lead this rig.
+    over at a rest, one of the `others` once the model is broken. Raises ValueError for a controller that cannot lead
+    this rig.
     """
     noise_m, estimator = scenario.instruments.localisation.std, scenario.control.estimator
-    loop = ClosedLoop(Asked(scenario.reference, scenario.limits, noise_m, estimator), model, controller, offer)
+    loop = ClosedLoop(Asked(scenario.reference, scenario.limits, noise_m, estimator), model, controller, offer, others)
     truth = _lifted(scenario, model)
     plant = _Plant(Session(truth, scenario.instruments, seed, loop.supervisor.issued.command))
     ticks = round(scenario.duration_s / scenario.control.tick_s)
@@ -159,5 +163,6 @@ def run_loop(
     trace.rows, trace.measured = np.concatenate(plant.session.rows), np.array(plant.places).reshape(-1, 2)
     trace.events, trace.truth = list(supervisor.events), truth
     trace.halted, trace.first = supervisor.halted, supervisor.first
+    trace.switched = switch.switched
     trace.counts, trace.taken_at, trace.health = switch.counts, switch.taken_at, switch.health
     return trace

@@ -68,6 +68,7 @@ def _runs(
     believed = believed_model(scenario, leading.values)
     offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
     offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
+    others = {stage: believed_model(scenario, values, believed) for stage, values in leading.others.items()}
     late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
     if late >= latest:
         note(TEXT("late", seconds=late, limit=latest))
@@ -78,12 +79,13 @@ def _runs(
             def part(stage: str, share: float, done: int = k) -> None:
                 report(stage, (done + share) / len(names))
 
-            trace = run_loop(scenario, believed, name, seed, part, offer=offer)
+            trace = run_loop(scenario, believed, name, seed, part, offer=offer, others=others)
             worth = score(scenario, trace)
             found = document(
                 scenario, name, seed, leading.stage, worth, None if out is None else str(out / "track.json")
             )
             found |= leading.document() | offer_document(offered, trace.taken_at)
+            found["switched"] = [{"at_s": at_s, "to": stage} for at_s, stage in trace.switched]
             found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
             found["led_share"] = shares(trace.led)
             if believed.rig.magnets is not None:

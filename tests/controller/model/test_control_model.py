@@ -199,7 +199,7 @@ def test_the_loops_are_casadis_functions(magnetic: ControlModel) -> None:
         assert slopes[k] == pytest.approx(np.array(by_state).ravel(), rel=1e-9)
     each = np.array(path[:3])
     own = p[0] * np.array([0.9, 1.0, 1.1])
-    kernels.run_each(0, own, each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p)
+    kernels.run_each(np.array([0]), own[None, :], each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p)
     for before, after, friction in zip(path, each, own, strict=False):
         numbers = np.array([friction, *p[1:]])
         expected = magnetic.symbols.substep(before, 5e-3, 5.1e-3, 0.0, 0.0, TICK_S, numbers)

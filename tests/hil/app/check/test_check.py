@@ -70,3 +70,21 @@ def test_a_file_that_is_no_record_has_status_2(tmp_path: Path, capfd: pytest.Cap
     (tmp_path / "one.csv").write_text("a,b\n1,2\n", encoding="utf-8")
     assert run(["check", *options]) == 2
     assert len(capfd.readouterr().err.strip().splitlines()) == 1
+
+
+def test_the_smallest_sizes_that_would_show_grow_with_the_noise_and_have_the_unit_of_the_effect(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    quiet = json.loads(_checked(written(tmp_path, pull()), capfd))["smallest_detectable"]
+    noisy = written(tmp_path, pull(), RIG.replace(f"force_std_N = {NOISE}", f"force_std_N = {6 * NOISE}"))
+    sizes = json.loads(_checked(noisy, capfd))["smallest_detectable"]
+    assert {"fold_periodic", "respiration", "stribeck"} <= quiet.keys() == sizes.keys()
+    assert all(3 < sizes[name] / quiet[name] < 12 for name in ("fold_periodic", "respiration", "stribeck"))
+    assert run(["check", *noisy]) == 0
+    row = next(line for line in capfd.readouterr().out.splitlines() if "breathing force" in line)
+    assert row.rstrip(" ┃│|").endswith("N")
+
+
+def _checked(options: list[str], capfd: pytest.CaptureFixture[str]) -> str:
+    assert run(["check", *options, "--json"]) == 0
+    return capfd.readouterr().out

@@ -109,6 +109,10 @@ PIDs named estimated included, the friction-aware estimate. `vibro_square` is `v
 """
 
 
+MODEL_FREE: Final = ("pid", "pid_friction")
+"""Controllers on the kinematic filter, which nothing carries across a delay."""
+
+
 def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can control."""
     if name in _OWN:
@@ -149,7 +153,7 @@ def _own(cls: type[Controller]) -> Builder:
 def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
     """The estimator of the controller `name` for measurements up to `age_s` old, unless `estimator` is another."""
     driven = driven_of(model.drive)
-    classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
+    classical = dict(zip(MODEL_FREE, (driven.pid, driven.pid_friction), strict=True)).get(name)
     if estimator == "default" and classical is not None:
         return KinematicFilter(model, classical.jerkiness, FilterNoise().up_to(age_s))
     sharp = model.sharp

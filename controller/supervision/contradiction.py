@@ -1,6 +1,7 @@
 """Localisation, drive and capsule compared with each other and with the wanted position, without any estimator."""
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,7 +23,7 @@ _MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
 _SLIPS_M_S: Final = 0.2  # speed of a slip between two readings
 _FASTEST_M_S: Final = 1.0  # speed above every real motion
-_CONFIRMED: Final = 3  # readings in a row that confirm a jump
+CONFIRMED: Final = 3  # readings in a row that confirm a jump
 _SPEED: Final = 0.5  # share of the speed limit that readings must stay below
 _APART_S: Final = 0.04  # time between two readings for a speed
 
@@ -55,7 +56,7 @@ class Corridor:
 @dataclass(slots=True)
 class JumpCheck:
     """Accepts a reading no farther from the last accepted one than a capsule slips meanwhile. After a jump,
-    `_CONFIRMED` readings in a row must agree, or move at no more than `_FASTEST_M_S`.
+    `CONFIRMED` readings in a row must agree, or move at no more than `_FASTEST_M_S`.
     """
 
     noise_m: float
@@ -72,7 +73,7 @@ class JumpCheck:
             again = abs(position_m - self.candidate_m) <= apart_m + _FASTEST_M_S * abs(stamp_s - self.refused_at)
             self.refused_at = stamp_s
             self.agree, self.candidate_m = self.agree + 1 if again else 1, position_m
-            if self.agree < _CONFIRMED:
+            if self.agree < CONFIRMED:
                 return False
         self.position_m, self.at, self.agree = position_m, stamp_s, 0
         return True
@@ -92,6 +93,8 @@ class Contradiction:
       `_IN_VAIN[0]` times the friction, in frictions, may sum up to `_IN_VAIN[1]` seconds before; until then it is at
       most `_MOST_IN_VAIN` (`most`). With an inner mass it moves by `_STILL_M` and `_STDS` standard deviations within
       `_ON_S`.
+    - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
+      seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
       delay stops before the limit. An inner mass shakes its capsule faster.
 
@@ -120,10 +123,16 @@ class Contradiction:
         self.against_m = self._on_s = self._sign = self._vain_s = self._vain_sign = 0.0
         self._rested_m = self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
-        self._outside = 0
+        self._outside, self._way_m, self._wanted_m = 0, 0.0, math.nan
+        self._ways: deque[float] = deque(maxlen=CONFIRMED)
 
     def drove(self, drive: float, wanted_m: float, dt: float) -> str:
         """A tick of `dt` s with the drive at `drive`; the reason to stop, or ""."""
+        step_m, self._wanted_m = abs(wanted_m - self._wanted_m), wanted_m
+        self._way_m += step_m if step_m <= self._envelope.limits.speed_m_s * dt else 0.0
+        if len(self._ways) == CONFIRMED and self._way_m - self._ways[0] > self._envelope.around_m:
+            far = 1e3 * (self._way_m - self._ways[0])
+            return f"the localisation is too slow or late: {CONFIRMED} readings while the reference went {far:.0f} mm"
         if self._envelope.shaken:
             self._on_s += dt * (drive > 0)
             if self._on_s > _ON_S:
@@ -145,6 +154,8 @@ class Contradiction:
 
     def saw(self, position_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
         """The localisation shows the capsule at `position_m`; `drive` and `wanted_m` are those of its stamp."""
+        behind_m = abs(self._wanted_m - wanted_m)
+        self._ways.append(self._way_m - (behind_m if behind_m < self._way_m else 0.0))
         if not self._jump.takes(position_m, stamp_s):
             return ""
         push = drive - position_m if self._envelope.placed else self._envelope.sense * drive
@@ -167,7 +178,7 @@ class Contradiction:
             return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
         outside = self._capsule.leaves(position_m, wanted_m, dt if dt > 0 else 0.0)
         self._outside = self._outside + 1 if outside else 0
-        if self._outside >= _CONFIRMED:
+        if self._outside >= CONFIRMED:
             off = 1e3 * (position_m - wanted_m)
             return f"{CONTRADICT}: the localisation shows the capsule {off:+.1f} mm from the wanted position"
         return ""

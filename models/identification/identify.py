@@ -144,40 +144,23 @@ def judge(
     error: Mapping[str, float],
     seed: int,
 ) -> Judged:
-    """The verdict on what was `found`; `error` is that of the held-out records by stage, empty without any."""
+    """The verdict on what was `found`; `error` is that of the held-out records by stage, empty without any. Without
+    effects the last stage is the one before it; where it errs more than an earlier one, and beyond what right models
+    leave, that weakens the verdict.
+    """
     kind, fit, rng = prepared.kind, found.augmented, np.random.default_rng(seed)
     fitted = intervals(kind, fit, found.model, found.parts)
     rest, floor = checks_of_rest(kind, found, train, holdout, rng), kind.noise_floor(holdout or train)
-    worse = setbacks(error, floor, kind.error_unit)
+    worse, last = setbacks(error, floor, kind.error_unit), "augmented" if found.effects else "calibrated"
+    said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
+    bounds = {"calibrated": at_bounds(kind, found.calibrated, []), "augmented": at_bounds(kind, fit, found.model)}
     beyond = any(check.id == "held_out" and not check.ok for check in rest)
-    findings = (*_setbacks(kind, found, worse, beyond, holdout), *prepared.findings)
-    longest_s = max(_seconds(record) for record in train)
+    findings = (*setback_findings(said, holdout, bounds, last if beyond else None), *prepared.findings)
+    longest_s = max(
+        float(np.ptp(r[TIME])) - lead_in_s(r) if r.layout.time else np.inf for r in train
+    )  # tables: endless
     checks = (*rest, *checks_of_model(kind, found, fitted, error, findings, longest_s))
     return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
-
-
-def _setbacks(
-    kind: AnyKind,
-    found: Search,
-    worse: Mapping[str, str],
-    beyond: bool,
-    holdout: Sequence[Record],
-) -> tuple[RecordFinding, ...]:
-    """Findings on the stages that are `worse`; without effects the last stage is the one before it, and weakens the
-    verdict where held-out records are `beyond` what right models leave.
-    """
-    last = "augmented" if found.effects else "calibrated"
-    said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
-    bounds = {
-        "calibrated": at_bounds(kind, found.calibrated, []),
-        "augmented": at_bounds(kind, found.augmented, found.model),
-    }
-    return setback_findings(said, holdout, bounds, last if beyond else None)
-
-
-def _seconds(record: Record) -> float:
-    """How long in s its residuals count; infinite for a table, whose rows have no time."""
-    return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
 
 
 def _model(kind: AnyKind, predicted: Predicted, judged: Judged, provenance: dict[str, str], choice: Choice) -> Model:

@@ -125,20 +125,15 @@ class _Fitted:
 
     def _spread(self) -> Array:
         """Standard deviations of the values by least squares, widened for the misfit of the form."""
-        step = 1e-4 * np.maximum(np.abs(self.values), 1e-9)
-        weight = 1 / _errors(self.curve)
-        z = self.curve.centres
-        jacobian = np.stack(
-            [
-                weight * (self.at(z, self.values + d) - self.at(z, self.values - d)) / (2 * h)
-                for d, h in zip(np.diag(step), step, strict=True)
-            ],
-            axis=1,
+        z, weight = self.curve.centres, 1 / _errors(self.curve)
+        here = scipy.optimize.least_squares(
+            lambda values: weight * self.at(z, values), self.values, "3-point", diff_step=1e-4, max_nfev=1
         )
+        jacobian = here.jac
         scale = np.linalg.norm(jacobian, axis=0)
         scale[scale == 0] = 1.0
         inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), rcond=1e-10)
-        wide = max(self._cost() / max(len(z) - len(step), 1), 1.0)
+        wide = max(self._cost() / max(len(z) - len(self.values), 1), 1.0)
         return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0) * wide) / scale)
 
     def _cost(self) -> float:

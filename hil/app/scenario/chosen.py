@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
+from controller.choice.sight import unfit
 from controller.choice.trial import Mission
 from controller.choice.world import Localisation
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
-from hil.app.console import progress_bar
+from hil.app.console import note, progress_bar
 from hil.app.scenario.model_use import CHOSEN, model_for, values_of
 from hil.app.scenario.scenario import TrackScenario
 from models.effects import Catalogue
@@ -81,6 +82,19 @@ def mission_of(scenario: TrackScenario) -> Mission:
     seen, control = scenario.instruments.localisation, scenario.control
     localisation = Localisation(seen.rate_Hz, seen.std, seen.latency_s, seen.quantum)
     return Mission(scenario.reference, scenario.duration_s, scenario.limits, localisation, control.estimator)
+
+
+def seeing(mission: Mission, model: ControlModel, names: Sequence[str]) -> list[str]:
+    """The controllers among `names` that may lead with the localisation of `mission`; a note on the others. Raises
+    ValueError where none may.
+    """
+    why = {name: unfit(mission, model, name) for name in names}
+    able = [name for name in names if not why[name]]
+    if not able:
+        raise ValueError(why[names[-1]])
+    for words in filter(None, why.values()):
+        note(words)
+    return able
 
 
 def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Progress) -> Leading:

@@ -4,6 +4,7 @@ import math
 import signal
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -182,7 +183,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     answer = bench.node.answer
     if answer.unrest and answer.unrest not in trace.stopped_because:
         trace.stopped_because = TEXT("then", ended=trace.stopped_because or DONE, unrest=answer.unrest)
-    trace.led_share = shares(answer.led)
+    rests = len(trace.steered) - led[0] - len(led) if led else 0
+    trace.led_share = shares(answer.led + Counter(stop=rests))
     trace.led_at = led[-1] * bench.tick_s if led else -math.inf
     doubt = answer.not_led(bench.node.wanted, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE

@@ -19,7 +19,7 @@ from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.chosen import leading_of, mission_of
+from hil.app.scenario.chosen import leading_of, mission_of, seeing
 from hil.app.scenario.model_use import chosen_words, health_words, offer_document, offer_of, offer_words, read_offer
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
@@ -74,6 +74,7 @@ def sil(
             leading = leading_of(model, *asked, mission_of(scenario.loop), lambda values, _: on_bus(values))
             values, used, name = leading.values, leading.stage, leading.controller
             believed = on_bus(values)
+            seeing(mission_of(scenario.loop), believed, [name])
             offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
             offer = offer_of(offered, on_bus)
 

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
 import typer
 
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app import shared_options as options
-from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
-from hil.app.scenario.chosen import Leading, leading_of, mission_of
+from hil.app.console import json_text, output_to_notes, print_json, progress_bar
+from hil.app.scenario.chosen import Leading, leading_of, mission_of, seeing
 from hil.app.scenario.model_use import offer_document, offer_of, read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import argument, option
@@ -20,9 +20,6 @@ from hil.app.track.page import page_html, say
 from hil.app.track.score import document, score, verdicts
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
-from models.words.sentences import Sentences
-
-TEXT: Final = Sentences(__file__)
 
 
 def track(
@@ -39,7 +36,7 @@ def track(
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
 ) -> int:
-    """Run a scenario in closed loop: 1 where a run fails a check of the scenario. Raises ValueError."""
+    """Run a scenario in closed loop: 1 where a run fails a check or is stopped. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario = load_track_scenario(path, reference).knowing(known)
@@ -58,7 +55,8 @@ def track(
         print_json({"runs": documents} if compare else documents)
     else:
         say(scenario, [found for found, _ in runs], out)
-    return int(any(not check["passed"] for found, _ in runs for check in found["checks"]))
+    failed = any(not check["passed"] for found, _ in runs for check in found["checks"])
+    return int(failed or any(trace.halted for _, trace in runs))
 
 
 def _runs(
@@ -69,9 +67,7 @@ def _runs(
     offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
     offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
     others = {stage: believed_model(scenario, values, believed) for stage, values in leading.others.items()}
-    late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
-    if late >= latest:
-        note(TEXT("late", seconds=late, limit=latest))
+    names = seeing(mission_of(scenario), believed, names)
     runs: list[tuple[dict[str, Any], LoopTrace]] = []
     with progress_bar(scenario.name, even=True) as report:
         for k, name in enumerate(names):

@@ -35,7 +35,7 @@ class FreeParameter:
         if not p.least:
             return self
         low, high = (p.least, p.upper) if start.get(p.key, p.value) >= 0 else (p.lower, -p.least)
-        return replace(self, parameter=replace(p, lower=low, upper=high))
+        return replace(self, parameter=replace(p, lower=low, upper=high, value=float(np.clip(p.value, low, high))))
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Fit:
 
 
 def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
-    """The fitted parameters of `kind` with `effects`; the scale is a tenth of the value, of an amplitude its probe."""
+    """The fitted parameters of `kind` with `effects`; the scale is a share of the value, of an amplitude its probe."""
     result = [FreeParameter(p, _scale(p)) for p in kind.base if p.fit]
     known = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
     for effect in (known[name] for name in effects):
@@ -75,7 +75,7 @@ def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
 
 
 def _scale(p: Parameter) -> float:
-    return 0.1 * abs(p.value) if p.value else (p.upper - p.lower) / 600
+    return SET.scale * abs(p.value) if p.value else SET.scale_of_range * (p.upper - p.lower)
 
 
 def evaluate(kind: Kind, records: Sequence[Record], theta: Theta, criterion: int) -> Array:

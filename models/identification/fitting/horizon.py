@@ -68,6 +68,6 @@ def _place(kind: Kind, axis: FreeParameter, start: Theta, share: float, fresh: s
         value = value if p.lower <= value <= p.upper else -value
     else:
         value = start.get(axis.name, p.value)
-        reach = min(p.spread, max(SET.near_start * axis.scale, SET.near_start / 10 * abs(value)))
+        reach = min(p.spread, max(SET.near_start * axis.scale, SET.near_share * abs(value)))
         value += reach * (2 * share - 1)
     return float(np.clip(value, p.lower, p.upper))

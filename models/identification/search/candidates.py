@@ -158,6 +158,6 @@ def better_without(model: FittedModel, further: str, others: Sequence[Theta]) ->
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
     """The trials against the best fit *without* a further effect, also started from their bases; and that fit."""
     best = model
-    for trial in trials[:2]:
+    for trial in trials[: SET.compared]:
         best = better_without(best, trial.effect, trial.fitted.thetas)
     return sorted((replace(t, before=best.blocks) for t in trials), key=lambda trial: -trial.gain), best

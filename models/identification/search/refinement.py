@@ -20,8 +20,7 @@ Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
 def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     """The refinements of the named effects' shapes, and the fits with them: added one after the other, the fewest that
     do about as well on validation records as the best. Each also begins where it changes nothing, and is compared with
-    the model without it, refitted from its base: none wins or fails by luck. It begins at `known` fits, too, and adds
-    new ones.
+    the model without it, refitted from its base: none wins or fails by luck. `known` fits are begun at and replaced.
     """
     curves = _shapes(model.kind, model.effects) if model.training_blocks.mean() > SET.events else []
     rows = [model]

@@ -59,15 +59,15 @@ class _View:
         D, r = change.T, self.residual
         D = D - self.basis @ (self.basis.T @ D)
         size, power, own = float(np.linalg.norm(D)), float(r @ r), dict(start)
-        if not (0 < power < np.inf) or not np.isfinite(size) or size < 1e-9 * np.sqrt(power):
+        if not (0 < power < np.inf) or not np.isfinite(size) or size < SET.inside * np.sqrt(power):
             return Screened(effect.id, 0.0, (own,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
         size *= 1 / np.sqrt(len(change))
         if phase is not None:
             own[phase] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
-        wanted = own[amplitude.name] * scale
-        own[amplitude.name] = float(np.clip(wanted, 0.9 * amplitude.lower, 0.9 * amplitude.upper))
+        wanted, room = own[amplitude.name] * scale, SET.well_inside
+        own[amplitude.name] = room * float(np.clip(wanted / room, amplitude.lower, amplitude.upper))
         within = max(own[amplitude.name] / wanted, 0.0) if wanted else 0.0
         share = 1 - float(np.sum((r + within * (D @ factor)) ** 2)) / power
         return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
@@ -145,7 +145,7 @@ def null_distribution(
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         cost = max(cost, left)
         rows = screen(kind, imitated, [], own)
-        gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
+        gain = max(gain, *(-float(np.log1p(-min(row.share, SET.share_most))) for row in rows)) if rows else gain
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)
     return gain, {name: value * float(np.sqrt(gain)) for name, value in weakest.items() if np.isfinite(value)}, cost

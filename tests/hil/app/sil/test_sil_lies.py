@@ -1,4 +1,4 @@
-"""A localisation that drifts, in `capsule sil` as a user types it: stopped, told, status 1."""
+"""A localisation that drifts, in `capsule sil` and `track` as a user types it: stopped, told, status 1."""
 
 import json
 from pathlib import Path
@@ -25,10 +25,12 @@ kind = "hold"
 """
 
 
-def test_a_drift_ends_a_run_over_the_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("command", ["sil", "track"])
+def test_a_drift_ends_a_run(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "drift.toml").write_text(DRIFT)
-    assert run(["sil", str(tmp_path / "drift.toml"), "--json"]) == 1
+    assert run([command, str(tmp_path / "drift.toml"), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["ended"].startswith("sensor or drive contradict each other: ")
-    assert found["tracking_max_m"] < 0.02 / 3**0.5
+    assert command == "track" or found["tracking_max_m"] < 0.02 / 3**0.5
     assert sum(found["led_share"].values()) == pytest.approx(1.0)
+    assert found["led_share"]["stop"] > 0.1  # it did not lead to the end

@@ -150,15 +150,19 @@ def test_comparing_judges_each_controller_by_its_own_table_and_draws_all(
 
 
 def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Readings a second old are of no use: every tick is lost, and both outputs say so."""
-    short.write_text(SHORT + "[localisation]\nlatency_s = 1.0\n[checks]\nlost_ticks = 0\n", encoding="utf-8")
+    """Without a reading every tick is lost, and both outputs say so."""
+    short.write_text(SHORT + "[localisation]\ngaps_s = [0.0, 3.0]\n[checks]\nlost_ticks = 0\n", encoding="utf-8")
     assert run(["track", str(short), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["ticks"]["lost"] == 2000
     assert run(["track", str(short)]) == 1
-    said = capsys.readouterr()
-    assert "lost 2000" in said.out
-    assert "localisation is 1 s late and is not used" in said.err
+    assert "lost 2000" in capsys.readouterr().out
+
+
+def test_readings_a_second_old_are_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    short.write_text(SHORT + "[localisation]\nlatency_s = 1.0\n", encoding="utf-8")
+    assert run(["track", str(short)]) == 2
+    assert "younger than limits.age_s = 0.15 s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def compared(errors: Errors, monkeypatch: pytest.MonkeyPatch) -> tuple[Compariso
         for row, name in pairs:
             error = 1e-3 * errors[row.candidate.stage, row.candidate.controller][worlds.index(name)]
             broken = math.isinf(error)
-            row.outcomes[name] = Outcome(error, int(broken), whole=broken or error <= most_m)
+            row.outcomes[name] = Outcome(error, broken, whole=broken or error <= most_m)
             comparison.runs = next(tried) + 1
 
     monkeypatch.setattr(Comparison, "_try", outcome)

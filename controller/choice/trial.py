@@ -12,7 +12,7 @@ from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.signals import Reference
 
-LONGEST_S: Final = 6.0
+LONGEST_S: Final = 5.0
 """Length of the piece of a reference that is simulated: a run's first second and, at 1 to 2 mm/s, a fold of the gut."""
 SETTLE_S: Final = 0.5  # of a piece, before which errors do not count
 _BETWEEN_S: Final = 1.0  # of the starts of pieces that are compared
@@ -49,17 +49,17 @@ class Mission:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The rms error in m of a piece, and the ticks that broke a hard limit. Where it was not `whole`, the error is a
-    bound from below: what followed could only add to it.
+    """The rms error in m of a piece, and whether it ended in a broken hard limit or a stop for good. Where it was not
+    `whole`, the error is a bound from below: what followed could only add to it.
     """
 
     rmse_m: float
-    violations: int = 0
+    broken: bool = False
     whole: bool = True
 
     @property
     def cost(self) -> float:
-        return math.inf if self.violations else self.rmse_m
+        return math.inf if self.broken else self.rmse_m
 
 
 def tried(
@@ -71,7 +71,7 @@ def tried(
     most_m: float = math.inf,
 ) -> Outcome:
     """`controller` with `model` in the `world` of another over a `piece` of the mission; given up once its error
-    exceeds `most_m` or it breaks a limit.
+    exceeds `most_m`, it breaks a limit, or the supervisor stops it for good.
     """
     begin, end = piece
     place = float(mission.reference.position(np.array([begin]))[0])
@@ -83,8 +83,8 @@ def tried(
     first = min(round(SETTLE_S / model.tick_s), ticks // 2)
     total, counted = 0.0, ticks - first
     for k, _ in enumerate(loop.run(capsule, ticks)):
-        if capsule.broken(mission.limits.speed_m_s):
-            return Outcome(math.inf, 1, whole=False)
+        if capsule.broken(mission.limits.speed_m_s) or loop.supervisor.halted:
+            return Outcome(math.inf, broken=True)
         if k >= first:
             total += (float(capsule.state[0]) - float(wanted[k])) ** 2
             if total > most_m**2 * counted:

@@ -66,7 +66,8 @@ def judge(
         reasons.append("held-out error of the current model must be known on the same records; it is missing")
     elif not new <= share * old:
         reasons.append(f"held-out error must be at most {share:g} of the current model's {old:.4g}; got {new:.4g}")
-    return Acceptance((*reasons, *_bounds(model, rig, stage)))
+    barred = [f"the {stage} model must not lead as it is: {model.barred[stage]}"] if stage in model.barred else []
+    return Acceptance((*reasons, *barred, *_bounds(model, rig, stage)))
 
 
 def _bounds(model: Model, rig: Rig, stage: str) -> tuple[str, ...]:

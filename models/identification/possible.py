@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from models.identification.experiment import Candidate, root_of
+from models.identification.finding import STAGES
 from models.identification.fitting.confidence import memory
 from models.identification.model import DRAW
 from models.identification.search.search import Search
@@ -26,7 +27,7 @@ def choice_of(prepared: Prepared, found: Search, predicted: Predicted, judged: J
         return Choice()
     errors = predicted.error["holdout"] or predicted.error["train"]
     possible = {**dict(_members(prepared, found)), **dict(_draws(prepared, found, seed))}
-    return Choice(possible, barred(prepared, found, judged), refuted(errors, prepared.kind.error_unit))
+    return Choice(possible, barred(prepared, found, judged), refuted(judged.verdict, errors, prepared.kind.error_unit))
 
 
 def _members(prepared: Prepared, found: Search) -> Iterator[tuple[str, Theta]]:
@@ -57,11 +58,14 @@ def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
     return said
 
 
-def refuted(errors: Mapping[str, float], unit: str) -> dict[str, str]:
-    """The stages that the records exclude, as their error is far above the least."""
+def refuted(verdict: str, errors: Mapping[str, float], unit: str) -> dict[str, str]:
+    """The stages that the records exclude, as their error is far above the least. Where effects are named, the stages
+    without them are excluded.
+    """
     least = min(errors.values(), default=0.0)
+    factor = SET.refuted_unknown if verdict == "unknown" else SET.refuted
     return {
         stage: TEXT("refuted", error=Quantity(error, unit), least=Quantity(least, unit))
         for stage, error in errors.items()
-        if error > SET.refuted * least
+        if error > factor * least or (verdict == "named" and stage != STAGES[-1])
     }

@@ -100,8 +100,8 @@ def seeing(mission: Mission, model: ControlModel, names: Sequence[str]) -> list[
 def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Progress) -> Leading:
     """The stage or possible model, and the controller among `names`, that lead `mission`."""
     stages = [stage for stage in (*STAGES, *model.members) if stage not in model.barred]
-    candidates = list[Candidate]()
-    known = list[Theta]()
+    names = seeing(mission, believed(model.believed(NOMINAL), None), names)
+    candidates, known = list[Candidate](), list[Theta]()
     for stage in stages:
         values = model.believed(stage)
         if any(values == other for other in known):

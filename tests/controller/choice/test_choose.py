@@ -1,0 +1,150 @@
+"""What leads: the least worst error over the possible models, ties to the simpler, no worse than nominal or PID."""
+
+import math
+from collections.abc import Mapping
+
+import pytest
+
+import controller.choice.choose as choose_module
+from controller.choice.choose import Candidate, Chosen, Comparison, choose
+from controller.choice.trial import Mission, Outcome
+from controller.limits import Limits
+from controller.model.control_model import ControlModel
+from controller.reference import through
+from tests.controller.loops import model_of
+
+Errors = Mapping[tuple[str, str], tuple[float, ...]]
+"""The rms errors in mm of a stage under a controller, one a world; inf: a limit is broken."""
+MISSION = Mission(through([2e-3], 1e-3, 0.5, 0.5), 3.0, Limits())
+RANKS = {"nominal": 0, "calibrated": 1}
+
+
+def compared(errors: Errors, monkeypatch: pytest.MonkeyPatch) -> tuple[Comparison, list[Candidate]]:
+    """A comparison whose trials give `errors`."""
+    model, worlds = model_of(), [f"world {k}" for k in range(len(next(iter(errors.values()))))]
+    names = list(dict.fromkeys(controller for _, controller in errors))
+    candidates = [Candidate(s, c, model, (RANKS.get(s, 2), names.index(c))) for s, c in errors]
+    tried = iter(range(1000))
+
+    def outcome(comparison: Comparison, pairs: list[tuple[choose_module.Row, str]], most_m: float = math.inf) -> None:
+        for row, name in pairs:
+            error = 1e-3 * errors[row.candidate.stage, row.candidate.controller][worlds.index(name)]
+            broken = math.isinf(error)
+            row.outcomes[name] = Outcome(error, broken, whole=broken or error <= most_m)
+            comparison.runs = next(tried) + 1
+
+    monkeypatch.setattr(Comparison, "_try", outcome)
+    return Comparison(MISSION, candidates, worlds, lambda name, before: model, lambda words, share: None), candidates
+
+
+def chosen(errors: Errors, monkeypatch: pytest.MonkeyPatch) -> Chosen:
+    """What leads by these errors."""
+    comparison, candidates = compared(errors, monkeypatch)
+    worlds = [f"world {k}" for k in range(len(next(iter(errors.values()))))]
+    found = choose(MISSION, candidates, worlds, lambda name, before: candidates[0].model, lambda words, share: None)
+    leading = comparison.best().candidate
+    assert (found.stage, found.controller) == (leading.stage, leading.controller)
+    return found
+
+
+def test_the_least_worst_error_leads(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = chosen(
+        {
+            ("nominal", "feedforward"): (0.18, 0.18, 0.18),
+            ("nominal", "pid"): (0.3, 0.3, 0.3),
+            ("augmented", "feedforward"): (0.03, 0.05, 0.07),
+            ("augmented", "mpc"): (0.02, 0.03, 0.5),
+        },
+        monkeypatch,
+    )
+    assert (found.stage, found.controller) == ("augmented", "feedforward")
+    assert found.expected["augmented"] == pytest.approx(0.05e-3)
+    assert found.expected["nominal"] == pytest.approx(0.18e-3)
+    assert "augmented with feedforward 50 µm (30 µm to 70 µm), nominal 180 µm" in found.why
+
+
+def test_a_member_of_the_class_leads_where_it_is_least_bad_over_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`sensor_delay` was named though the drive lags: the other member is the better one in both worlds together."""
+    found = chosen(
+        {
+            ("nominal", "feedforward"): (0.15, 0.2),
+            ("augmented", "feedforward"): (0.03, 0.19),
+            ("actuator_lag", "feedforward"): (0.06, 0.04),
+        },
+        monkeypatch,
+    )
+    assert found.stage == "actuator_lag"
+
+
+@pytest.mark.parametrize(
+    ("better", "stage"), [(0.97, "nominal"), (0.9, "calibrated")], ids=["a tie goes to the simpler", "no tie"]
+)
+def test_ties(better: float, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("nominal", "feedforward"): (0.2, 0.2), ("calibrated", "feedforward"): (0.2 * better, 0.2 * better)}
+    assert chosen(errors, monkeypatch).stage == stage
+
+
+def test_a_broken_limit_never_leads(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("nominal", "feedforward"): (0.9, 0.9), ("augmented", "mpc"): (0.01, math.inf)}
+    assert chosen(errors, monkeypatch).stage == "nominal"
+
+
+def test_limits_broken_everywhere_leave_the_simplest(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("augmented", "mpc"): (math.inf, 0.1), ("nominal", "mpc"): (math.inf, math.inf)}
+    found = chosen(errors, monkeypatch)
+    assert found.stage == "nominal"
+    assert found.document()["expected_rmse_m"]["nominal"] is None
+
+
+@pytest.mark.parametrize(("other", "stage"), [(0.25, "nominal"), (0.18, "augmented")])
+def test_nothing_leads_that_loses_against_the_nominal_model_in_a_possible_world(
+    other: float, stage: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its worst error is the least, but it gains in one world what it loses in another."""
+    errors = {("nominal", "feedforward"): (0.33, 0.2), ("augmented", "feedforward"): (0.02, other)}
+    assert chosen(errors, monkeypatch).stage == stage
+
+
+def test_nothing_leads_that_loses_against_the_pid(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {
+        ("nominal", "feedforward"): (0.3, 0.3),
+        ("nominal", "pid"): (0.1, 0.32),
+        ("augmented", "feedforward"): (0.2, 0.1),
+    }
+    assert chosen(errors, monkeypatch).stage == "nominal"
+
+
+def test_the_mpc_must_be_clearly_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a plant it errs more, beside feedforward, than in a model."""
+    for error, controller in ((0.09, "feedforward"), (0.06, "mpc")):
+        errors = {("nominal", "feedforward"): (0.1, 0.1), ("nominal", "mpc"): (error, error)}
+        assert chosen(errors, monkeypatch).controller == controller
+
+
+def test_trials_that_cannot_change_the_answer_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("augmented", "feedforward"): (0.03,) * 6} | {
+        (stage, controller): (0.3,) * 6
+        for stage in ("nominal", "calibrated", "member")
+        for controller in ("feedforward", "mpc")
+    }
+    comparison, _ = compared(errors, monkeypatch)
+    assert comparison.best().candidate.stage == "augmented"
+    whole = sum(outcome.whole for row in comparison.rows for outcome in row.outcomes.values())
+    assert whole < len(errors) * 6 / 3
+
+
+def test_worlds_are_made_for_the_rig_of_the_leading_model() -> None:
+    """Two real trials of 1 s: the world is asked for by name, with the leading model."""
+    asked: list[tuple[str, ControlModel]] = []
+    model = model_of()
+
+    def world(name: str, before: ControlModel) -> ControlModel:
+        asked.append((name, before))
+        return model
+
+    short = Mission(through([0.5e-3], 1e-3, 0.0, 0.1), 1.0, Limits())
+    found = choose(
+        short, [Candidate("nominal", "pid", model, (0, 0))], ["one", "other"], world, lambda words, share: None
+    )
+    assert {name for name, _ in asked} == {"one", "other"}
+    assert 0 < found.expected["nominal"] < 0.5e-3

@@ -1,0 +1,161 @@
+"""What leads a run with a model that carries a choice: in the plant it is no worse than nominal model or PID, and
+`--stage` and `--controller` given by hand stand.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from hil.app.main import run
+from hil.app.scenario.chosen import Leading, chosen_of, leading_of, mission_of, names_of, worlds_of
+from hil.app.scenario.scenario import TrackScenario, load_track_scenario
+from hil.app.track.loop import believed_model, run_loop
+from hil.app.track.score import score
+from models.effects import CATALOGUE
+from models.identification import Model
+from models.theta import Theta
+
+WORSE = 1.05
+SCENARIO = """
+[scenario]
+name = "{name}"
+duration_s = 5.0
+seed = 4
+[rig]
+kind = "magnetic"
+{effects}
+[localisation]
+std = 0.1e-3
+[reference]
+kind = "waypoints"
+times_s = [0.5, 2.0, 2.5, 3.5, 5.0]
+positions_mm = [0.0, 4.0, 4.0, 1.0, 5.0]
+"""
+LAG = "[effects.actuator_lag]\ntime_s = 0.11"
+
+
+def scenario_of(folder: Path, effects: str) -> TrackScenario:
+    """The scenario with the hidden `effects` of the plant."""
+    path = folder / "scenario.toml"
+    path.write_text(SCENARIO.format(name="chosen", effects=effects))
+    return load_track_scenario(path)
+
+
+def model_of(scenario: TrackScenario, stages: Mapping[str, Theta], **more: object) -> Model:
+    """A model file's content: `stages` beyond the nominal one as changes of it."""
+    base = believed_model(scenario, Theta()).theta
+    values = {stage: base | stages.get(stage, Theta()) for stage in ("nominal", "calibrated", "augmented")}
+    return Model(scenario.kind, values, "named", **more)  # type: ignore[arg-type]
+
+
+def led(scenario: TrackScenario, model: Model, names: list[str] | None = None) -> Leading:
+    usual = names or names_of(scenario.control.controller, scenario.kind)
+    return chosen_of(model, partial(believed_model, scenario), mission_of(scenario), usual, lambda words, share: None)
+
+
+def error_m(scenario: TrackScenario, values: Theta, controller: str) -> float:
+    return score(scenario, run_loop(scenario, believed_model(scenario, values), controller, 4)).tracking_rmse_m
+
+
+@pytest.mark.slow
+def test_a_class_whose_wrong_member_was_taken(tmp_path: Path) -> None:
+    """The drive lags, in the plant's form; `sensor_delay` was named and `actuator_lag` is in its class."""
+    scenario = scenario_of(tmp_path, LAG)
+    delay, lag = Theta(effects={"sensor_delay": {"delay_s": 0.1}}), Theta(effects={"actuator_lag": {"time_s": 0.11}})
+    nominal = believed_model(scenario, Theta()).theta
+    possible = {"actuator_lag": nominal | lag, "draw_1": nominal | Theta(effects={"sensor_delay": {"delay_s": 0.09}})}
+    told = {"nominal": "it errs ten times as much", "calibrated": "it errs ten times as much"}
+    model = model_of(scenario, {"augmented": delay}, refuted=told, possible=possible)
+    leading = led(scenario, model)
+    assert leading.chosen is not None
+    plain = min(error_m(scenario, nominal, name) for name in ("feedforward", "mpc", "pid"))
+    taken = error_m(scenario, leading.values, leading.controller)
+    assert taken <= WORSE * plain
+    assert leading.stage in leading.chosen.why
+
+
+@pytest.mark.slow
+def test_a_calibration_that_no_record_prefers_by_far_does_not_lead(tmp_path: Path) -> None:
+    """Its friction is 40 % off, and the records leave the nominal model possible."""
+    scenario = scenario_of(tmp_path, "")
+    off = Theta({"friction_coefficient": 0.115, "magnet_stiffness_N_per_m": 20.0})
+    model = model_of(scenario, {"calibrated": off, "augmented": off})
+    nominal = model.stages["nominal"]
+    model = replace(model, possible={"draw_1": nominal | {"friction_coefficient": 0.085}})
+    leading = led(scenario, model)
+    assert leading.stage == "nominal"
+    worst = min(error_m(scenario, model.stages["calibrated"], name) for name in ("feedforward", "mpc"))
+    assert error_m(scenario, leading.values, leading.controller) < 0.5 * worst
+
+
+def test_a_barred_stage_is_no_candidate_and_the_reason_is_told(tmp_path: Path) -> None:
+    scenario = replace(scenario_of(tmp_path, ""), duration_s=1.0)
+    parts = Theta(effects={"stenosis": {"depth": 3.0, "centre_m": 0.0, "width_m": 0.01}})
+    why = {"augmented": "stenosis.depth is at its bound."}
+    model = model_of(scenario, {"augmented": parts}, barred=why, possible={"draw_1": Theta()})
+    leading = led(scenario, model, ["feedforward"])
+    assert leading.stage == "nominal"
+    assert leading.chosen is not None
+    assert "augmented must not lead: stenosis.depth is at its bound." in leading.chosen.why
+    assert set(leading.chosen.expected) == {"nominal"}
+
+
+def test_worlds_are_what_the_records_leave_possible(tmp_path: Path) -> None:
+    scenario = scenario_of(tmp_path, "")
+    more = Theta({"friction_coefficient": 0.09})
+    model = model_of(scenario, {"augmented": more}, refuted={"calibrated": "-"})
+    model = replace(model, possible={"draw_1": model.stages["augmented"], "draw_2": more})
+    assert list(worlds_of(model)) == ["augmented", "nominal", "draw_2"]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    """A scenario of 1 s, and a model that carries a choice."""
+    scenario = scenario_of(tmp_path, "")
+    path = tmp_path / "scenario.toml"
+    path.write_text(
+        path.read_text()
+        .replace("duration_s = 5.0", "duration_s = 1.0")
+        .replace("2.0, 2.5, 3.5, 5.0", "1.0")
+        .replace("4.0, 4.0, 1.0, 5.0", "0.5")
+    )
+    nominal = believed_model(scenario, Theta()).theta
+    model = model_of(scenario, {}, possible={"draw_1": nominal | {"friction_coefficient": 0.085}})
+    file = tmp_path / "model.toml"
+    file.write_text(model.to_toml())
+    return path, file
+
+
+def test_track_says_what_was_chosen(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    scenario, model = files
+    assert run(["track", str(scenario), "--model", str(model), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    chosen = found["chosen"]
+    assert found["model"] == chosen["stage"] == "nominal"
+    assert found["controller"] == chosen["controller"]
+    assert chosen["expected_rmse_m"]["nominal"] > 0
+    assert run(["track", str(scenario), "--model", str(model), "--controller", "feedforward"]) == 0
+    assert "chosen: nominal with feedforward" in capsys.readouterr().out
+
+
+def test_a_stage_given_by_hand_stands(files: tuple[Path, Path]) -> None:
+    scenario, path = load_track_scenario(files[0]), files[1]
+    asked = ("mpc", scenario.kind, CATALOGUE, mission_of(scenario), partial(believed_model, scenario))
+    leading = leading_of(path, "draw_1", None, *asked)
+    assert (leading.stage, leading.controller, leading.chosen) == ("draw_1", "mpc", None)
+    assert leading.values["friction_coefficient"] == 0.085
+    assert leading.document() == {}
+
+
+def test_a_model_without_a_choice(files: tuple[Path, Path]) -> None:
+    """Its last stage leads as before; asking for a choice is refused."""
+    scenario, path = load_track_scenario(files[0]), files[1]
+    path.write_text(replace(Model.from_toml(path.read_text()), possible={}).to_toml())
+    asked = ("mpc", scenario.kind, CATALOGUE, mission_of(scenario), partial(believed_model, scenario))
+    assert leading_of(path, None, None, *asked).stage == "augmented"
+    with pytest.raises(ValueError, match="must carry a choice"):
+        leading_of(path, "chosen", None, *asked)

@@ -1,0 +1,113 @@
+"""What a model file carries for the choice of what leads, and what must not lead."""
+
+import tomllib
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.identification import Model
+from models.identification.finding import STAGES
+from models.identification.kinds import kind_for
+from models.identification.possible import barred, refuted
+from models.identification.steps import Judged
+from models.records.record import Record, record_of
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
+from models.theta import Theta
+from tests.rig_texts import GUT
+
+LAG = {"time_s": 0.1}
+MAGNETIC = {"kind": "magnetic", "magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02}
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return parse_rig({**tomllib.loads(GUT), "rig": MAGNETIC}, "rig file")
+
+
+@pytest.fixture(scope="module")
+def record(rig: Rig) -> Record:
+    t = 0.01 * np.arange(300.0)
+    return record_of("led", {"t_s": t, "carriage_position_m": 1e-3 * t, "position_m": 1e-3 * t}, rig)
+
+
+@pytest.fixture(scope="module")
+def model(rig: Rig, record: Record) -> Model:
+    base = kind_for(rig, [record]).nominal()
+    delayed = base.with_("sensor_delay", {"delay_s": 0.1})
+    possible = {"actuator_lag": base.with_("actuator_lag", LAG), "draw_1": delayed}
+    stages = {"nominal": base, "calibrated": base, "augmented": delayed}
+    told = {"calibrated": "friction_coefficient is at its bound."}
+    return Model("magnetic", stages, "named", held_out=dict.fromkeys(STAGES, 1e-4), barred=told, possible=possible)
+
+
+def test_a_choice_is_read_back_as_it_was_written(model: Model) -> None:
+    again = Model.from_toml(model.to_toml())
+    assert again == model
+    assert again.members == ("actuator_lag",)
+    assert again.believed("actuator_lag")["actuator_lag", "time_s"] == 0.1
+
+
+def test_a_file_without_a_choice_carries_none(model: Model) -> None:
+    text = replace(model, possible={}, barred={}).to_toml()
+    assert not any(word in text for word in ("possible", "barred", "refuted"))
+    assert not Model.from_toml(text).possible
+
+
+@pytest.mark.parametrize(
+    ("possible", "words"),
+    [
+        ({"other": Theta.read({"friction_coefficient": 0.08})}, r"possible\.other"),
+        ({"other": Theta(effects={"unheard_of": {"a": 1.0}})}, "unheard_of"),
+    ],
+)
+def test_values_of_a_possible_model_are_checked(
+    possible: dict[str, Theta], words: str, model: Model, rig: Rig, record: Record
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        Model.from_toml(replace(model, possible=possible).to_toml()).check(rig, record)
+
+
+def test_a_changed_possible_value_is_damage(model: Model) -> None:
+    text = model.to_toml().replace('"actuator_lag.time_s" = 0.1', '"actuator_lag.time_s" = 0.2')
+    with pytest.raises(ValueError, match="must be whole"):
+        Model.from_toml(text).check_whole()
+
+
+def test_records_refute_a_stage_that_errs_far_more_than_the_best() -> None:
+    errors = {"nominal": 1.2e-3, "calibrated": 0.6e-3, "augmented": 0.5e-3}
+    assert set(refuted("none", errors, "m")) == {"nominal"}
+    assert set(refuted("named", errors, "m")) == {"nominal", "calibrated"}
+    assert set(refuted("unknown", errors, "m")) == set()
+    assert "1.2 mm" in refuted("named", errors, "m")["nominal"]
+    assert refuted("none", {}, "m") == {}
+
+
+def judged(verdict: str, worse: dict[str, str]) -> Judged:
+    return Judged(verdict, (), (), {}, 0.0, worse)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "bound", "worse", "stages"),
+    [
+        ("named", "calibrated", {}, {"calibrated"}),
+        ("unknown", "augmented", {}, {"augmented"}),
+        ("unknown", "", {}, set()),
+        ("none", "", {"augmented": "it errs more"}, {"augmented"}),
+    ],
+)
+def test_what_must_not_lead(
+    verdict: str, bound: str, worse: dict[str, str], stages: set[str], model: Model, rig: Rig, record: Record
+) -> None:
+    """A base or a part of `unknown` at its bound, and a stage that errs more than an earlier one."""
+    kind = kind_for(rig, [record])
+    friction = next(p for p in kind.base if p.name == "friction_coefficient")
+    at_end = {friction.name: friction.upper}
+    ends = {stage: values | (at_end if stage == bound else {}) for stage, values in model.stages.items()}
+    fits: dict[str, Any] = {stage: SimpleNamespace(theta=values) for stage, values in ends.items()}
+    found: Any = SimpleNamespace(calibrated=fits["calibrated"], augmented=fits["augmented"], model=["sensor_delay"])
+    prepared: Any = SimpleNamespace(kind=kind)
+    assert set(barred(prepared, found, judged(verdict, worse))) == stages

@@ -1,7 +1,7 @@
 """The fallback chain: which controllers may be asked, detection of oscillation, blending of change-overs."""
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -95,6 +95,8 @@ class FallbackChain:
             self._wait[rank] = self._rules.retry_s
 
 
+_NEAR: Final = 0.25  # of `swing_m`, least error of a swing that grows
+_GROWS: Final = 1.5  # times as far as two swings before
 DONE: Final = "done"  # the value of `ended` for a run that went as asked
 LED: Final = 0.99  # least share of the ticks with the requested controller in such a run
 
@@ -132,7 +134,8 @@ class Blend:
 
 class Swings:
     """Counts in a row how often the capsule goes from further than `far_m` on one side of its reference to the other,
-    within `within_s`. An error on one side is no swing.
+    within `within_s`. An error on one side is no swing. `growing`: the error came back to `_GROWS` times as far on a
+    side as two swings before, from `_NEAR` of `far_m` on, to half of it or more: a loop that will not settle.
     """
 
     def __init__(self, far_m: float, within_s: float) -> None:
@@ -141,14 +144,25 @@ class Swings:
 
     def forget(self) -> None:
         """Begin anew."""
-        self.count, self._side, self._far_at = 0, 0.0, -math.inf
+        self.count, self._side, self._far_at, self.growing = 0, 0.0, -math.inf, False
+        self._peaks = deque([0.0], maxlen=3)
+        self._peak_side, self._peak_at = 0.0, -math.inf
 
     def see(self, now: float, error_m: float) -> int:
         """Advance to `now` in s; the number of swings so far. An error that is not a number is ignored."""
-        if now - self._far_at > self._within_s:
+        if now - self._peak_at > self._within_s:
             self.forget()
-        if abs(error_m) >= self._far_m:
-            side = math.copysign(1.0, error_m)
+        if now - self._far_at > self._within_s:
+            self.count, self._side = 0, 0.0
+        size, side = abs(error_m), math.copysign(1.0, error_m)
+        if size >= _NEAR * self._far_m:
+            if side != self._peak_side:
+                self._peaks.append(0.0)
+            self._peaks[-1], self._peak_side, self._peak_at = max(self._peaks[-1], size), side, now
+            first = self._peaks[0]
+            grown = len(self._peaks) == 3 and first > 0 and self._peaks[-1] >= max(_GROWS * first, 0.5 * self._far_m)
+            self.growing = self.growing or grown
+        if size >= self._far_m:
             self.count += side == -self._side
             self._side, self._far_at = side, now
         return self.count

@@ -223,7 +223,9 @@ class Supervisor:
     def _watch_swings(self, seen: Seen, reference: Reference) -> None:
         """A controller that swings far and often must reduce its gain; one that cannot is banned with this model."""
         error_m = math.nan if seen.lost else seen.position_m - _at(lambda t: reference.position(t), self._now)
-        if self._active < 0 or self._swings.see(self._elapsed, error_m) < self.rules.swings:
+        if self._active < 0:
+            return
+        if self._swings.see(self._elapsed, error_m) < self.rules.swings and not self._swings.growing:
             return
         self._swings.forget()
         reason = f"{self.active} swings about the reference"

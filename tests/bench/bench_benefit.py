@@ -8,7 +8,7 @@ right model that of the better controller, so chosen is measured against what no
 
 - chosen: `capsule track SCENARIO.toml --model MODEL.toml` without `--stage` and `--controller`.
 - right: the truth's own base, held, and the catalogue's effect fitted with it to a rich record (30 s, 50 um, 200 Hz)
-  of the rig as it is driven; with nothing hidden the truth's base alone.
+  of the rig as it is driven, with one of its finer shapes where that predicts better; with nothing hidden the base.
 - pid: knows no model; an inner mass has none.
 
 `--table` prints what DIR holds and runs nothing.
@@ -29,6 +29,7 @@ from statistics import median
 from typing import Any, Final
 
 from hil.app.main import run as capsule
+from models.effects import REFINEMENTS
 from models.files.toml import toml_text
 from models.identification.finding import STAGES
 from models.identification.fitting.fitter import Fitter
@@ -131,7 +132,7 @@ def tracked(words: Sequence[str]) -> Row:
     kept = ("chosen", "model", "hard_violations", "ended", "led_share")
     return {
         "rmse_m": found["tracking_rmse_m"], "max_m": found["tracking_max_m"], "led": found["controller"],
-        "limit_use": {name: round(share, 3) for name, share in found["limit_use"].items() if share > 1},
+        "limit_use": {name: round(share, 3) for name, share in found["limit_use"].items() if share > 1 + 1e-6},
         "monitor": found["monitor"]["state"], "switches": len(found["events"]),
         **{key: found.get(key) for key in kept}, "cpu_s": round(time.process_time() - began, 1),
     }  # fmt: skip
@@ -146,11 +147,16 @@ def right_model(rig: DrawnRig, folder: Path) -> Model:
     start = kind.nominal() | base
     stages = {"nominal": kind.nominal(), "calibrated": start, "augmented": start}
     for effect, numbers in rig.driven.items():
-        held = tuple(replace(p, value=start[p.key], fit=False) for p in kind.base)
-        fitter = Fitter.of(replace(kind, base=held), records, (answer_of(effect),))
+        name = answer_of(effect)
+        held = replace(kind, base=tuple(replace(p, value=start[p.key], fit=False) for p in kind.base))
+        fitter = Fitter.of(held, records, (name,))
         alike = {(a.parameter.effect, a.parameter.name): a.parameter for a in fitter.axes}
         known = {key: numbers[key[1]] for key, p in alike.items() if key[1] in numbers and p.holds(numbers[key[1]])}
-        stages["augmented"] = fitter.exactly(fitter.far([start | known]).theta).theta
+        plain = fitter.exactly(fitter.far([start | known]).theta).theta
+        shapes = [one for one in REFINEMENTS if one.id in held.declared(name).refined_by and rig.kind in one.kinds]
+        finer = [Fitter.of(held, records, (name, one.id)) for one in shapes]
+        fits = [plain, *(one.exactly(plain).theta for one in finer)]
+        stages["augmented"] = min(fits, key=lambda t: kind.error(records, [kind.predict(r, t) for r in records]))
     return Model(belief.kind, stages, "named")
 
 

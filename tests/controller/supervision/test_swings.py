@@ -42,6 +42,19 @@ def test_an_error_on_one_side_noise_and_no_number_are_none() -> None:
     assert swings_of(np.full(t.size, math.nan)) == 0
 
 
+@pytest.mark.parametrize(("rate_1_s", "grows"), [(0.6, True), (0.0, False), (-0.5, False)])
+def test_swings_that_grow_are_told_before_they_are_far(rate_1_s: float, grows: bool) -> None:
+    swings, t = Swings(2e-3, 1.5), np.arange(0.0, 4.0, DT)
+    errors = 0.6e-3 * np.exp(rate_1_s * t) * np.sin(2 * math.pi * t)
+    told = [
+        k
+        for k, (now, e) in enumerate(zip(t, errors, strict=True))
+        if swings.see(float(now), float(e)) < 1 and swings.growing
+    ]
+    assert bool(told) == grows
+    assert not told or abs(errors[: told[0] + 1]).max() < 2e-3, "before one swing is counted"
+
+
 def swinging(now: float) -> Estimate:
     return estimate(now, 4e-3 * math.sin(2 * math.pi * now))
 

@@ -158,12 +158,13 @@ class Comparison:
         return min(equal, key=lambda row: row.candidate.rank, default=None)
 
     def _loses(self, leading: Row, plain: Row) -> bool:
-        """Whether the error of `leading` is above that of the `plain` row by more than `TIE` in any world. The plain
-        row is tried no longer than until it is the worse one.
+        """Whether the error of `leading` is above that of the `plain` row in any world, by more than the share `TIE` of
+        the worst that the plain one risks. The plain row is tried no longer than until it is the worse one.
         """
-        share = leading.candidate.optimism / (TIE * plain.candidate.optimism)
+        share = leading.candidate.optimism / plain.candidate.optimism
         for name in self._worlds:
-            most_m, known = share * leading.outcomes[name].cost, plain.outcomes.get(name)
+            known = plain.outcomes.get(name)
+            most_m = share * leading.outcomes[name].cost - (TIE - 1) * plain.worst
             if known is None or not (known.whole or known.cost >= most_m):
                 self._try([(plain, name)], most_m)
             if plain.outcomes[name].whole and plain.outcomes[name].cost < most_m:

@@ -8,7 +8,7 @@ right model that of the better controller, so chosen is measured against what no
 
 - chosen: `capsule track SCENARIO.toml --model MODEL.toml` without `--stage` and `--controller`.
 - right: the truth's own base, held, and the catalogue's effect fitted with it to a rich record (30 s, 50 um, 200 Hz)
-  of the rig as it is driven, with one of its finer shapes where that predicts better; with nothing hidden the base.
+  of the rig as it is driven, with a finer shape where it leaves more than noise; with nothing hidden the base alone.
 - pid: knows no model; an inner mass has none.
 
 `--table` prints what DIR holds and runs nothing.
@@ -29,6 +29,7 @@ from statistics import median
 from typing import Any, Final
 
 from hil.app.main import run as capsule
+from hil.app.system import INTERRUPTED
 from models.effects import REFINEMENTS
 from models.files.toml import toml_text
 from models.identification.finding import STAGES
@@ -53,9 +54,13 @@ FLOOR_MM: Final = 1e-6
 
 
 def answered(words: Sequence[str]) -> tuple[int, Row]:
-    """Status and JSON object of a `capsule` command; what it said instead where it printed none."""
+    """Status and JSON object of a `capsule` command; what it said instead where it printed none. One that is ended from
+    outside ends this.
+    """
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as said:
         status = capsule([*words, "--json"])
+    if status == INTERRUPTED:
+        raise KeyboardInterrupt
     text = out.getvalue().strip()
     return status, dict(json.loads(text)) if text.startswith("{") else {"said": said.getvalue()[-500:]}
 
@@ -152,11 +157,11 @@ def right_model(rig: DrawnRig, folder: Path) -> Model:
         fitter = Fitter.of(held, records, (name,))
         alike = {(a.parameter.effect, a.parameter.name): a.parameter for a in fitter.axes}
         known = {key: numbers[key[1]] for key, p in alike.items() if key[1] in numbers and p.holds(numbers[key[1]])}
-        plain = fitter.exactly(fitter.far([start | known]).theta).theta
+        plain = fitter.exactly(fitter.far([start | known]).theta)
         shapes = [one for one in REFINEMENTS if one.id in held.declared(name).refined_by and rig.kind in one.kinds]
-        finer = [Fitter.of(held, records, (name, one.id)) for one in shapes]
-        fits = [plain, *(one.exactly(plain).theta for one in finer)]
-        stages["augmented"] = min(fits, key=lambda t: kind.error(records, [kind.predict(r, t) for r in records]))
+        finer = [Fitter.of(held, records, (name, one.id)) for one in ([] if plain.by_chance else shapes)]
+        fits = [plain, *(one.exactly(plain.theta) for one in finer)]
+        stages["augmented"] = min(fits, key=lambda fit: fit.cost).theta
     return Model(belief.kind, stages, "named")
 
 
@@ -188,7 +193,7 @@ def line(rig: DrawnRig, rows: Sequence[Row]) -> str:
     hidden = ", ".join(rig.recorded) + (f" (other gut: {rig.other})" if rig.other else "") or "-"
     said = next((row for row in rows if row["what"] == CLOSED), {})
     names = "; ".join("/".join(one) for one in said.get("effects", ()))
-    errors = " | ".join(f"{error_mm(rows, what):.3f}" for what in COLUMNS)
+    errors = " | ".join(f"{error_mm(rows, what):.3f}".replace("nan", "-") for what in COLUMNS)
     broken = f"{violations(rows, CHOSEN)} of {violations(rows, *COLUMNS)}"
     verdict = f"{said.get('verdict', 'refused')} {names}".strip()
     return f"| {rig.number} {rig.kind} | {hidden} | {verdict} | {errors} | {broken} | {said_of_choice(rows)} |"

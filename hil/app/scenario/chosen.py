@@ -62,14 +62,14 @@ def leading_of(
     if path is not None and stage in (None, CHOSEN):
         model = model_for(path, kind, known)
         if model.possible:
-            names = [controller] if controller else names_of(usual, kind)
+            names = names_of(usual, kind) if controller is None else [controller]
             with bar(TEXT("choose")) as report:
                 return chosen_of(model, believed, mission, names, report)
         if stage == CHOSEN:
             raise ValueError(f"{path}: model must carry a choice for --stage chosen, as close-loop writes it; got none")
     values, used = values_of(path, stage, kind, known)
     others = {} if path is None or stage is not None else others_of(model_for(path, kind, known), values)
-    return Leading(values, used, controller or usual, others=others)
+    return Leading(values, used, usual if controller is None else controller, others=others)
 
 
 def names_of(usual: str, kind: str) -> list[str]:

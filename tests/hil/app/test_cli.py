@@ -60,7 +60,7 @@ class FakeModel:
 
 
 def fake_close(
-    rig: Rig, train: list[Record], holdout: list[Record], progress: Callable[[str, float], None], seed: int = 0
+    rig: Rig, train: list[Record], holdout: list[Record], progress: Callable[[str, float], None], **_: object
 ) -> object:
     progress("calibrating", 0.5)
     print("chatter that must not reach standard output")

@@ -163,17 +163,23 @@ class Comparison:
 
     def _loses(self, leading: Row, plain: Row) -> str:
         """The first world in which the error of `leading` is above that of the `plain` row by more than the share `TIE`
-        of the worst that the plain one risks, or "". The plain row is tried no longer than until it is the worse one.
+        of the worst that the plain one risks, or "". The plain row is tried no longer than until it is the worse one,
+        but everywhere before it counts: one that breaks a limit somewhere is no better choice.
         """
-        share = leading.candidate.optimism / plain.candidate.optimism
         for name in self._worlds:
-            known = plain.outcomes.get(name)
-            most_m = share * leading.outcomes[name].cost - (TIE - 1) * plain.worst
+            known, most_m = plain.outcomes.get(name), self._bearable(leading, plain, name)
             if known is None or not (known.whole or known.cost >= most_m):
                 self._try([(plain, name)], most_m)
             if plain.outcomes[name].whole and plain.outcomes[name].cost < most_m:
-                return name
+                self._try([(plain, other) for other in self._worlds if other not in plain.outcomes])
+                if plain.outcomes[name].cost < self._bearable(leading, plain, name):
+                    return name
         return ""
+
+    def _bearable(self, leading: Row, plain: Row, name: str) -> float:
+        """The error of the `plain` row in m below which `leading` loses in a world."""
+        share = leading.candidate.optimism / plain.candidate.optimism
+        return share * leading.outcomes[name].cost - (TIE - 1) * plain.worst
 
 
 def choose(

@@ -110,6 +110,11 @@ def test_a_small_loss_beside_what_the_nominal_model_risks_is_none(monkeypatch: p
     assert chosen(errors, monkeypatch).stage == "augmented"
 
 
+def test_a_plain_choice_that_breaks_a_limit_somewhere_is_no_better_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("nominal", "feedforward"): (0.5, 0.1, math.inf), ("augmented", "feedforward"): (0.3, 0.3, 0.3)}
+    assert chosen(errors, monkeypatch).stage == "augmented"
+
+
 def test_nothing_leads_that_loses_against_the_pid(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {
         ("nominal", "feedforward"): (0.3, 0.3),

@@ -113,6 +113,8 @@ class Comparison:
         self._worlds = list(worlds)
         self.rows = [Row(one, len(worlds)) for one in candidates]
         self.runs = 0
+        self.lost: dict[str, str] = {}
+        """Stages that lose against a plain row, with the name of the first world in which they do."""
 
     def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
         """Fill in the outcomes of `pairs`, side by side."""
@@ -140,8 +142,10 @@ class Comparison:
         self._try([(row, self._worlds[0]) for row in self.rows if row not in plain], most_m)
         left = list(self.rows)
         while left and (leading := self._least_worst(left)):
-            if leading in plain or not any(self._loses(leading, row) for row in plain):
+            lost = "" if leading in plain else next(filter(None, (self._loses(leading, row) for row in plain)), "")
+            if not lost:
                 return leading
+            self.lost.setdefault(leading.candidate.stage, lost)
             left.remove(leading)
         return min(self.rows, key=lambda row: row.candidate.rank)
 
@@ -157,18 +161,19 @@ class Comparison:
         equal = [row for row in rows if row.whole and row.rated <= TIE * least < math.inf]
         return min(equal, key=lambda row: row.candidate.rank, default=None)
 
-    def _loses(self, leading: Row, plain: Row) -> bool:
-        """Whether the error of `leading` is above that of the `plain` row by more than `TIE` in any world. The plain
-        row is tried no longer than until it is the worse one.
+    def _loses(self, leading: Row, plain: Row) -> str:
+        """The first world in which the error of `leading` is above that of the `plain` row by more than the share `TIE`
+        of the worst that the plain one risks, or "". The plain row is tried no longer than until it is the worse one.
         """
-        share = leading.candidate.optimism / (TIE * plain.candidate.optimism)
+        share = leading.candidate.optimism / plain.candidate.optimism
         for name in self._worlds:
-            most_m, known = share * leading.outcomes[name].cost, plain.outcomes.get(name)
+            known = plain.outcomes.get(name)
+            most_m = share * leading.outcomes[name].cost - (TIE - 1) * plain.worst
             if known is None or not (known.whole or known.cost >= most_m):
                 self._try([(plain, name)], most_m)
             if plain.outcomes[name].whole and plain.outcomes[name].cost < most_m:
-                return True
-        return False
+                return name
+        return ""
 
 
 def choose(
@@ -189,9 +194,7 @@ def choose(
     order = sorted(stages, key=lambda stage: stages[stage].candidate.rank)
     expected = {stage: stages[stage].expected for stage in order}
     others = [
-        TEXT("other", stage=stage, error=quantity(error, "m"))
-        for stage, error in expected.items()
-        if stage != leading.candidate.stage
+        _other(stage, row, compared.lost.get(stage, "")) for stage in order if (row := stages[stage]) is not leading
     ]
     costs = [one.cost for one in leading.outcomes.values()]
     spread = (
@@ -201,3 +204,10 @@ def choose(
     why = TEXT("why", words=led, error=error, range=spread, others="".join(f", {one}" for one in others))
     said = [why, *(TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items())]
     return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said))
+
+
+def _other(stage: str, row: Row, lost: str) -> str:
+    """The worst error found of a stage that does not lead, or where it loses against a plain row."""
+    if math.isinf(row.worst):
+        return TEXT("other.fails", stage=stage)
+    return TEXT("other.loses" if lost else "other.worse", stage=stage, error=quantity(row.worst, "m"), world=lost)

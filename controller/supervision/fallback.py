@@ -134,8 +134,8 @@ class Blend:
 
 class Swings:
     """Counts in a row how often the capsule goes from further than `far_m` on one side of its reference to the other,
-    within `within_s`. An error on one side is no swing. `growing`: the error came back to `_GROWS` times as far on a
-    side as two swings before, from `_NEAR` of `far_m` on, to half of it or more: a loop that will not settle.
+    within `within_s`. An error on one side is no swing. `growing`: from `_NEAR` of `far_m` on, the
+    error came back on both sides to `_GROWS` times as far as two swings before, to half of `far_m` or more.
     """
 
     def __init__(self, far_m: float, within_s: float) -> None:
@@ -145,7 +145,7 @@ class Swings:
     def forget(self) -> None:
         """Begin anew."""
         self.count, self._side, self._far_at, self.growing = 0, 0.0, -math.inf, False
-        self._peaks = deque([0.0], maxlen=3)
+        self._peaks = deque([0.0], maxlen=4)
         self._peak_side, self._peak_at = 0.0, -math.inf
 
     def see(self, now: float, error_m: float) -> int:
@@ -159,10 +159,15 @@ class Swings:
             if side != self._peak_side:
                 self._peaks.append(0.0)
             self._peaks[-1], self._peak_side, self._peak_at = max(self._peaks[-1], size), side, now
-            first = self._peaks[0]
-            grown = len(self._peaks) == 3 and first > 0 and self._peaks[-1] >= max(_GROWS * first, 0.5 * self._far_m)
-            self.growing = self.growing or grown
+            self.growing = self.growing or self._grown()
         if size >= self._far_m:
             self.count += side == -self._side
             self._side, self._far_at = side, now
         return self.count
+
+    def _grown(self) -> bool:
+        """Whether the last swings on both sides are larger than those before."""
+        if len(self._peaks) < 4:
+            return False
+        first, second, third, last = self._peaks
+        return first > 0 and third >= _GROWS * first and last >= max(_GROWS * second, 0.5 * self._far_m)

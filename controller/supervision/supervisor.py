@@ -225,16 +225,19 @@ class Supervisor:
         error_m = math.nan if seen.lost else seen.position_m - _at(lambda t: reference.position(t), self._now)
         if self._active < 0:
             return
-        if self._swings.see(self._elapsed, error_m) < self.rules.swings and not self._swings.growing:
+        far = self._swings.see(self._elapsed, error_m) >= self.rules.swings
+        if not far and not self._swings.growing:
             return
-        self._swings.forget()
         reason = f"{self.active} swings about the reference"
         try:
             calmed = bool(self._chain[self._active].calm())
         except Exception:  # noqa: BLE001 - a controller that raises cannot reduce its gain
             calmed = False
+        if calmed or far:
+            self._swings.forget()
         if calmed:
             self._note(self.active, reason)
+        if calmed or not far:
             return
         self._reason = reason
         self._fallback.ban(self._active)

@@ -71,7 +71,7 @@ class GaussNewton:
                 continue
             number += not last and gain <= SET.refines * height
             wanted = SET.secant_rms * widths[number] * np.sqrt(len(r))
-            norms = np.maximum(np.sqrt(np.diag(here.normal)), SET.tiny)
+            norms = np.maximum(np.sqrt(np.maximum(np.diag(here.normal), 0.0)), SET.tiny)  # rounding may leave less
             reach = np.minimum(
                 np.clip(wanted / norms, reach / SET.secant_change, reach * SET.secant_change), self._widest
             )

@@ -105,6 +105,11 @@ def test_nothing_leads_that_loses_against_the_nominal_model_in_a_possible_world(
     assert chosen(errors, monkeypatch).stage == stage
 
 
+def test_a_small_loss_beside_what_the_nominal_model_risks_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("nominal", "feedforward"): (2.3, 0.65), ("augmented", "feedforward"): (0.06, 0.7)}
+    assert chosen(errors, monkeypatch).stage == "augmented"
+
+
 def test_nothing_leads_that_loses_against_the_pid(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {
         ("nominal", "feedforward"): (0.3, 0.3),

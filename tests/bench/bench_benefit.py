@@ -28,6 +28,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
+from controller.drives import DRIVES
 from hil.app.main import run as capsule
 from hil.app.system import INTERRUPTED
 from models.effects import REFINEMENTS
@@ -44,7 +45,7 @@ from tests.plant.series import answer_of
 
 Row = dict[str, Any]
 CLOSED: Final = "close-loop"
-CHOSEN, PID, RIGHT = "chosen", "pid", "right"
+CHOSEN, PID, RIGHT, USUAL = "chosen", "pid", "right", "usual"
 COLUMNS: Final = (*STAGES, CHOSEN, PID, RIGHT)
 LEADING: Final = {"magnetic": ("mpc", "feedforward"), "coil": ("mpc", "feedforward"), "vibro": ("vibro",)}
 RICH: Final = "rich.csv"
@@ -165,15 +166,20 @@ def right_model(rig: DrawnRig, folder: Path) -> Model:
     return Model(belief.kind, stages, "named")
 
 
-def error_mm(rows: Iterable[Row], what: str) -> float:
-    """Root mean square over the references of the better controller; NaN where a run is missing, inf where one was
-    refused.
+def error_mm(rows: Iterable[Row], what: str, controller: str = "") -> float:
+    """Root mean square over the references of the better controller, or of the one named; NaN where a run is missing,
+    inf where one was refused.
     """
     squares: dict[str, list[float]] = {}
     for row in rows:
-        if row["what"] == what:
+        if row["what"] == what and controller in ("", row["controller"]):
             squares.setdefault(row["controller"], []).append((1e3 * row.get("rmse_m", math.inf)) ** 2)
     return min((math.sqrt(sum(own) / 2) for own in squares.values() if len(own) == 2), default=math.nan)
+
+
+def usual(rig: DrawnRig) -> str:
+    """The controller that leads where none is asked for."""
+    return DRIVES[rig.kind].leading
 
 
 def violations(rows: Iterable[Row], *whats: str) -> int:
@@ -201,13 +207,16 @@ def line(rig: DrawnRig, rows: Sequence[Row]) -> str:
 
 def figures(measured: Sequence[tuple[DrawnRig, Sequence[Row]]]) -> list[str]:
     """The figures to reach."""
-    errors = [(rig, {what: error_mm(rows, what) for what in COLUMNS}, rows) for rig, rows in measured]
+    errors = [
+        (rig, {what: error_mm(rows, what) for what in COLUMNS} | {USUAL: error_mm(rows, "nominal", usual(rig))}, rows)
+        for rig, rows in measured
+    ]
     judged = [(rig, e, rows) for rig, e, rows in errors if math.isfinite(e["nominal"]) and not math.isnan(e[CHOSEN])]
     own = [(rig, e) for rig, e, _ in judged if not rig.other]
     others = [e for rig, e, _ in judged if rig.other]
 
-    def worse(e: dict[str, float]) -> bool:
-        return e[CHOSEN] > WORSE * min(e["nominal"], math.inf if math.isnan(e[PID]) else e[PID])
+    def worse(e: dict[str, float], nominal: str = "nominal") -> bool:
+        return e[CHOSEN] > WORSE * min(e[nominal], math.inf if math.isnan(e[PID]) else e[PID])
 
     def gain(e: dict[str, float], what: str) -> float:
         return e["nominal"] / max(e[what], FLOOR_MM)
@@ -216,13 +225,14 @@ def figures(measured: Sequence[tuple[DrawnRig, Sequence[Row]]]) -> list[str]:
     halved = [e for e in hidden if gain(e, RIGHT) >= 2]
     clean = [rows for rig, rows in measured if not rig.recorded]
     wrong = sum(any(row["what"] == CLOSED and row.get("verdict") != "none" for row in rows) for rows in clean)
-    gains = f"{median(gain(e, CHOSEN) for e in hidden):.2f}" if hidden else "-"
+    gains, bound = (f"{median(gain(e, what) for e in hidden):.2f}" if hidden else "-" for what in (CHOSEN, RIGHT))
     broken = [[violations(rows, *whats) for _, _, rows in judged] for whats in ((CHOSEN,), COLUMNS)]
     ticks = "; ".join(f"{sum(n > 0 for n in own)} rigs, {sum(own)} ticks" for own in broken)
     return [
         f"chosen worse than nominal or PID by more than 5 %: {sum(worse(e) for _, e in own)} of {len(own)}; in another"
-        f" gut {sum(map(worse, others))} of {len(others)}",
-        f"nominal / chosen, median over {len(hidden)} rigs with a hidden effect: {gains}",
+        f" gut {sum(map(worse, others))} of {len(others)}; than nominal with the usual controller or PID:"
+        f" {sum(worse(e, USUAL) for _, e in own)}, in another gut {sum(worse(e, USUAL) for e in others)}",
+        f"nominal / chosen, median over {len(hidden)} rigs with a hidden effect: {gains}; right: {bound}",
         f"at least halved of those that the right model halves: {sum(gain(e, CHOSEN) >= 2 for e in halved)} of"
         f" {len(halved)}",
         f"hard limits broken by chosen; by all columns: {ticks}",

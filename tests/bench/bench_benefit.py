@@ -170,11 +170,11 @@ def error_mm(rows: Iterable[Row], what: str, controller: str = "") -> float:
     """Root mean square over the references of the better controller, or of the one named; NaN where a run is missing,
     inf where one was refused.
     """
-    squares: dict[str, list[float]] = {}
+    errors: dict[str, dict[int, float]] = {}
     for row in rows:
         if row["what"] == what and controller in ("", row["controller"]):
-            squares.setdefault(row["controller"], []).append((1e3 * row.get("rmse_m", math.inf)) ** 2)
-    return min((math.sqrt(sum(own) / 2) for own in squares.values() if len(own) == 2), default=math.nan)
+            errors.setdefault(row["controller"], {})[row["reference"]] = 1e3 * row.get("rmse_m", math.inf)
+    return min((math.hypot(*own.values()) / math.sqrt(2) for own in errors.values() if len(own) == 2), default=math.nan)
 
 
 def usual(rig: DrawnRig) -> str:

@@ -108,7 +108,7 @@ def eliminate(
     records: Sequence[Record], growths: Mapping[str, Growth], moved: Moved, behind: float = SET.behind
 ) -> dict[str, Fit]:
     """Fits on the whole records of those `growths` that are not eliminated. One stays while its cost is close to that
-    of the best few, or is that of a declared confounder of the best, and at most `behind` times the best; or while its
+    of the best few, or is that of a declared confounder of these, and at most `behind` times the best; or while its
     cost is chance, because a model with many parameters leaves less of a short prefix. All stay on the shortest.
     """
     running, kind = dict(growths), next(iter(growths.values())).model.kind
@@ -124,7 +124,8 @@ def eliminate(
             continue
         ranked, within = sorted(costs.values()), SET.in_reach if number >= SET.ranked_from else SET.early_reach
         reach, limit = within * ranked[min(SET.final, len(costs)) - 1], behind * ranked[0]
-        alike = kind.catalogue[leader].confounders
+        few = [name for name in costs if costs[name] <= ranked[min(SET.final, len(costs)) - 1]]
+        alike = {other for name in few for other in kind.catalogue[name].confounders}
         running = {
             name: growth
             for name, growth in running.items()

@@ -12,7 +12,7 @@ from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter, Growth, begins
 from models.identification.fitting.horizon import lengths
 from models.identification.kind import Array, Kind
-from models.identification.search.fitted_model import FittedModel
+from models.identification.search.fitted_model import FittedModel, fewest
 from models.identification.search.screening import Screened
 from models.identification.settings import SET
 from models.parameter import Name
@@ -33,6 +33,12 @@ class Trial:
     fitted: FittedModel
     before: Array
     finer: FittedModel | None = None
+
+    @property
+    def best(self) -> FittedModel:
+        """The fewest refinements that do about as well."""
+        rows = [self.fitted, *([self.finer] if self.finer else [])]
+        return rows[fewest([row.blocks for row in rows], [row.training_cost for row in rows])]
 
     @property
     def blocks(self) -> Array:
@@ -73,8 +79,8 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
         moved(names[0], 0.9)
         pairs = zip(trials, model.each(far, trials), strict=True)
         trials = [replace(t, fitted=min(t.fitted, fit, key=attrgetter("cost"))) for t, fit in pairs]
-        unclear = [t for t in trials if shared_by(kind, t.effect) and t.fitted.cost > SET.near]
-        finer = model.each(lambda t: far(t, shared_by(kind, t.effect)), unclear)
+        unclear = [t for t in trials if shared_by(kind, t.effect, model.effects) and t.fitted.cost > SET.near]
+        finer = model.each(lambda t: far(t, shared_by(kind, t.effect, model.effects)), unclear)
         shaped = dict(zip((t.effect for t in unclear), finer, strict=True))
         trials = [replace(t, finer=shaped.get(t.effect)) for t in trials]
     return sorted(from_best_base(model, trials), key=lambda trial: -trial.gain)
@@ -97,7 +103,7 @@ def _growth(model: FittedModel, row: Screened) -> Growth:
     """Fits of `model` with a candidate, from its screening starts on either base, and also from starts where the slip
     limit does not follow the resistance.
     """
-    beside = shared_by(model.kind, row.effect)
+    beside = shared_by(model.kind, row.effect, model.effects)
     bases = begins(model.kind, model.thetas[:1])
     points = (base.with_(row.effect, start) for base in bases for start in row.starts)
     starts = [start for point in points for start in with_each(point, beside)]
@@ -134,12 +140,13 @@ def eliminate(
     return {name: growth.fits[0] for name, growth in running.items()}
 
 
-def shared_by(kind: Kind, name: str) -> list[str]:
-    """The refinements that a candidate needs before it can be compared, and that no search names by itself: those that
-    split a changed resistance between nose and slip limit.
+def shared_by(kind: Kind, name: str, model: Sequence[str] = ()) -> list[str]:
+    """The refinements that a candidate needs beside the effects of a `model` before it can be compared, and that no
+    search names by itself: those that split a changed resistance between nose and slip limit.
     """
+    taken = {*model, *kind.in_base}
     finer = (effect for effect in REFINEMENTS if effect.id in kind.catalogue[name].refined_by)
-    return [e.id for e in finer if e.answers("shared") and kind.name in e.kinds and e.id not in kind.in_base]
+    return [e.id for e in finer if e.answers("shared") and kind.name in e.kinds and e.id not in taken]
 
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:

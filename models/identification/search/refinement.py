@@ -17,8 +17,8 @@ Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
 
 
-def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
-    """The refinements of the named effects' shapes, and the fits with them: added one after the other, the fewest that
+def refined(model: FittedModel, known: Known) -> FittedModel:
+    """`model` with the refinements of the named effects' shapes: added one after the other, the fewest that
     do about as well on validation records as the best. Each also begins where it changes nothing, and is compared with
     the model without it, refitted from its base: none wins or fails by luck. `known` fits are begun at and replaced.
     """
@@ -32,8 +32,7 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
         known[finer] = rows[-1].far(starts, finer, seeds=1).thetas
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
-    number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])
-    return curves[:number], rows[number]
+    return rows[fewest([row.blocks for row in rows], [row.training_cost for row in rows])]
 
 
 def refined_at_last(

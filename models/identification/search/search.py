@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -89,7 +90,8 @@ def search(
             shorter = replace(calibrated, splits=splits).far([base.theta] for _ in splits)
             model = _named(shorter, found, on_all, progress, rng, most)
     if found.effects:
-        found.refinements, model = refined(model, found.known)
+        model = refined(model, found.known)
+        found.refinements = [name for name in model.effects if name not in found.effects]
         found.after = model.cost
         found.note("finer shapes")
         model = _compare_rivals(model, found, progress)
@@ -148,7 +150,7 @@ def _named(
             progress(told, 0.15 + 0.15 * (number + share))
 
         progress(f"screening, round {number}", 0.05 + 0.15 * number)
-        screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
+        screened = screen(kind, model.part, [*model.effects], model.thetas[0], found.dropped)
         found.note("screening")
         trials, model = fair(model, compare_candidates(model, screened, moved))
         found.after = model.cost
@@ -164,7 +166,7 @@ def _named(
         found.gains[best.effect] = best.gain
         if best.finer:
             found.known[best.finer.effects] = best.finer.thetas
-        model = best.fitted.far([theta] for theta in best.fitted.thetas)
+        model = best.best.far([theta] for theta in best.best.thetas)
         found.after = min(float(best.blocks.mean()), model.cost)
         model = _test_again(model, found)
         found.note("testing again")
@@ -195,17 +197,17 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
     """
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
-        beside = [curve for name in rest for curve in shared_by(model.kind, name)]
+        beside = list(dict.fromkeys(curve for name in rest for curve in shared_by(model.kind, name)))
         shapes = ([], beside) if beside else ([],)
         starts = [[with_each(theta.without(effect), shape) for theta in model.thetas] for shape in shapes]
         fits = [model.far(some, [*rest, *shape], seeds=1) for some, shape in zip(starts, shapes, strict=True)]
-        left = min(fit.cost for fit in fits)
-        rest_alone = float(np.log(found.before / left))
-        if np.log(left / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
+        best = min(fits, key=attrgetter("cost"))
+        rest_alone = float(np.log(found.before / best.cost))
+        if np.log(best.cost / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
-            found.after, model = left, fits[0]
-            found.known[fits[-1].effects] = fits[-1].thetas
+            found.after, model = best.cost, best
+            found.known[best.effects] = best.thetas
     return model
 
 

@@ -43,8 +43,7 @@ class Trial:
     @property
     def blocks(self) -> Array:
         """Validation cost by block, with the refinements where they help."""
-        both = [one.blocks for one in (self.fitted, self.finer) if one]
-        return min(both, key=np.sum)
+        return min((one.blocks for one in (self.fitted, self.finer) if one), key=np.sum)
 
     @property
     def gain(self) -> float:
@@ -104,8 +103,7 @@ def _growth(model: FittedModel, row: Screened) -> Growth:
     limit does not follow the resistance.
     """
     beside = shared_by(model.kind, row.effect, model.effects)
-    bases = begins(model.kind, model.thetas[:1])
-    points = (base.with_(row.effect, start) for base in bases for start in row.starts)
+    points = (at.with_(row.effect, start) for at in begins(model.kind, model.thetas[:1]) for start in row.starts)
     starts = [start for point in points for start in with_each(point, beside)]
     return Growth(Fitter.of(model.kind, model.part, [*model.effects, row.effect, *beside]).plain(), starts)
 
@@ -125,13 +123,12 @@ def eliminate(
         for growth, fits in zip(running.values(), grown, strict=True):
             growth.fits = fits
         costs = {name: growth.fits[0].chi2 for name, growth in running.items()}
-        leader = min(costs, key=lambda name: costs[name])
+        leader, *few = sorted(costs, key=lambda name: costs[name])[: SET.final]
         if not number:
             continue
-        ranked, within = sorted(costs.values()), SET.in_reach if number >= SET.ranked_from else SET.early_reach
-        reach, limit = within * ranked[min(SET.final, len(costs)) - 1], behind * ranked[0]
-        few = [name for name in costs if costs[name] <= ranked[min(SET.final, len(costs)) - 1]]
-        alike = {other for name in few for other in kind.catalogue[name].confounders}
+        within = SET.in_reach if number >= SET.ranked_from else SET.early_reach
+        reach, limit = within * costs[[leader, *few][-1]], behind * costs[leader]
+        alike = {other for name in (leader, *few) for other in kind.catalogue[name].confounders}
         running = {
             name: growth
             for name, growth in running.items()
@@ -151,8 +148,7 @@ def shared_by(kind: Kind, name: str, model: Sequence[str] = ()) -> list[str]:
 
 def with_each(start: Theta, refinements: Sequence[str]) -> list[Theta]:
     """`start`, and with each shape on the refinements' grids."""
-    grid: dict[Name, tuple[float, ...]]
-    grid = {(c, name): values for c in refinements for name, values in CATALOGUE[c].grid.items()}
+    grid: dict[Name, tuple[float, ...]] = {(c, n): v for c in refinements for n, v in CATALOGUE[c].grid.items()}
     rows = itertools.product(*grid.values())
     return [start, *(start | dict(zip(grid, row, strict=True)) for row in rows if row)]
 

@@ -20,15 +20,13 @@ Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
 def refined(model: FittedModel, known: Known) -> FittedModel:
     """`model` with the refinements of the named effects' shapes: added one after the other, the fewest that
     do about as well on validation records as the best. Each also begins where it changes nothing, and is compared with
-    the model without it, refitted from its base: none wins or fails by luck. `known` fits are begun at and replaced.
+    the model without it, refitted from its base: none wins or fails by luck. The fits are added to those `known`.
     """
     curves = _shapes(model.kind, model.effects) if model.training_blocks.mean() > SET.events else []
     rows = [model]
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
         starts = [[theta.with_(curve, at) for at in ({}, _begin(curve))] for theta in rows[-1].thetas]
-        for some, theta in zip(starts, known.get(finer, ()), strict=False):
-            some.append(theta)
         known[finer] = rows[-1].far(starts, finer, seeds=1).thetas
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))

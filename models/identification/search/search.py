@@ -164,8 +164,6 @@ def _named(
             return model
         found.effects.append(best.effect)
         found.gains[best.effect] = best.gain
-        if best.finer:
-            found.known[best.finer.effects] = best.finer.thetas
         model = best.best.far([theta] for theta in best.best.thetas)
         found.after = min(float(best.blocks.mean()), model.cost)
         model = _test_again(model, found)
@@ -207,7 +205,6 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = best.cost, best
-            found.known[best.effects] = best.thetas
     return model
 
 

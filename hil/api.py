@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from controller.registry import use_controllers
 from hil.app.close_loop import result_files
 from hil.app.effects import described
-from hil.app.scenario.chosen import leading_of, mission_of
+from hil.app.scenario.chosen import leading_of
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
@@ -164,12 +164,11 @@ def track(
     knows nominal values or those of the file `model`.
     """
     file = load_track_scenario(Path(scenario)).knowing(_in_use)
-    asked = (stage, controller, file.control.controller, file.kind, _in_use)
     number = file.seed if seed is None else seed
     bar = contextlib.nullcontext[Progress](progress or _silent)
     with contextlib.redirect_stdout(io.StringIO()):
         learned = None if model is None else Path(model)
-        leading = leading_of(learned, *asked, mission_of(file), partial(believed_model, file), lambda _: bar)
+        leading = leading_of(learned, stage, controller, file, _in_use, partial(believed_model, file), lambda _: bar)
         name = leading.controller
         trace = run_loop(file, believed_model(file, leading.values), name, number, progress or _silent)
         scores = document(file, name, number, leading.stage, score(file, trace)) | leading.document()

@@ -49,26 +49,25 @@ def leading_of(
     path: Path | None,
     stage: str | None,
     controller: str | None,
-    usual: str,
-    kind: str,
+    scenario: TrackScenario,
     known: Catalogue,
-    mission: Mission,
     believed: Believed,
     bar: Callable[[str], AbstractContextManager[Progress]] = progress_bar,
 ) -> Leading:
-    """What leads `mission` on a rig of `kind` with the model of the file `path`, if any. The `stage` and the
-    `controller` given by hand stand; the `usual` controller is the scenario's. Raises ValueError.
+    """What leads `scenario` with the model of the file `path`, if any. The `stage` and the `controller` given by hand
+    stand. Raises ValueError.
     """
-    if path is not None and stage in (None, CHOSEN):
-        model = model_for(path, kind, known)
+    kind, usual = scenario.kind, scenario.control.controller
+    model = None if path is None else model_for(path, kind, known)
+    if model is not None and stage in (None, CHOSEN):
         if model.possible:
             names = names_of(usual, kind) if controller is None else [controller]
             with bar(TEXT("choose")) as report:
-                return chosen_of(model, believed, mission, names, report)
+                return chosen_of(model, believed, mission_of(scenario), names, report)
         if stage == CHOSEN:
             raise ValueError(f"{path}: model must carry a choice for --stage chosen, as close-loop writes it; got none")
-    values, used = values_of(path, stage, kind, known)
-    others = {} if path is None or stage is not None else others_of(model_for(path, kind, known), values)
+    values, used = values_of(path, model, stage)
+    others = {} if model is None or stage is not None else others_of(model, values)
     return Leading(values, used, usual if controller is None else controller, others=others)
 
 

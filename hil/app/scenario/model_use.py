@@ -100,11 +100,10 @@ def model_for(path: Path, kind: str, known: Catalogue = CATALOGUE) -> Model:
     return read_model(path, *(DRIVES[kind].models or (kind,)), catalogue=known)
 
 
-def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue = CATALOGUE) -> tuple[Theta, str]:
-    """The believed parameters of a rig of `kind`, and the name of their stage, or of a model that the records leave
-    possible. Raises ValueError.
+def values_of(path: Path | None, learned: Model | None, stage: str | None) -> tuple[Theta, str]:
+    """The believed parameters by the model `learned` from the file `path`, if any, and the name of their stage, or of a
+    model that the records leave possible. Raises ValueError.
     """
-    learned = None if model is None else model_for(model, kind, known)
     if stage is not None:
         check_word(stage, "--stage", (*STAGES, *(learned.possible if learned else ()), CHOSEN))
     if learned is None:
@@ -113,7 +112,7 @@ def values_of(model: Path | None, stage: str | None, kind: str, known: Catalogue
         return Theta(), "nominal"
     stage = stage or "augmented"
     if stage in learned.cautions:
-        note(f"{model}: {learned.cautions[stage]}")
+        note(f"{path}: {learned.cautions[stage]}")
     return learned.believed(stage), stage
 
 

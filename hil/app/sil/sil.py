@@ -69,9 +69,8 @@ def sil(
                 raise ValueError(f"--mcap must go with --out, the folder of the log; got --mcap {mcap} alone")
             check_mcap(mcap, [path])
         with output_to_notes():
-            asked = (stage, controller, scenario.loop.control.controller, scenario.loop.kind, known)
             on_bus = partial(believed_on_bus, scenario)
-            leading = leading_of(model, *asked, mission_of(scenario.loop), lambda values, _: on_bus(values))
+            leading = leading_of(model, stage, controller, scenario.loop, known, lambda values, _: on_bus(values))
             values, used, name = leading.values, leading.stage, leading.controller
             believed = on_bus(values)
             seeing(mission_of(scenario.loop), believed, [name])

@@ -44,8 +44,7 @@ def track(
             raise ValueError(f"--compare runs all controllers, so it must stand without --controller; got {controller}")
         able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
         with output_to_notes():
-            asked = (stage, controller, scenario.control.controller, scenario.kind, known)
-            leading = leading_of(model, *asked, mission_of(scenario), partial(believed_model, scenario))
+            leading = leading_of(model, stage, controller, scenario, known, partial(believed_model, scenario))
             names, number = able if compare else [leading.controller], scenario.seed if seed is None else seed
             runs = _runs(scenario, path.parent, leading, names, number, out)
             documents: Any = [found for found, _ in runs] if compare else runs[0][0]

@@ -144,7 +144,8 @@ def test_track_says_what_was_chosen(files: tuple[Path, Path], capsys: pytest.Cap
 
 def test_a_stage_given_by_hand_stands(files: tuple[Path, Path]) -> None:
     scenario, path = load_track_scenario(files[0]), files[1]
-    asked = ("mpc", scenario.kind, CATALOGUE, mission_of(scenario), partial(believed_model, scenario))
+    usual = replace(scenario, control=scenario.control.but(controller="mpc"))
+    asked = (usual, CATALOGUE, partial(believed_model, scenario))
     leading = leading_of(path, "draw_1", None, *asked)
     assert (leading.stage, leading.controller, leading.chosen) == ("draw_1", "mpc", None)
     assert leading.values["friction_coefficient"] == 0.085
@@ -155,7 +156,8 @@ def test_a_model_without_a_choice(files: tuple[Path, Path]) -> None:
     """Its last stage leads as before; asking for a choice is refused."""
     scenario, path = load_track_scenario(files[0]), files[1]
     path.write_text(replace(Model.from_toml(path.read_text()), possible={}).to_toml())
-    asked = ("mpc", scenario.kind, CATALOGUE, mission_of(scenario), partial(believed_model, scenario))
+    usual = replace(scenario, control=scenario.control.but(controller="mpc"))
+    asked = (usual, CATALOGUE, partial(believed_model, scenario))
     assert leading_of(path, None, None, *asked).stage == "augmented"
     with pytest.raises(ValueError, match="must carry a choice"):
         leading_of(path, "chosen", None, *asked)

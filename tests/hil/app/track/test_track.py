@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.scenario.model_use import values_of
+from hil.app.scenario.model_use import model_for, values_of
 from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score, verdicts
@@ -228,7 +228,7 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     path.write_text(text.replace('"body_mass_kg" = 0.193', '"body_mass_kg" = 0.2'), encoding="utf-8")
     scenario = load_track_scenario(FILES[-1])
     assert scenario.kind == "vibro"
-    values, stage = values_of(path, None, "vibro")
+    values, stage = values_of(path, model_for(path, "vibro"), None)
     model = believed_model(scenario, values)
     named = model.theta
     assert stage == "augmented"
@@ -237,13 +237,13 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     assert named["friction_coefficient"] == pytest.approx(0.33235)
     assert named["spring_damping", "damping_N_s_per_m"] == 2.349
     with pytest.raises(ValueError, match="model must be one of a magnetic rig; got one of a vibro_table rig"):
-        values_of(path, None, "magnetic")
+        model_for(path, "magnetic")
 
 
 def test_the_capsubot_as_measured_is_led_and_never_lost() -> None:
     """By the measured model, whose strokes carry further or less far than the plant's; square waves do for that."""
     scenario = load_track_scenario(next(p for p in FILES if p.stem == "track_vibro_capsubot"))
-    values, _ = values_of(CAPSUBOT, None, "vibro")
+    values, _ = values_of(CAPSUBOT, model_for(CAPSUBOT, "vibro"), None)
     trace = run_loop(scenario, believed_model(scenario, values), "vibro_square", 0)
     assert "lost" not in trace.status[200:]
     assert [v["check"] for v in verdicts(scenario, "vibro", trace, score(scenario, trace)) if not v["passed"]] == []

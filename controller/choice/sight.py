@@ -5,9 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from controller.choice.trial import Mission
-from controller.choice.world import Localisation, ModelWorld
-from controller.closed_loop import Asked, ClosedLoop
+from controller.choice.trial import Mission, ended, loop_in
+from controller.choice.world import Localisation
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
 from controller.registry import MODEL_FREE
@@ -53,12 +52,6 @@ def unfit(mission: Mission, model: ControlModel, controller: str) -> str:
 def _ends(mission: Mission, model: ControlModel, controller: str) -> str:
     """What ends the loop of `controller` on its own model, "" where nothing does within the mission."""
     seen = replace(mission.seen, latency_s=mission.seen.latency_s + 1 / mission.seen.rate_Hz)
-    asked = Asked(mission.reference, mission.limits, seen.std_m, mission.estimator)
-    world, loop = ModelWorld(model, seen, 1, 0.0, 0.0, 0.0), ClosedLoop(asked, model, controller)
+    loop, capsule = loop_in(model, replace(mission, seen=seen), model, controller)
     ticks = round(min(mission.duration_s, LONGEST_S) / model.tick_s)
-    for _ in loop.run(world, ticks):
-        if world.broken(mission.limits.speed_m_s):
-            return TEXT("sight.limit")
-        if loop.supervisor.halted:
-            return loop.supervisor.halted
-    return ""
+    return next((why for _ in loop.run(capsule, ticks) if (why := ended(loop, capsule))), "")

@@ -11,6 +11,9 @@ from controller.closed_loop import Asked, ClosedLoop
 from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.signals import Reference
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 LONGEST_S: Final = 5.0
 """Length of the piece of a reference that is simulated: a run's first second and, at 1 to 2 mm/s, a fold of the gut."""
@@ -62,6 +65,25 @@ class Outcome:
         return math.inf if self.broken else self.rmse_m
 
 
+def loop_in(
+    world: ControlModel,
+    mission: Mission,
+    model: ControlModel,
+    controller: str,
+    begin_s: float = 0.0,
+    place_m: float = 0.0,
+) -> tuple[ClosedLoop, ModelWorld]:
+    """The loop of `controller` with `model`, and the `world` around it, at rest at `place_m` at `begin_s`."""
+    command = place_m if model.drive.anchored else 0.0
+    asked = Asked(mission.reference, mission.limits, mission.seen.std_m, mission.estimator, begin_s, command)
+    return ClosedLoop(asked, model, controller), ModelWorld(world, mission.seen, 1, begin_s, place_m, command)
+
+
+def ended(loop: ClosedLoop, capsule: ModelWorld) -> str:
+    """Why a loop in a world is over: a broken hard limit, or a stop for good; "" while it is not."""
+    return TEXT("limit") if capsule.broken(loop.asked.limits.speed_m_s) else loop.supervisor.halted
+
+
 def tried(
     mission: Mission,
     piece: tuple[float, float],
@@ -74,16 +96,13 @@ def tried(
     exceeds `most_m`, it breaks a limit, or the supervisor stops it for good.
     """
     begin, end = piece
-    place = float(mission.reference.position(np.array([begin]))[0])
-    start = place if model.drive.anchored else 0.0
-    asked = Asked(mission.reference, mission.limits, mission.seen.std_m, mission.estimator, begin, start)
-    capsule = ModelWorld(world, mission.seen, 1, begin, place, start)
-    loop, ticks = ClosedLoop(asked, model, controller), round((end - begin) / model.tick_s)
+    place_m, ticks = float(mission.reference.position(np.array([begin]))[0]), round((end - begin) / model.tick_s)
+    loop, capsule = loop_in(world, mission, model, controller, begin, place_m)
     wanted = mission.reference.position(begin + model.tick_s * np.arange(1.0, ticks + 1.0))
     first = min(round(SETTLE_S / model.tick_s), ticks // 2)
     total, counted = 0.0, ticks - first
     for k, _ in enumerate(loop.run(capsule, ticks)):
-        if capsule.broken(mission.limits.speed_m_s) or loop.supervisor.halted:
+        if ended(loop, capsule):
             return Outcome(math.inf, broken=True)
         if k >= first:
             total += (float(capsule.state[0]) - float(wanted[k])) ** 2

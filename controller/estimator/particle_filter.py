@@ -41,8 +41,7 @@ class ParticleEstimator(Estimator):
         self._size, self._states, self._past = P, np.zeros((P, n)), np.zeros((self._kept, P))
         self._levels, self._forces, self._brisk, self._weights = (np.zeros(P) for _ in range(4))
         self._periodic = Periodic.of(model, P)
-        more = np.zeros(0, dtype=np.int64) if self._periodic is None else self._periodic.index
-        self._which = np.append(self._level.index, more)
+        self._which = np.append(self._level.index, self._periodic.index)
         self._values = np.zeros((self._which.size, P))
         self._chosen, self._normals, self._chances = np.zeros(P, dtype=np.int64), np.zeros((3, P)), np.zeros(P)
         self._every = max(1, round(_SCATTER_S / model.tick_s))
@@ -87,8 +86,7 @@ class ParticleEstimator(Estimator):
         self._levels[:] = np.clip(level_std * normal(P), *self._bounds)
         self._forces[:] = noise.force_std_N * normal(P)
         self._brisk[:] = self._draws.random(P) < 0.5
-        if self._periodic is not None:
-            self._periodic.begin()
+        self._periodic.begin()
         self._weights[:] = 1 / P
         self._newest, self._average, self._leader = 0, 0.0, -1
         self._remember(now, self._command)
@@ -96,8 +94,7 @@ class ParticleEstimator(Estimator):
     def _predict(self, now: float, command: float) -> None:
         k, before = self.model.kernels, self.model.command_from(self._drive, command)
         self._values[0] = self._level.middle * (1 + self._levels)
-        if self._periodic is not None:
-            self._values[1:] = self._periodic.values
+        self._values[1:] = self._periodic.values
         moved = (self._states, before, command, self._forces, self._time_s, k.tick_s, k.substeps, k.parameters)
         k.run_each(self._which, self._values, *moved)
         self._newest += 1
@@ -113,9 +110,7 @@ class ParticleEstimator(Estimator):
         self._draws.random(out=self._chances)
         moved = (self._states[:, 0], self._levels, self._forces, self._brisk)
         scatter(*moved, np.append(walks, _REDRAWN_1_S * passed), self._bounds, self._normals, self._chances)
-        if self._periodic is not None:
-            level = expected(self._weights, self._levels)[0]
-            self._periodic.scatter(self._draws, passed, force > noise.force_wander_N, self._levels, level)
+        self._periodic.scatter(self._draws, passed, force > noise.force_wander_N, self._levels, self._weights)
 
     def _remember(self, now: float, command: float) -> None:
         """The sensor readings at `now`, with the drive at `command`."""
@@ -155,8 +150,7 @@ class ParticleEstimator(Estimator):
         draw(self._weights, self._draws.random(), chosen)
         for rows in (self._states, self._past.T, self._levels, self._forces, self._brisk):
             rows[:] = rows[chosen]
-        if self._periodic is not None:
-            self._periodic.take(chosen)
+        self._periodic.take(chosen)
         self._weights[:] = 1 / self._size
         copies = np.flatnonzero(chosen == self._leader)
         self._leader = int(copies[0]) if copies.size else -1
@@ -166,8 +160,7 @@ class ParticleEstimator(Estimator):
         level, force = survey(w, self._states, self._levels, self._forces, mean, std)
         if not math.isfinite(mean.sum() + std.sum() + level + force):
             return None
-        if self._periodic is not None:
-            self._level.values[self._periodic.index] = self._periodic.mean(w)
+        self._level.values[self._periodic.index] = self._periodic.mean(w)
         self._leader = led(w, self._states, self._levels, self._wall, mean, std, level, _LEADS, self._leader)
         state: Array = self._states[self._leader].copy()
         state[0] = mean[0]

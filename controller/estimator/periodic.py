@@ -7,6 +7,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.estimator.kernels import expected
 from controller.model.control_model import ControlModel
 from controller.signals import Array
 from models.effects.effect import Effect
@@ -24,25 +25,27 @@ class Periodic:
 
     All begin with the model's. Once the innovations have one sign, some particles redraw theirs: the effect may be
     elsewhere, or absent. The readings decide. The estimate is the weighted mean of `size exp(i phase)`: uncertain
-    particles make the effect smaller.
+    particles make the effect smaller. Without such an effect there are no parameters, and nothing is drawn.
     """
 
-    def __init__(self, model: ControlModel, effect: type[Effect], count: int) -> None:
+    def __init__(self, model: ControlModel, effect: type[Effect] | None, count: int) -> None:
         keys = [p.key for p in model.symbols.parameters]
-        names = effect.amplitude().name, effect.of_role("phase")
-        self.index = np.array([keys.index((effect.id, str(name))) for name in names])
+        names = () if effect is None else (effect.amplitude().name, effect.of_role("phase"))
+        self.index = np.array([keys.index((effect.id, str(name))) for name in names if effect], dtype=np.int64)
         self._own = model.values[self.index]
-        self.values = np.zeros((2, count))
+        self.values = np.zeros((len(names), count))
         self._moved = np.zeros(count, dtype=bool)
         self.begin()
 
     @classmethod
-    def of(cls, model: ControlModel, count: int) -> Self | None:
+    def of(cls, model: ControlModel, count: int) -> Self:
         """That of the first periodic effect in `model`, if it has one."""
-        for effect in model.symbols.effects:
-            if effect.of_role("phase") and any(p.name == "wavelength_m" for p in effect.parameters()):
-                return cls(model, effect, count)
-        return None
+        periodic = (
+            effect
+            for effect in model.symbols.effects
+            if effect.of_role("phase") and any(p.name == "wavelength_m" for p in effect.parameters())
+        )
+        return cls(model, next(periodic, None), count)
 
     def begin(self) -> None:
         """All particles with the model's own."""
@@ -50,10 +53,14 @@ class Periodic:
         self._moved[:], self._level = False, 0.0
 
     def scatter(
-        self, draws: np.random.Generator, passed_s: float, surprised: bool, levels: Array, level: float
+        self, draws: np.random.Generator, passed_s: float, surprised: bool, levels: Array, weights: Array
     ) -> None:
-        """After `passed_s`, with a mean friction `level`: walk; redraw some, with new `levels`."""
-        self._level += passed_s / _MEAN_S * (level - self._level)
+        """After `passed_s`, with particles of these friction `levels` and `weights`: walk; redraw some, with new
+        levels.
+        """
+        if not self.index.size:
+            return
+        self._level += passed_s / _MEAN_S * (expected(weights, levels)[0] - self._level)
         moved = self._moved
         self.values[1, moved] += _WALK_RAD * math.sqrt(passed_s) * draws.standard_normal(int(moved.sum()))
         if not (surprised or moved.any()):
@@ -68,9 +75,10 @@ class Periodic:
         """Particles replaced by copies of the `chosen` ones."""
         self.values[:], self._moved[:] = self.values[:, chosen], self._moved[chosen]
 
-    def mean(self, weights: Array) -> tuple[float, float]:
-        """Size and phase of all particles by their `weights`."""
+    def mean(self, weights: Array) -> Array:
+        """Size and phase (2,) of all particles by their `weights`."""
         if not self._moved.any():
-            return float(self._own[0]), float(self._own[1])
+            return self._own
         whole = complex(np.sum(weights * self.values[0] * np.exp(1j * self.values[1])))
-        return abs(whole) * math.copysign(1.0, self._own[0]), cmath.phase(whole * math.copysign(1.0, self._own[0]))
+        sign = math.copysign(1.0, self._own[0])
+        return np.array([abs(whole) * sign, cmath.phase(whole * sign)])

@@ -105,9 +105,13 @@ class ModelSwitch:
         self.history: History | None = None
         self.switched: list[tuple[float, str]] = []
         self._beside = {name: self.prepare(Offer(other, Acceptance())) for name, other in others.items()}
-        pairs = {name: (one.observer, one.monitor) for name, one in self._beside.items()}
-        watched = {name: (o, m) for name, (o, m) in pairs.items() if isinstance(o, Estimator) and m is not None}
-        self._others = Others(watched)
+        self._others = Others(
+            {
+                name: (one.observer, one.monitor)
+                for name, one in self._beside.items()
+                if isinstance(one.observer, Estimator) and one.monitor is not None
+            }
+        )
         if offer is not None:
             self.propose(offer)
 

@@ -49,22 +49,23 @@ def close(
     seed: int = 0,
     known: Known = NOTHING_KNOWN,
     most: int = SET.most_effects,
-    told: Callable[[Mapping[str, Quantity]], None] = lambda _: None,
+    told: Callable[[Mapping[str, Quantity]], None] | None = None,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     only checked for what makes it unusable until the end.
 
     Base parameters that are `known` from elsewhere replace the rig file's and constrain the calibration as its
-    `[prior]` does; known effects belong to the base. At `most` so many effects are searched for. Before the fit `told`
-    gets the `smallest` sizes that would show. The same records and `seed` give the same numbers. Raises ValueError for
-    records from which nothing is identifiable.
+    `[prior]` does; known effects belong to the base. At most `most` effects are searched for. Before the fit `told`, if
+    given, gets the `smallest` sizes that would show. The same records and `seed` give the same numbers. Raises
+    ValueError for records from which nothing is identifiable.
     """
     began = time.monotonic()
     findings = examined(rig, train, holdout)
     train, holdout = [ready(record, rig) for record in train], [ready(record, rig) for record in holdout]
     prepared = prepare(rig, train, known, findings)
     check_parts(prepared.kind, train, holdout)
-    told(smallest(prepared.kind, train))
+    if told is not None:
+        told(smallest(prepared.kind, train))
     found = search(prepared.kind, train, progress, np.random.default_rng(seed), most)
     progress("held-out records", 0.95)
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})

@@ -35,8 +35,8 @@ class Trial:
     finer: FittedModel | None = None
 
     @property
-    def best(self) -> FittedModel:
-        """The fewest refinements that do about as well."""
+    def model(self) -> FittedModel:
+        """That of both to go on with: without the refinements, where it does about as well."""
         rows = [self.fitted, *([self.finer] if self.finer else [])]
         return rows[fewest([row.blocks for row in rows], [row.training_cost for row in rows])]
 

@@ -1,6 +1,6 @@
 """Refinements of the shapes of named effects: which of them the records support."""
 
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 
 from models.effects import CATALOGUE, REFINEMENTS
@@ -13,24 +13,24 @@ from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
 
-Known = MutableMapping[tuple[str, ...], Sequence[Theta]]
+Known = Mapping[tuple[str, ...], Sequence[Theta]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
 
 
-def refined(model: FittedModel, known: Known) -> FittedModel:
-    """`model` with the refinements of the named effects' shapes: added one after the other, the fewest that
-    do about as well on validation records as the best. Each also begins where it changes nothing, and is compared with
-    the model without it, refitted from its base: none wins or fails by luck. The fits are added to those `known`.
+def refined(model: FittedModel) -> tuple[FittedModel, Known]:
+    """`model` with the refinements of the named effects' shapes, and all fits that were made: added one after the
+    other, the fewest that do about as well on validation records as the best. Each also begins where it changes
+    nothing, and is compared with the model without it, refitted from its base: no result depends on where a fit began.
     """
     curves = _shapes(model.kind, model.effects) if model.training_blocks.mean() > SET.events else []
-    rows = [model]
+    rows, known = [model], dict[tuple[str, ...], Sequence[Theta]]()
     for k, curve in enumerate(curves):
         finer = (*model.effects, *curves[: k + 1])
         starts = [[theta.with_(curve, at) for at in ({}, _begin(curve))] for theta in rows[-1].thetas]
-        known[finer] = rows[-1].far(starts, finer, seeds=1).thetas
-        rows[-1] = better_without(rows[-1], curve, known[finer])
-        rows.append(model.fitted(known[finer], finer))
-    return rows[fewest([row.blocks for row in rows], [row.training_cost for row in rows])]
+        row = rows[-1].far(starts, finer, seeds=1)
+        known[finer] = row.thetas
+        rows[-1:] = [better_without(rows[-1], curve, row.thetas), row]
+    return rows[fewest([row.blocks for row in rows], [row.training_cost for row in rows])], known
 
 
 def refined_at_last(

@@ -90,7 +90,7 @@ def search(
             shorter = replace(calibrated, splits=splits).far([base.theta] for _ in splits)
             model = _named(shorter, found, on_all, progress, rng, most)
     if found.effects:
-        model = refined(model, found.known)
+        model, found.known = refined(model)
         found.refinements = [name for name in model.effects if name not in found.effects]
         found.after = model.cost
         found.note("finer shapes")
@@ -164,7 +164,7 @@ def _named(
             return model
         found.effects.append(best.effect)
         found.gains[best.effect] = best.gain
-        model = best.best.far([theta] for theta in best.best.thetas)
+        model = best.model.far([theta] for theta in best.model.thetas)
         found.after = min(float(best.blocks.mean()), model.cost)
         model = _test_again(model, found)
         found.note("testing again")

@@ -39,7 +39,7 @@ class Cluster:
     def __init__(self, folder: Path, failures: int = 3) -> None:
         self.folder, file = folder, folder / "scheduler.json"
         self.scheduler = forked(folder / "scheduler.log", _scheduler, file, failures)
-        until(file.exists)
+        until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
         self.address: str = json.loads(file.read_text())["address"]
 
     def worker(self, name: str) -> BaseProcess:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
 from controller.choice.sight import unfit
 from controller.choice.trial import Mission
-from controller.choice.world import Localisation
+from controller.choice.world import Localisation, Possible, Push
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
@@ -119,12 +119,12 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
             if name != PLAIN or stage == NOMINAL or len(names) == 1
         ]
     numbers = worlds_of(model)
-    made: dict[tuple[str, float], ControlModel] = {}
+    made: dict[tuple[str, float], Possible] = {}
 
-    def world(name: str, before: ControlModel) -> ControlModel:
+    def world(name: str, before: ControlModel) -> Possible:
         height = 0.0 if before.rig.magnets is None else before.rig.magnets.height_m
         if (name, height) not in made:
-            made[name, height] = believed(numbers[name], before)
+            made[name, height] = believed(numbers[name], before), Push(**model.unexplained.get(name, {}))
         return made[name, height]
 
     found = choose(mission, candidates, list(numbers), world, report, model.barred)

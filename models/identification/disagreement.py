@@ -107,8 +107,12 @@ class _Own:
         return self.rest.theta.get(axis.name, 0.0)
 
     def _told(self, fit: Fit, axis: FreeParameter, model: tuple[str, ...], tests: int) -> Disagreement | None:
-        """The disagreement of a `fit`; None where the gain may be chance, is small, or may be had by all records."""
+        """The disagreement of a `fit`; None where the gain may be chance, is small, or may be had by all records. Where
+        fits may miss slip events, a part that is not fitted to the noise shows nothing.
+        """
         count, p = len(self.residual), axis.parameter
+        if self.kind.beginnings_s and max(self.rest.chi2, fit.cost / count) > SET.near:
+            return None
         beyond = float(self.residual @ self.residual) - count
         alike = max(fit.cost / count, 1.0) * memory(fit.residual[:count])
         limit = np.sqrt(scipy.stats.chi2.isf(SET.disagrees_by_chance / tests, 1))

@@ -1,6 +1,7 @@
 """Which record of a series disagrees with the others, and by what."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def told(own: Theta, others: Theta = TRUTH, seed: int = 0, odd: int = 2) -> tupl
         far, turns = rng.uniform(1e-3, 4e-3, 3), rng.uniform(0.05, 0.25, 3)
         x = np.sum([a * (1 - np.cos(2 * np.pi * f * t)) for a, f in zip(far, turns, strict=True)], axis=0)
         blanks.append(Record(f"pull_{k}", "pull", {"t_s": t, "position_m": x, "force_N": np.zeros_like(t)}))
-    kind = kind_for(RIG, blanks)
+    kind = replace(kind_for(RIG, blanks), noise_std=1e-3)
     base = kind.nominal()
     records = [kind.imitate(b, base | (own if k == odd else others), rng) for k, b in enumerate(blanks)]
     kind = kind_for(RIG, records)

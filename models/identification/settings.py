@@ -75,6 +75,7 @@ class SearchSettings:
     surface_paired: int = setting(4, "1", "variables that predict most, of which pairs are tried")
     residual_tone: float = setting(0.2, "1", "least share of the residual's power that a tone has")
     residual_motion: float = setting(0.25, "1", "times that share: a line that the motion has as well is no tone")
+    beyond: float = setting(0.02, "1", "share of a signal's span by which a motion may leave what records covered")
     cycles: int = setting(3, "1", "fewest cycles of a tone in a record")
     residual_moving: float = setting(0.02, "1", "share of the largest speed from which on a sample counts as moving")
     residual_stretches: int = setting(96, "1", "stretches of a record, from which the bootstrap of a mean draws")

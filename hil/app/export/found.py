@@ -1,6 +1,6 @@
 """A found model for export: its assembly, the values of a stage, and what of it no export can carry."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +13,7 @@ from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
+from models.identification.validity import Ranges
 from models.parameter import nearest
 from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
@@ -25,7 +26,7 @@ TEXT: Final = Sentences(__file__)
 
 @dataclass(frozen=True)
 class Found:
-    """A model's parts at one stage: `values` by parameter name."""
+    """A model's parts at one stage: `values` by parameter name; the ranges that its records `covered`."""
 
     rig: Rig
     surface: Surface
@@ -33,6 +34,7 @@ class Found:
     effects: tuple[type[Effect], ...]
     values: Theta
     stage: str
+    covered: Ranges = field(default_factory=dict)
 
     def assembled(self) -> Assembly:
         return assemble(self.surface, self.drive, self.effects)
@@ -58,7 +60,7 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: 
     learned = read_model(model, belief.kind, catalogue=catalogue)
     values = learned.stages[stage]
     effects = tuple(catalogue[name] for name in sorted(values.effects))
-    found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage)
+    found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage, learned.validity)
     _check(found, learned, model)
     return found
 

@@ -24,6 +24,7 @@ from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import Model, read_model, read_report
+from models.identification.validity import Ranges
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import from_table
@@ -69,6 +70,7 @@ class Deployment:
     learning: LearningTable = LearningTable()
     learned: Model | None = None
     others: Mapping[str, Theta] = field(default_factory=dict)
+    covered: Ranges = field(default_factory=dict)
 
     def task(self) -> Task:
         """The task of the controller node. Raises ValueError for a rig that cannot be controlled."""
@@ -100,13 +102,10 @@ def load_deployment(path: Path, reference: Path | None = None, known: Catalogue 
         raw = with_reference(raw, reference, "control")
         text = toml_text(raw)
     with in_file(path):
-        values, verdict, learned, others = _learned(raw, path.parent, known)
-        deployment = parse_deployment(text, values, path.stem, verdict)
-        deployment = replace(deployment, rig=known.given_to(deployment.rig), learned=learned, others=others)
-        return replace(
-            deployment,
-            offered=read_offer(OfferTable.read(raw) if "offer" in raw else None, path.parent, deployment.rig, values),
-        )
+        deployment = parse_deployment(text, Theta(), path.stem)
+        deployment = replace(deployment, rig=known.given_to(deployment.rig), **_learned(raw, path.parent, known))
+        table = OfferTable.read(raw) if "offer" in raw else None
+        return replace(deployment, offered=read_offer(table, path.parent, deployment.rig, deployment.values))
 
 
 def read_plant(path: Path) -> DeployedPlant:
@@ -122,7 +121,7 @@ def read_plant(path: Path) -> DeployedPlant:
         return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive, path.parent)
 
 
-def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Acceptance | None = None) -> Deployment:
+def parse_deployment(text: str, values: Theta, name: str = "rig") -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = parse_toml(text, "rig file")
     _check_tables(raw)
@@ -136,8 +135,8 @@ def parse_deployment(text: str, values: Theta, name: str = "rig", verdict: Accep
     bus = BusTable.read(raw)
     reference = read_reference(raw.get("reference", {}), control.duration_s)
     drive, operator = _drive(raw, rig.kind, bus, limits), operator_limits(raw, limits)
-    stated = (name, text, rig, bus, control, reference, limits, values, verdict, drive)
-    return Deployment(*stated, operator=operator, learning=LearningTable.read(raw))
+    stated = (name, text, rig, bus, control, reference, limits, values)
+    return Deployment(*stated, drive=drive, operator=operator, learning=LearningTable.read(raw))
 
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
@@ -200,21 +199,20 @@ def _rig(raw: Mapping[str, Any]) -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
 
 
-def _learned(
-    raw: Mapping[str, Any], folder: Path, known: Catalogue
-) -> tuple[Theta, Acceptance | None, Model | None, Mapping[str, Theta]]:
-    """Values of the model that the file names, their acceptance test and the others that may lead on; the model itself
-    where a stage of it is to be chosen. Its last stage, and what the records do not separate from it, must pass that
-    test to be chosen.
+def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> dict[str, Any]:
+    """What the model that the file names gives a deployment. Where a stage of it is to be chosen, it is `learned`; its
+    last stage, and what the records do not separate from it, must then pass the acceptance test to be chosen.
     """
     if not isinstance(raw.get("model"), dict):
-        return Theta(), None, None, {}
+        return {}
     table, rig = ModelTable.read(raw), known.given_to(_rig(raw))
     model = read_model(folder / table.file, rig.kind, catalogue=known)
     stage = STAGES[-1] if table.stage == CHOSEN else table.stage
     verdict = judge(read_report(folder / table.report), model, rig, stage=stage)
-    if table.stage != CHOSEN or not model.possible:
-        values = model.believed(stage)
-        return values, verdict, None, others_of(model, values) if table.stage == CHOSEN else {}
-    refused = {} if verdict.passed else dict.fromkeys((stage, *model.members), verdict.sentence)
-    return model.believed(STAGES[0]), None, replace(model, barred={**refused, **model.barred}), {}
+    if table.stage == CHOSEN and model.possible:
+        refused = {} if verdict.passed else dict.fromkeys((stage, *model.members), verdict.sentence)
+        learned = replace(model, barred={**refused, **model.barred})
+        return {"values": model.believed(STAGES[0]), "learned": learned, "covered": model.validity}
+    values = model.believed(stage)
+    others = others_of(model, values) if table.stage == CHOSEN else {}
+    return {"values": values, "verdict": verdict, "others": others, "covered": model.validity}

@@ -178,7 +178,7 @@ class ControllerNode:
         self._speak(now)
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
-        self.answer.believe(now, self._position(estimate), self.estimator.counts.followed)
+        self.answer.believe(now, self._position(estimate), self.estimator.counts.followed, arrived)
         middle = time.perf_counter()
         self._steer(now, estimate)
         evidence = self.receiver.evidence(now)

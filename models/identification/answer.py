@@ -11,8 +11,10 @@ from models.checks.finding import RecordFinding
 from models.effects import effect_words
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
+from models.identification.disagreement import disagreements
 from models.identification.experiment import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Proposal
+from models.identification.fitting.profile import profiles
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.residual_dependence import dependence_of
 from models.identification.search.search import Search
@@ -75,6 +77,8 @@ def answer(
         dependence=dependence_of(kind, train, theta, seed) if verdict == "unknown" else None,
         declared=prepared.declared,
         leading=_leading(choice),
+        disagreeing=disagreements(kind, found.augmented, found.model, train),
+        profiles=profiles(kind, found.augmented, found.model, train),
         stopped=STOPPED[found.ended],
     )
 

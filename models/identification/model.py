@@ -61,6 +61,7 @@ def read_report(path: Path) -> dict[str, Any]:
 
 
 DRAW = "draw_"  # begins the name of a possible model that differs from the last stage by its numbers alone
+CLASS = "class"  # the possible model that is the mean of a class
 FORMAT = 1  # of the model file, which a reader asks for
 CHECKSUM = "checksum"
 SEAL = "'python -m models.identification.seal MODEL.toml'"
@@ -95,9 +96,9 @@ class Model:
     """`stages` maps nominal, calibrated and augmented to values.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
     empty where none were held out; `cautions` name a stage that errs more there than an earlier one.
-    `possible` are further models that the records leave possible, by name: the effects of a class, then draws from the
-    intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the records
-    exclude it.
+    `possible` are further models that the records leave possible, by name: the effects of a class, their mean, then
+    draws from the intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the
+    records exclude it.
     `validity` has the range of each signal that the training records covered; empty in a file that has none.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
     has no checksum; `misfit` says what is wrong where the checksum is that of another content.

@@ -28,12 +28,13 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A `controller` with the model of a `stage`; a lower `rank` is simpler."""
+    """A `controller` with the model of a `stage`; a lower `rank` is simpler. Records may have `refuted` that model."""
 
     stage: str
     controller: str
     model: ControlModel
     rank: tuple[int, int]
+    refuted: bool = False
 
     @property
     def plain(self) -> bool:
@@ -121,18 +122,19 @@ class Comparison:
         self._report(TEXT("progress", runs=self.runs), min(share, 1.0))
 
     def best(self) -> Row:
-        """The row that leads: the least worst of those that lose against no plain one; the simplest where all break a
-        limit.
+        """The row that leads: the least worst of those that lose against no plain one; of all where only a model that
+        the records refute is left; the simplest where all break a limit.
         """
         plain = [row for row in self.rows if row.candidate.plain]
         self._try([(row, self._worlds[0]) for row in plain])
         most_m = HOPELESS * min((row.worst for row in plain), default=math.inf)
         self._try([(row, self._worlds[0]) for row in self.rows if row not in plain], most_m)
-        left = list(self.rows)
+        left, losing = list(self.rows), list[Row]()
         while left and (leading := self._least_worst(left)):
             lost = "" if leading in plain else next(filter(None, (self._loses(leading, row) for row in plain)), "")
             if not lost:
-                return leading
+                return losing[0] if losing and leading.candidate.refuted else leading
+            losing.append(leading)
             self.lost.setdefault(leading.candidate.stage, lost)
             left.remove(leading)
         return min(self.rows, key=lambda row: row.candidate.rank)

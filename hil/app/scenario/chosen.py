@@ -144,7 +144,7 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
         leading = believed(values)
         rank = SIMPLER.index(stage) if stage in SIMPLER else len(SIMPLER)
         candidates += [
-            Candidate(stage, name, leading, (rank, names.index(name)))
+            Candidate(stage, name, leading, (rank, names.index(name)), stage in model.refuted and name != PLAIN)
             for name in names
             if name != PLAIN or stage == NOMINAL or len(names) == 1
         ]

@@ -20,11 +20,11 @@ MISSION = Mission(through([2e-3], 1e-3, 0.5, 0.5), 3.0, Limits())
 RANKS = {"nominal": 0, "calibrated": 1}
 
 
-def compared(errors: Errors, monkeypatch: pytest.MonkeyPatch) -> tuple[Comparison, list[Candidate]]:
+def compared(errors: Errors, monkeypatch: pytest.MonkeyPatch, refuted: str = "") -> tuple[Comparison, list[Candidate]]:
     """A comparison whose trials give `errors`."""
     model, worlds = model_of(), [f"world {k}" for k in range(len(next(iter(errors.values()))))]
     names = list(dict.fromkeys(controller for _, controller in errors))
-    candidates = [Candidate(s, c, model, (RANKS.get(s, 2), names.index(c))) for s, c in errors]
+    candidates = [Candidate(s, c, model, (RANKS.get(s, 2), names.index(c)), s == refuted) for s, c in errors]
     tried = iter(range(1000))
 
     def outcome(comparison: Comparison, pairs: list[tuple[choose_module.Row, str]], most_m: float = math.inf) -> None:
@@ -118,6 +118,13 @@ def test_a_small_loss_beside_what_the_nominal_model_risks_is_none(monkeypatch: p
 def test_a_plain_choice_that_breaks_a_limit_somewhere_is_no_better_one(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {("nominal", "feedforward"): (0.5, 0.1, math.inf), ("augmented", "feedforward"): (0.3, 0.3, 0.3)}
     assert chosen(errors, monkeypatch).stage == "augmented"
+
+
+def test_a_model_that_the_records_refute_bars_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It leads only where its own worst error is the least."""
+    errors = {("nominal", "mpc"): (1.1, 0.25), ("augmented", "mpc"): (0.03, 0.38)}
+    assert compared(errors, monkeypatch)[0].best().candidate.stage == "nominal"
+    assert compared(errors, monkeypatch, "nominal")[0].best().candidate.stage == "augmented"
 
 
 def test_nothing_leads_that_loses_against_the_pid(monkeypatch: pytest.MonkeyPatch) -> None:

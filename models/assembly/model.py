@@ -9,6 +9,7 @@ import numpy as np
 
 from models.assembly.effects import Active
 from models.assembly.step import Stepper
+from models.drives.axis_force import AxisForce
 from models.drives.drive import Drive
 from models.effects.effect import Effect
 from models.parameter import Name, Parameter
@@ -92,7 +93,9 @@ def _correction(surface: Surface, drive: Drive, names: tuple[Name, ...]) -> ca.F
     state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
     now: dict[Name, Any] = {name: state[i] for i, name in enumerate(names)}
     shift = gain * error
-    if not surface.dragged or not drive.anchored:
+    if isinstance(drive, AxisForce):  # place and speed, critically damped: the error of a step says as much of either
+        new = now | {"x": now["x"] + 2 * shift, "v": now["v"] + shift / drive.remembers_s}
+    elif not surface.dragged or not drive.anchored:
         new = now | {"x": now["x"] + shift}
     elif drive.imposed:
         shift = gain * error / surface.stiffness()

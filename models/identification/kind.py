@@ -36,7 +36,6 @@ class Kind(ABC):
     """
 
     criteria: ClassVar[int] = 1
-    final: ClassVar[int] = 0
     judges: ClassVar[tuple[int, ...]] = (0,)
     least_gain: ClassVar[float] = 0.05
     next_share: ClassVar[float] = 0.05
@@ -85,6 +84,11 @@ class Kind(ABC):
     def free_run(self) -> int:
         """The criterion by which models are fitted and compared: the free run, or a kind's only one."""
         return self.criteria - 1
+
+    @property
+    def final(self) -> int:
+        """The criterion of the last fit: the first, the free run, or that computed more exactly."""
+        return 0
 
     def nominal(self) -> Theta:
         """The base parameters as believed."""

@@ -18,7 +18,7 @@ from models.files.units import unit_of
 from models.records.found_columns import check_header, proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
-from models.rigs.kinds import KINDS
+from models.rigs.kinds import KINDS, kind_of
 from models.rigs.mapping import MappedColumn, contradiction
 from models.rigs.rig import Rig
 
@@ -185,7 +185,7 @@ def find_columns(
     Raises ValueError for a missing column, with a table `[columns]` to paste as its note where one is likely.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    kind = KINDS[rig.kind]
+    kind = kind_of(rig, targets)
     optional = kind.columns(targets).measured if driven_only else ()
     sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
@@ -234,7 +234,11 @@ def _record(
     lenient: bool = False,
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
-    kind, rows, raw = KINDS[rig.kind], len(table.lines), dict(zip(table.header, table.values.T, strict=True))
+    kind, rows, raw = (
+        kind_of(rig, {*sources, *table.header}),
+        len(table.lines),
+        dict(zip(table.header, table.values.T, strict=True)),
+    )
     ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
     read = {source.column for source in sources.values()}
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
@@ -251,7 +255,9 @@ def _record(
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(rows, rig.velocity_m_s)
-    return Record(name, rig.kind, columns, where, table.lines)
+    if kind.completed is not None:
+        columns = kind.completed(columns, rig)
+    return Record(name, kind.id, columns, where, table.lines)
 
 
 def _refuse_wrong(

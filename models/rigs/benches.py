@@ -1,13 +1,16 @@
 """Rigs that are no capsule in motion: a machine's axis, a contact, tables of runs or periods, a sample of the wall."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 
+from models.drives.axis_force import AxisForce, AxisTorque
 from models.rigs.capsules import VIBRO
 from models.rigs.columns import SLOWEST_PULL, Columns, Range
 from models.rigs.kind import Array, Record, RigKind, Tables
-from models.rigs.rig import Head
+from models.rigs.rig import Head, Rig
+from models.rigs.schema import key
 from models.rigs.tables import Axis, BodyTable, Contact, DriveTable, PaperCapsuleTable, PaperTissueTable, SurfaceTable
 
 
@@ -42,8 +45,25 @@ def _swings(sizes: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
     return t, x, v, a
 
 
+_DRIVES = ("force_N", "torque_N_m", "coil_current_A", "coil_voltage_V")
+
+
+class AxisHead(Head):
+    """`[rig]` of an axis with the column that drives it, where its place is measured and not imposed."""
+
+    driven: Literal["force_N", "torque_N_m", "coil_current_A", "coil_voltage_V"] | None = key(
+        "the column that drives the axis, whose place is then predicted; left out: the place is imposed, and the force"
+        " or torque is measured, if the records have one",
+        None,
+    )
+
+    def parts(self, nested: Any) -> dict[str, Any]:
+        return {"name": self.name, "driven": self.driven or ""}
+
+
 AXIS = RigKind(
     id="axis",
+    head=AxisHead,
     layouts=(
         Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", "load_N")),
         Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", "load_N_m", "load_N")),
@@ -61,6 +81,41 @@ AXIS = RigKind(
     signals=frozenset({"t", "x", "v", "direction", "load"}),
 )
 """A linear stage, or one that turns: its position is imposed, its force or torque is measured."""
+
+
+def _force(columns: Mapping[str, Array], rig: Rig) -> dict[str, Array]:
+    """The force (torque) that the driven column gives; 0 where nothing is logged: an axis that swings freely."""
+    turns = "angle_rad" in columns or (rig.driven or "").startswith("torque") or "torque_N_m" in columns
+    force = "torque_N_m" if turns else "force_N"
+    driven = rig.driven or next((name for name in _DRIVES if name in columns), force)
+    there = columns.get(driven)
+    rows = len(next(iter(columns.values())))
+    return {**columns, force: np.zeros(rows) if there is None else rig.axis.constant(driven) * there}
+
+
+def _axis_drive(rig: Rig, by_voltage: bool = False) -> AxisForce:
+    turns = rig.driven == "torque_N_m" or rig.axis.inertia_kg_m2 is not None
+    return AxisTorque() if turns else AxisForce()
+
+
+DRIVEN_AXIS = RigKind(
+    id="driven_axis",
+    turned=AXIS.id,
+    layouts=tuple(
+        Columns(((force, *_DRIVES[2:]),), (place,), optional=own.optional)
+        for own, force, place in zip(AXIS.layouts, _DRIVES, ("position_m", "angle_rad"), strict=False)
+    ),
+    head=AxisHead,
+    ranges={**AXIS.ranges, "position_m": Range(-1e4, 1e4, "between -10000 and 10000 m")},
+    tables=AXIS.tables,
+    drive=_axis_drive,
+    surface=lambda rig: _axis_drive(rig).rail,
+    completed=_force,
+    wanted=AXIS.wanted,
+    stage=True,
+    hooks=AXIS.hooks | {"gain"},
+)
+"""The same axis whose force or torque is driven, and whose place is measured."""
 
 
 def _friction_template(rng: np.random.Generator) -> tuple[Tables, Record]:

@@ -12,6 +12,7 @@ from models.rigs.columns import RANGES, Columns, Range
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import Table
 from models.rigs.tables import CapsuleTable, PaperCapsuleTable, TissueTable
+from models.surfaces.surface import Surface
 
 Tables = Mapping[str, Mapping[str, Any]]
 """Values by table and key."""
@@ -77,6 +78,12 @@ class RigKind:
     """Whether the drive switches, so that it cannot be read between samples."""
     stage: bool = False
     """Whether a machine's axis moves, and no capsule."""
+    surface: Callable[[Rig], Surface] | None = None
+    """What its body lies on, where the rig file does not say."""
+    completed: Callable[[Mapping[str, Array], Rig], dict[str, Array]] | None = None
+    """The columns of a record with those that follow from others."""
+    turned: str = ""
+    """The kind that a rig file names and that is this one where `[rig] driven` is one of its driven columns."""
     drawn: bool = False
     """Whether a rig draws the capsule along and shows the force that this takes."""
     follows: bool = False
@@ -97,7 +104,7 @@ class RigKind:
     @property
     def imposed(self) -> bool:
         """Whether a motion is imposed and the force is measured."""
-        return self.drawn or self.stage
+        return self.drawn or (self.stage and self.drive is None)
 
     @property
     def led(self) -> bool:

@@ -73,23 +73,12 @@ class AxisKind(Kind):
         10 kg, 100 N s/m, 10 N and 0 N (kg m2, N m s/rad and N m). Raises ValueError where the rig file states a stage
         and the records are of an axis that turns, or the other way round.
         """
-        c = coordinates_of(records)
-        stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
-        strange = next((name for name in stated if name not in c.base), None)
-        if strange is not None and records:
-            keys = ", ".join(c.base)
-            raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
-        c = c if records or strange is None else TURN
-        noise, catalogue = rig.noise, Catalogue.of(rig)
-        stds = (noise.torque_std_N_m, noise.angle_std_rad) if c.turns else (noise.force_std_N, noise.position_std_m)
+        c, catalogue = coordinates_for(rig, records), Catalogue.of(rig)
+        stds = stated_noise(rig, c)
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         size = size_of(c, known, band) if known else None
-        rows = []
-        for name, unit, (start, lower, upper) in zip(c.base, c.units, _spans(c, size), strict=True):
-            at = stated.get(name, start)
-            rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
-        return cls(tuple(rows), *stds, c, band, candidates(c, size, catalogue), catalogue=catalogue)
+        return cls(base_of(rig, c, size), *stds, c, band, candidates(c, size, catalogue), catalogue=catalogue)
 
     @property
     def quantity(self) -> str:
@@ -208,15 +197,7 @@ class AxisKind(Kind):
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle."""
-        apart = [([r for r in records if r is not out], [out]) for out in records]
-        if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
-            return apart
-        each = [blocks_of_cycle(self._carrying(record), self.coordinates.position) for record in records]
-        return [
-            ([r for part, _ in row for r in part], [r for _, part in row for r in part])
-            for row in zip(*each, strict=True)
-        ]
+        return splits_of(records, self.coordinates.position, self._carrying)
 
     def _carrying(self, record: Record) -> Record:
         if CARRIED[0] in record.columns:
@@ -240,6 +221,34 @@ class AxisKind(Kind):
         names = ("t_s", self.coordinates.position, self.coordinates.velocity, CARRIED[0])
         key = tuple(id(record.columns.get(name)) for name in names)
         return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
+
+
+def coordinates_for(rig: Rig, records: Sequence[Record]) -> Coordinates:
+    """Those of the `records`, without any those that the rig file states. Raises ValueError where these differ."""
+    c = coordinates_of(records)
+    own = {name for one in (LINE, TURN) for name in one.base}
+    stated = (name for name, value in rig.axis.model_dump().items() if value is not None and name in own)
+    strange = next((name for name in stated if name not in c.base), None)
+    if strange is not None and records:
+        keys = ", ".join(c.base)
+        raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
+    return c if records or strange is None else TURN
+
+
+def stated_noise(rig: Rig, c: Coordinates) -> tuple[float | None, float | None]:
+    """Standard deviations of force and place that the rig file states."""
+    noise = rig.noise
+    return (noise.torque_std_N_m, noise.angle_std_rad) if c.turns else (noise.force_std_N, noise.position_std_m)
+
+
+def base_of(rig: Rig, c: Coordinates, size: Size | None) -> tuple[Parameter, ...]:
+    """The base parameters as the rig file states them, else as a start."""
+    rows = []
+    for name, unit, (start, lower, upper) in zip(c.base, c.units, _spans(c, size), strict=True):
+        stated = getattr(rig.axis, name)
+        at = start if stated is None else stated
+        rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
+    return tuple(rows)
 
 
 def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
@@ -277,6 +286,21 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
         float(x.max()),
         most(loads) if loads else 1.0,
     )
+
+
+def splits_of(
+    records: Sequence[Record], position: str, carrying: Callable[[Record], Record] = lambda record: record
+) -> list[Split]:
+    """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle, of the
+    records `carrying` what the whole tells of a part.
+    """
+    apart = [([r for r in records if r is not out], [out]) for out in records]
+    if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
+        return apart
+    each = [blocks_of_cycle(carrying(record), position) for record in records]
+    return [
+        ([r for part, _ in row for r in part], [r for _, part in row for r in part]) for row in zip(*each, strict=True)
+    ]
 
 
 def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:

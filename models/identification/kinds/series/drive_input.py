@@ -25,7 +25,7 @@ KEPT = 64
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
     """The first of a kind's alternative driven columns that all `records` have. Raises ValueError without any."""
-    alternatives = KINDS[kind].layout.driven[0]
+    alternatives = records[0].layout.driven[0] if records else KINDS[kind].layout.driven[0]
     for name in alternatives:
         if all(name in record.columns for record in records):
             return name
@@ -68,6 +68,8 @@ class Feed:
 
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
     """Longest step in s of a model; `rigid`: the motion is imposed; `fine` steps keep the order of slip events."""
+    if drive.launched:
+        return SET.axis_step_s
     if drive.held:  # a body that its drive shakes to and fro
         return 5e-5 if fine else 1e-4
     if rigid:  # samples that are further apart miss when a wall slips

@@ -22,7 +22,10 @@ class AxisForce(Drive):
     remembers_s: float = 0.2
 
     def push(self, at: Actuation) -> Push:
-        return Push(at.gain * at.command - at.p[self.rail.names[3]], at.p[self.rail.names[0]])
+        return Push(at.gain * at.command - at.p[self.rail.names[3]], self.inertia(at.p))
+
+    def inertia(self, p: Values) -> Any:
+        return p[self.rail.names[0]]
 
     def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
         return command - p[self.rail.names[3]]

@@ -94,6 +94,10 @@ class Drive:
         """Sentences on what records under this drive cannot identify."""
         return [] if self.imposed else [TEXT("start")]
 
+    def inertia(self, p: Values) -> float:
+        """Inertia in kg (kg m2) that comes with the drive and not with the body."""
+        return 0.0
+
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         """The command that pushes with `force` in N at `x` in m and `v` in m/s in the steady state: the inverse of
         `force` within the drive's range; 0 where there is none.

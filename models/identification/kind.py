@@ -98,6 +98,10 @@ class Kind(ABC):
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
 
+    def driven(self, record: Record) -> Record:
+        """`record` with what drives it alone, from which a prediction is made."""
+        return record.without(record.layout.measured)
+
     def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
         """`predict` at several points."""
         return [self.predict(record, theta) for theta in thetas]

@@ -1,6 +1,5 @@
 """Rigs that are no capsule in motion: a machine's axis, a contact, tables of runs or periods, a sample of the wall."""
 
-from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -77,20 +76,11 @@ AXIS = RigKind(
     turning_template=_turning_template,
     wanted="more records, or one of at least four stretches of motion that last more than 0.4 s each",
     stage=True,
+    may_drive=_DRIVES[2:],
     hooks=frozenset({"level", "force", "measured", "delay"}),
     signals=frozenset({"t", "x", "v", "direction", "load"}),
 )
 """A linear stage, or one that turns: its position is imposed, its force or torque is measured."""
-
-
-def _force(columns: Mapping[str, Array], rig: Rig) -> dict[str, Array]:
-    """The force (torque) that the driven column gives; 0 where nothing is logged: an axis that swings freely."""
-    turns = "angle_rad" in columns or (rig.driven or "").startswith("torque") or "torque_N_m" in columns
-    force = "torque_N_m" if turns else "force_N"
-    driven = rig.driven or next((name for name in _DRIVES if name in columns), force)
-    there = columns.get(driven)
-    rows = len(next(iter(columns.values())))
-    return {**columns, force: np.zeros(rows) if there is None else rig.axis.constant(driven) * there}
 
 
 def _axis_drive(rig: Rig, by_voltage: bool = False) -> AxisForce:
@@ -110,7 +100,6 @@ DRIVEN_AXIS = RigKind(
     tables=AXIS.tables,
     drive=_axis_drive,
     surface=lambda rig: _axis_drive(rig).rail,
-    completed=_force,
     wanted=AXIS.wanted,
     stage=True,
     hooks=AXIS.hooks | {"gain"},

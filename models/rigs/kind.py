@@ -80,8 +80,8 @@ class RigKind:
     """Whether a machine's axis moves, and no capsule."""
     surface: Callable[[Rig], Surface] | None = None
     """What its body lies on, where the rig file does not say."""
-    completed: Callable[[Mapping[str, Array], Rig], dict[str, Array]] | None = None
-    """The columns of a record with those that follow from others."""
+    may_drive: tuple[str, ...] = ()
+    """Columns that drive it, where its records are then of another kind."""
     turned: str = ""
     """The kind that a rig file names and that is this one where `[rig] driven` is one of its driven columns."""
     drawn: bool = False
@@ -119,7 +119,7 @@ class RigKind:
     @property
     def known(self) -> tuple[str, ...]:
         """Every name of a column that has a meaning, in any layout."""
-        return tuple(dict.fromkeys(name for one in self.layouts for name in one.known()))
+        return tuple(dict.fromkeys((*(name for one in self.layouts for name in one.known()), *self.may_drive)))
 
     def columns(self, names: Iterable[str]) -> Columns:
         """The layout of a record with the columns `names`: the one that has most of them."""

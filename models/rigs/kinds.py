@@ -1,12 +1,12 @@
 """The kinds of rig by their names in a rig file, and the surface and the drive that `models.assembly` takes."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from models.drives.drive import Drive
 from models.rigs.benches import AXIS, DMA, DRIVEN_AXIS, FRICTION, PERIODS, VIBRO_TABLE
 from models.rigs.capsules import COIL, MAGNETIC, PULL, VIBRO
-from models.rigs.columns import TIME
 from models.rigs.kind import RigKind
 from models.rigs.rig import Rig
 from models.surfaces.gut import Wall
@@ -27,21 +27,16 @@ KINDS: Final[dict[str, RigKind]] = _Kinds(
 )
 
 
+def freely(rig: Rig, turns: bool = False) -> Rig:
+    """`rig` as one that is driven, where a model of its kind serves both directions."""
+    if rig.kind not in (AXIS.id, DRIVEN_AXIS.id):
+        return rig
+    return replace(rig, kind=DRIVEN_AXIS.id, driven="torque_N_m" if turns else "force_N")
+
+
 def named(kind: str) -> str:
     """The name of a kind in a rig file."""
     return _TURNED[kind].turned if kind in _TURNED else kind
-
-
-def kind_of(rig: Rig, columns: Collection[str]) -> RigKind:
-    """The kind of a record of `rig` with these columns: that of an axis without a measured force is driven, by a
-    current or a voltage, or by nothing where it logs its place alone.
-    """
-    kind, forces = KINDS[rig.kind], {"force_N", "torque_N_m"}
-    if kind is not AXIS or forces & set(columns):
-        return kind
-    layout = max(DRIVEN_AXIS.layouts, key=lambda one: len(set(columns) & {*one.measured}))
-    alone = set(layout.measured) < set(columns) <= {TIME, *layout.measured, *layout.optional}
-    return DRIVEN_AXIS if alone or set(columns) & {*layout.driven[0]} else kind
 
 
 def surface_of(rig: Rig) -> Surface:

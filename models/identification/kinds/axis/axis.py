@@ -232,7 +232,7 @@ def coordinates_for(rig: Rig, records: Sequence[Record]) -> Coordinates:
     if strange is not None and records:
         keys = ", ".join(c.base)
         raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
-    return c if records or strange is None else TURN
+    return TURN if not records and (strange is not None or rig.driven == TURN.force) else c
 
 
 def stated_noise(rig: Rig, c: Coordinates) -> tuple[float | None, float | None]:

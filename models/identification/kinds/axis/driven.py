@@ -21,6 +21,7 @@ from models.identification.kinds.axis.moved import band_of
 from models.identification.kinds.axis.zero_phase import motion
 from models.identification.kinds.series.drive_input import evenly, interval
 from models.identification.kinds.series.series import SeriesKind, resolution, series_noise
+from models.identification.kinds.series.simulation import LAUNCH, launch
 from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.rig import Rig
@@ -85,6 +86,10 @@ class DrivenAxisKind(SeriesKind):
     @property
     def final(self) -> int:
         return int(self.follows)
+
+    def driven(self, record: Record) -> Record:
+        bare, start = super().driven(record), launch(record, self.quantity)
+        return bare.with_columns({name: np.full(len(record), at) for name, at in zip(LAUNCH, start, strict=True)})
 
     def _from_the_start(self, record: Record, outputs: Array) -> Array:
         return outputs

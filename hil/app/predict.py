@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hil.app.close_loop import TEXT, noted_record
 from hil.app.console import answer, note, output_to_notes
+from hil.app.scenario.model_use import note_beyond
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, RigFile, Stage, argument, option
 from hil.app.write import check_file, check_targets, write_table
@@ -45,6 +46,8 @@ def predict(
         note(f"{model}: {learned.cautions[stage]}")
     with output_to_notes():
         columns = learned.predict(belief, driven, stage)
+        beyond = learned.beyond(belief, driven, columns)
+    note_beyond(beyond)
     write_table(out, columns)
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
@@ -52,7 +55,7 @@ def predict(
     errors = {name: Quantity(value, unit_at_end(name)[1]) for name, value in differences.items()}
     lines = (TEXT("predict.rms", column=name, rms=error) for name, error in errors.items())
     done = TEXT("predict.done", stage=stage, rows=rows, out=out)
-    answer(json_output, {**document, "rows": rows, "rms": differences}, done, *lines)
+    answer(json_output, {**document, "rows": rows, "rms": differences, "beyond_records": beyond}, done, *lines)
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:

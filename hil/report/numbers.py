@@ -58,6 +58,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "candidates": [_as_json(candidate) for candidate in finding.candidates],
         "statements": list(finding.statements),
         "leading": list(finding.leading),
+        "stopped": finding.stopped,
         "equations": [line_text(line) for line in finding.equations],
         "records": [
             {"name": trace.name, "role": trace.role, "rows": len(trace.measured)}

@@ -1,7 +1,7 @@
 """Words for readers: names of columns and parameters, errors with their unit, the verdict."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
@@ -12,7 +12,7 @@ from models.effects import effect_words
 from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding, ResidualCurve
 from models.rigs.kinds import KINDS
-from models.words.quantities import amount, scale
+from models.words.quantities import amount, quantity, scale
 from models.words.sentences import Sentences, listed
 
 TEXT: Final = Sentences(__file__)
@@ -26,6 +26,7 @@ _NAMES: Final = MappingProxyType(
         "v": "speed",
         "a": "acceleration",
         "u": "wall drag",
+        "travelled": "way travelled",
         "period_index": "number of the period",
         "tracking_rmse": "rms tracking error",
         "tracking_max": "largest tracking error",
@@ -41,6 +42,23 @@ def column_words(column: str) -> tuple[str, str]:
     """Name and unit of a column: `force_N` is ("force", "N"), `v_m_s` is ("speed", "m/s")."""
     stem, unit = unit_at_end(column)
     return _NAMES.get(stem, stem.replace("_", " ")), unit.replace("s2", "s²").replace("deg", "°")
+
+
+def beyond_words(found: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """Which signals leave what the records of a model covered, in a sentence."""
+    ranges = (f"{_range_words(n, e['reached'])} ({_range_words(n, e['covered'], '')})" for n, e in found.items())
+    return TEXT("validity.beyond", signals=ranges)
+
+
+def covered_words(covered: Mapping[str, Sequence[float]]) -> str:
+    """The ranges of a model's records, in a sentence."""
+    return TEXT("validity.covered", signals=(_range_words(*entry) for entry in covered.items()))
+
+
+def _range_words(column: str, ends: Sequence[float], name: str | None = None) -> str:
+    words, unit = column_words(column)
+    low, high = (quantity(end, unit) for end in ends)
+    return f"{words if name is None else name} {low} to {high}".strip()
 
 
 def parameter_words(name: str) -> str:

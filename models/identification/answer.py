@@ -23,6 +23,8 @@ from models.records.record import Record
 from models.words.sentences import Sentences, sentence
 
 TEXT: Final = Sentences(__file__)
+STOPPED: Final = {"chance": "noise", "form": "no gain", "gain": "no gain", "most": "four effects"}
+"""What a report says of why a search ended (`Search.ended`)."""
 
 
 def answer(
@@ -57,7 +59,7 @@ def answer(
         smallest_detectable=found.detectable,
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
-            *_statements(kind, found, verdict, words),
+            *_statements(kind, found, words),
             *_proposed(kind, found, predicted),
             *report.statements(kind, predicted.thetas, train),
         ),
@@ -73,6 +75,7 @@ def answer(
         dependence=dependence_of(kind, train, theta, seed) if verdict == "unknown" else None,
         declared=prepared.declared,
         leading=_leading(choice),
+        stopped=STOPPED[found.ended],
     )
 
 
@@ -148,7 +151,7 @@ def _rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
     return rows
 
 
-def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str], str]) -> list[str]:
+def _statements(kind: AnyKind, found: Search, words: Callable[[str], str]) -> list[str]:
     costs = {"before": found.before, "after": found.after, "chance": found.null_cost}
     said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
     if found.effects:
@@ -162,10 +165,8 @@ def _statements(kind: AnyKind, found: Search, verdict: str, words: Callable[[str
     for name in found.refinements:
         shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
         said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
-    if verdict == "unknown":
-        count = found.effects if found.ended == "most" else found.rounds[-1][1] if found.rounds else ()
-        said.append(TEXT(f"statement.ended_{found.ended}", n=len(count)))
-    return said
+    count = found.effects if found.ended == "most" else found.rounds[-1][1] if found.rounds else ()
+    return [*said, TEXT(f"statement.ended_{found.ended}", n=len(count))]
 
 
 def _proposed(kind: AnyKind, found: Search, predicted: Predicted) -> list[str]:

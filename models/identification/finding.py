@@ -190,7 +190,8 @@ class Dependence:
 class Finding:
     """The whole answer of `close-loop`: the measured `columns` and their `unit`, the `error` in `error_unit`, which is
     empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
-    are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead.
+    are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead; `stopped`
+    why no further effect was sought.
     """
 
     kind: str
@@ -222,6 +223,7 @@ class Finding:
     dependence: Dependence | None = None
     declared: Mapping[str, type[Effect]] = field(default_factory=dict)
     leading: tuple[str, ...] = ()
+    stopped: str = "noise"
 
     def effect(self, name: str) -> type[Effect] | None:
         """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""

@@ -24,6 +24,7 @@ from models.identification.search.screening import null_distribution, records_fo
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
+from models.identification.validity import Ranges, ranges_of
 from models.identification.verdict import (
     at_bounds,
     checks_of_model,
@@ -74,7 +75,7 @@ def close(
     choice = choice_of(prepared, found, predicted, judged, seed)
     finding = answer(prepared, found, predicted, judged, train, seed, choice)
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
-    model = _model(prepared.kind, predicted, judged, provenance, choice)
+    model = _model(prepared.kind, predicted, judged, provenance, choice, ranges_of(prepared.kind, train))
     progress("done", 1.0)
     return replace(finding, seconds=time.monotonic() - began), model
 
@@ -164,8 +165,10 @@ def judge(
     return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
 
 
-def _model(kind: AnyKind, predicted: Predicted, judged: Judged, provenance: dict[str, str], choice: Choice) -> Model:
+def _model(
+    kind: AnyKind, predicted: Predicted, judged: Judged, provenance: dict[str, str], choice: Choice, validity: Ranges
+) -> Model:
     held_out = {stage: float(error) for stage, error in predicted.error["holdout"].items() if np.isfinite(error)}
     own = own_effects_of({**predicted.thetas, **choice.possible}, kind.catalogue)
-    more = (choice.barred, choice.refuted, choice.possible)
+    more = (choice.barred, choice.refuted, choice.possible, validity)
     return Model(kind.name, predicted.thetas, judged.verdict, provenance, held_out, own, judged.worse, *more)

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import ConfigDict, Field, Strict, StringConstraints, ValidationError
 
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
@@ -24,6 +24,7 @@ from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
 from models.identification.record_checks import check_demand
+from models.identification.validity import Ranges, beyond, ranges_of
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
 from models.rigs.kinds import named as named_in_file
@@ -84,6 +85,7 @@ class _ModelFile(Table):
     refuted: dict[_Stage, str] = Field(default_factory=dict)
     possible: dict[str, dict[str, float]] = Field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = Field(default_factory=dict)
+    validity: dict[str, Annotated[tuple[float, float], Strict(False)]] = Field(default_factory=dict)
     nominal: dict[str, float]
     calibrated: dict[str, float]
     augmented: dict[str, float]
@@ -97,6 +99,7 @@ class Model:
     `possible` are further models that the records leave possible, by name: the effects of a class, then draws from the
     intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the records
     exclude it.
+    `validity` has the range of each signal that the training records covered; empty in a file that has none.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
     has no checksum; `misfit` says what is wrong where the checksum is that of another content.
     """
@@ -111,6 +114,7 @@ class Model:
     barred: Mapping[str, str] = field(default_factory=dict)
     refuted: Mapping[str, str] = field(default_factory=dict)
     possible: Mapping[str, Theta] = field(default_factory=dict)
+    validity: Ranges = field(default_factory=dict)
     sealed: bool = field(default=True, compare=False)
     misfit: str = field(default="", compare=False)
 
@@ -130,7 +134,7 @@ class Model:
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects")
+        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects", "validity")
         content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
         text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
         values = {**self.stages, **{f"possible.{name}": one for name, one in self.possible.items()}}
@@ -159,7 +163,7 @@ class Model:
         provenance = {key: str(value) for key, value in file.provenance.items()}
         possible = {name: _values(values, f"possible.{name}", catalogue) for name, values in file.possible.items()}
         known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
-        return cls(*known, file.barred, file.refuted, possible, CHECKSUM in raw, _misfit(raw))
+        return cls(*known, file.barred, file.refuted, possible, file.validity, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
         """Raises ValueError where its file has the checksum of another content."""
@@ -177,6 +181,12 @@ class Model:
         kind = kind_for(rig, [driven])
         with named(record):
             return kind.columns(driven, kind.predict(kind.driven(record), self.stages[stage]))
+
+    def beyond(self, rig: Rig, record: Record, predicted: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
+        """Where `record` with its `predicted` columns leaves what the training records covered."""
+        driven = record.without(record.layout.measured)
+        kind = kind_for(rig, [driven])
+        return beyond(self.validity, ranges_of(kind, [driven], predicted)) if self.validity else {}
 
     def check(self, rig: Rig, record: Record) -> None:
         """Refuse values that are not those of `rig` driven as in `record`: every stage and possible model must have the

@@ -21,19 +21,19 @@ _EXACTLY: Final = 1e-4  # share of a force by which it may differ from a command
 
 
 def kind_of(rig: Rig, columns: Collection[str]) -> RigKind:
-    """The kind of a record of `rig` with these columns: an axis whose force nobody measured is driven, by a current or
-    a voltage, or by nothing.
+    """The kind of a record of `rig` with these columns: an axis whose force nobody measured is driven by its current
+    or voltage.
     """
     kind = KINDS[rig.kind]
     if kind is not AXIS or {*_FORCES} & set(columns):
         return kind
-    return DRIVEN_AXIS if swings(columns) or set(columns) & {*DRIVEN_AXIS.layout.driven[0]} else kind
+    return DRIVEN_AXIS if set(columns) & {*DRIVEN_AXIS.layout.driven[0]} else kind
 
 
-def swings(columns: Collection[str]) -> bool:
-    """Whether `columns` are those of an axis that swings freely: nothing beside its place, speed and load is logged."""
-    return any(
-        {TIME, *one.measured} <= set(columns) <= {TIME, *one.measured, *one.optional} for one in DRIVEN_AXIS.layouts
+def swings(kind: RigKind, columns: Collection[str]) -> bool:
+    """Whether an axis that is to be driven swings freely: nothing beside its place, speed and load is logged."""
+    return kind is DRIVEN_AXIS and any(
+        {TIME, *one.measured} <= set(columns) <= {TIME, *one.measured, *one.optional} for one in kind.layouts
     )
 
 
@@ -53,8 +53,8 @@ def directed(kind: RigKind, columns: dict[str, Array], rig: Rig) -> tuple[dict[s
     driven = rig.driven or next((name for name in layout.driven[0] if name in columns), "")
     rows = len(next(iter(columns.values())))
     pushed = rig.axis.constant(driven) * columns[driven] if driven in columns else np.zeros(rows)
-    said = TEXT("driven" if driven else "free", driven=driven, place=place)
-    return {**columns, force: pushed}, () if rig.driven else (said,)
+    said = TEXT("driven" if driven in columns else "free", driven=driven, place=place)
+    return {**columns, force: pushed}, () if rig.driven in columns else (said,)
 
 
 def _measured(columns: Mapping[str, Array], force: str) -> str:

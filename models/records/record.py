@@ -192,7 +192,7 @@ def find_columns(
     sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
-    if kind.turned and swings(ours):
+    if swings(kind, ours):
         ours += kind.columns(ours).driven[0][:1]
     try:
         check_header(where, kind, ours, with_measured=not driven_only)

@@ -4,13 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from hil.app.console import answer, json_text, output_to_notes
+from hil.app.console import answer, json_text, note, output_to_notes
 from hil.app.export.fmu_archive import FmuUnit, fmu
 from hil.app.export.found import TEXT, Found, read_found
+from hil.app.export.table import friction_table, tabled
 from hil.app.shared_options import Json, LearnedModel, OwnEffects, Stage, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
+from hil.report.words import beyond_words, covered_words
 from models.effects import Catalogue
 from models.files.toml import check_word
+from models.identification.validity import beyond
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
 FORMS: Final = ("fmu", "table", "mujoco")
@@ -49,13 +52,23 @@ def export(
             files, found = _plant(scenario, out)
         elif rig is not None and model is not None:
             make = {"fmu": _model, "table": _table, "mujoco": _mujoco}[form]
-            files, found = make(read_found(rig, model, stage, driven, catalogue), out)
+            learned = read_found(rig, model, stage, driven, catalogue)
+            files, found = make(learned, out)
+            found |= _validity(learned, form)
     if form == "table":
         check_folder(out, "--out")
     write_files(files)
     found = {"form": form, "files": [str(path) for path in targets], **found}
     missing = (f"not mapped: {name}: {why}" for name, why in found["not_mapped"].items())
     answer(json_output, found, *(f"{form}: {path}" for path in targets), *missing)
+
+
+def _validity(found: Found, form: str) -> dict[str, Any]:
+    """The ranges of the model's records, and where the speeds and places of a friction table leave them, noted."""
+    left = {} if form == "fmu" else beyond(found.covered, tabled())
+    if found.covered:
+        note(beyond_words(left) if left else covered_words(found.covered))
+    return {"validity": {name: list(ends) for name, ends in found.covered.items()}, "beyond_records": left}
 
 
 def _targets(form: str, out: Path) -> list[Path]:
@@ -85,8 +98,6 @@ def _archive(out: Path, unit: FmuUnit, missing: Mapping[str, str]) -> Made:
 
 
 def _table(found: Found, out: Path) -> Made:
-    from hil.app.export.table import friction_table
-
     table = friction_table(found)
     columns = {name: TEXT(f"column.{name}") for name in table.columns}
     about = {"rig": found.rig.kind, "stage": found.stage, "columns": columns, "parameters": found.values.spelled()}

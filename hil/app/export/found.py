@@ -1,6 +1,6 @@
 """A found model for export: its assembly, the values of a stage, and what of it no export can carry."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +14,7 @@ from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
+from models.identification.validity import Ranges
 from models.parameter import nearest
 from models.rigs.kinds import KINDS, drive_of, freely, surface_of
 from models.rigs.rig import Rig
@@ -27,7 +28,7 @@ TEXT: Final = Sentences(__file__)
 
 @dataclass(frozen=True)
 class Found:
-    """A model's parts at one stage: `values` by parameter name."""
+    """A model's parts at one stage: `values` by parameter name; the ranges that its records `covered`."""
 
     rig: Rig
     surface: Surface
@@ -35,6 +36,7 @@ class Found:
     effects: tuple[type[Effect], ...]
     values: Theta
     stage: str
+    covered: Ranges = field(default_factory=dict)
 
     def assembled(self) -> Assembly:
         return assemble(self.surface, self.drive, self.effects)
@@ -62,7 +64,7 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: 
     belief = freely(belief, turns=TURN.names[0] in values)
     known = kind_for(belief, []).catalogue
     effects = tuple(known[name] for name in sorted(values.effects))
-    found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage)
+    found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage, learned.validity)
     _check(found, learned, model)
     return found
 

@@ -50,6 +50,11 @@ def friction_table(found: Found) -> FrictionTable:
     return FrictionTable(columns, not_mapped(found))
 
 
+def tabled() -> dict[str, tuple[float, float]]:
+    """The ranges of speed and place of such a table, by the names of signals."""
+    return {"v_m_s": (-SPEEDS_M_S[-1], SPEEDS_M_S[-1]), "x_m": (PLACES_M[0], PLACES_M[-1])}
+
+
 def not_mapped(found: Found) -> dict[str, str]:
     """The effects that a law of friction over speed, direction and place does not hold, and what is lost with it."""
     missing = found.late()

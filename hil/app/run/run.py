@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -25,7 +25,7 @@ from hil.app.run.loop import Outcome, StopSignals, lead, reset
 from hil.app.run.machine import open_bus, prepare_process
 from hil.app.scenario.chosen import Leading, chosen_of, names_of
 from hil.app.scenario.deployment import Deployment, load_deployment
-from hil.app.scenario.model_use import chosen_words, health_of, health_words, offer_document, offer_words
+from hil.app.scenario.model_use import chosen_words, health_of, health_words, motion_beyond, offer_document, offer_words
 from hil.app.shared_options import argument, option
 from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus
@@ -100,7 +100,12 @@ def run(
     chosen = None
     if deployment.learned is not None and action != "reset":
         deployment, chosen = chosen_for(deployment, deployment.learned)
-    asked = _Asked(path, deployment, action, dry_run, log, mcap, learn, chosen)
+    reached = (
+        {}
+        if action == "reset"
+        else motion_beyond(deployment.covered, deployment.reference, deployment.control.duration_s)
+    )
+    asked = _Asked(path, deployment, action, dry_run, log, mcap, learn, chosen, reached)
     try:
         if action == "check":
             return _checked(asked, move, json_output)
@@ -121,6 +126,7 @@ class _Asked:
     mcap: Path | None = None
     learn: bool = False
     leading: Leading | None = None
+    beyond: Mapping[str, Any] = field(default_factory=dict)
 
     @contextmanager
     def begun(self) -> Iterator[tuple[Task, ClockedBus]]:
@@ -167,7 +173,7 @@ def _led(asked: _Asked, json_output: bool) -> int:
         if outcome.end not in GOOD and isinstance(bus.inner, CarriageBus) and bus.inner.trouble:
             outcome.ended += f"; {bus.inner.trouble}"
     found = _document(asked, outcome, node, frames_log) | {"overruns": _overruns(bus)}
-    found |= asked.leading.document() if asked.leading else {}
+    found |= (asked.leading.document() if asked.leading else {}) | {"beyond_records": dict(asked.beyond)}
     found |= offer_document(asked.deployment.offered, node.estimator.taken_at)
     if isinstance(bus.inner, AuthenticatedBus):
         found["unauthenticated"] = dict(bus.inner.refused)

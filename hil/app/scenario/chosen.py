@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
 from hil.app.console import note, progress_bar
-from hil.app.scenario.model_use import CHOSEN, model_for, values_of
+from hil.app.scenario.model_use import CHOSEN, model_for, motion_beyond, values_of
 from hil.app.scenario.scenario import TrackScenario
 from models.effects import Catalogue
 from models.identification.finding import STAGES
@@ -31,7 +31,7 @@ Believed = Callable[[Theta, ControlModel | None], ControlModel]
 @dataclass(frozen=True)
 class Leading:
     """What leads: the `values` of a `stage` and a `controller`, and what was `chosen`, if anything. Where no stage was
-    given by hand, `others` may lead on once that model is broken.
+    given by hand, `others` may lead on once that model is broken. `beyond` is where the motion leaves the records.
     """
 
     values: Theta
@@ -39,10 +39,12 @@ class Leading:
     controller: str
     chosen: Chosen | None = None
     others: Mapping[str, Theta] = field(default_factory=dict)
+    beyond: Mapping[str, Any] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """The key `chosen` of a run's JSON object."""
-        return {} if self.chosen is None else {"chosen": self.chosen.document()}
+        """The keys `chosen` and `beyond_records` of a run's JSON object."""
+        chosen = {} if self.chosen is None else {"chosen": self.chosen.document()}
+        return chosen | {"beyond_records": dict(self.beyond)}
 
 
 def leading_of(
@@ -59,16 +61,17 @@ def leading_of(
     """
     kind, usual = scenario.kind, scenario.control.controller
     model = None if path is None else model_for(path, kind, known)
+    beyond = motion_beyond({} if model is None else model.validity, scenario.reference, scenario.duration_s)
     if model is not None and stage in (None, CHOSEN):
         if model.possible:
             names = names_of(usual, kind) if controller is None else [controller]
             with bar(TEXT("choose")) as report:
-                return chosen_of(model, believed, mission_of(scenario), names, report)
+                return replace(chosen_of(model, believed, mission_of(scenario), names, report), beyond=beyond)
         if stage == CHOSEN:
             raise ValueError(f"{path}: model must carry a choice for --stage chosen, as close-loop writes it; got none")
     values, used = values_of(path, model, stage)
     others = {} if model is None or stage is not None else others_of(model, values)
-    return Leading(values, used, usual if controller is None else controller, others=others)
+    return Leading(values, used, usual if controller is None else controller, None, others, beyond)
 
 
 def names_of(usual: str, kind: str) -> list[str]:

@@ -1,7 +1,7 @@
 """RIG.toml of a deployment: the tables of the rig file, and those of bus, controller, reference and limits."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -26,6 +26,7 @@ from models.effects import CATALOGUE, Catalogue
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import Model, read_model, read_report
+from models.identification.validity import Ranges
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, from_table, key
@@ -177,6 +178,7 @@ class Deployment:
     operator: OperatorLimits = OperatorLimits()
     learning: LearningTable = LearningTable()
     learned: Model | None = None
+    covered: Ranges = field(default_factory=dict)
 
     def task(self) -> Task:
         """The task of the controller node. Raises ValueError for a rig that cannot be controlled."""
@@ -207,9 +209,9 @@ def load_deployment(path: Path, reference: Path | None = None, known: Catalogue 
         raw = with_reference(raw, reference, "control")
         text = toml_text(raw)
     with in_file(path):
-        values, verdict, learned = _learned(raw, path.parent, known)
+        values, verdict, learned, covered = _learned(raw, path.parent, known)
         deployment = parse_deployment(text, values, path.stem, verdict)
-        deployment = replace(deployment, rig=known.given_to(deployment.rig), learned=learned)
+        deployment = replace(deployment, rig=known.given_to(deployment.rig), learned=learned, covered=covered)
         return replace(
             deployment,
             offered=read_offer(OfferTable.read(raw) if "offer" in raw else None, path.parent, deployment.rig, values),
@@ -319,17 +321,20 @@ def _rig(raw: Mapping[str, Any]) -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
 
 
-def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> tuple[Theta, Acceptance | None, Model | None]:
+def _learned(
+    raw: Mapping[str, Any], folder: Path, known: Catalogue
+) -> tuple[Theta, Acceptance | None, Model | None, Ranges]:
     """Values of the model that the file names, and their acceptance test; the model itself where a stage of it is to be
-    chosen. Its last stage, and what the records do not separate from it, must pass that test to be chosen.
+    chosen; the ranges that its records covered. Its last stage, and what the records do not separate from it, must pass
+    that test to be chosen.
     """
     if not isinstance(raw.get("model"), dict):
-        return Theta(), None, None
+        return Theta(), None, None, {}
     table, rig = ModelTable.read(raw), known.given_to(_rig(raw))
     model = read_model(folder / table.file, rig.kind, catalogue=known)
     stage = STAGES[-1] if table.stage == CHOSEN else table.stage
     verdict = judge(read_report(folder / table.report), model, rig, stage=stage)
     if table.stage != CHOSEN or not model.possible:
-        return model.believed(stage), verdict, None
+        return model.believed(stage), verdict, None, model.validity
     refused = {} if verdict.passed else dict.fromkeys((stage, *model.members), verdict.sentence)
-    return model.believed(STAGES[0]), None, replace(model, barred={**refused, **model.barred})
+    return model.believed(STAGES[0]), None, replace(model, barred={**refused, **model.barred}), model.validity

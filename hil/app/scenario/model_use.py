@@ -8,16 +8,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+import numpy as np
+
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.monitor import Health
+from controller.reference import STEP_S, Trajectory
 from controller.supervision.acceptance import Acceptance, judge
 from controller.supervision.model_switch import Offer
 from hil.app.console import note
+from hil.report.words import beyond_words
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.model import Model, read_model, read_report
+from models.identification.validity import Ranges, beyond, motion_ranges
 from models.rigs.rig import Rig
 from models.rigs.schema import Among, NamedTable, key
 from models.theta import Theta
@@ -114,6 +119,21 @@ def values_of(path: Path | None, learned: Model | None, stage: str | None) -> tu
     if stage in learned.cautions:
         note(f"{path}: {learned.cautions[stage]}")
     return learned.believed(stage), stage
+
+
+def motion_beyond(covered: Ranges, reference: Trajectory, duration_s: float) -> dict[str, Any]:
+    """Where a `reference` leaves what the records of a model `covered`, noted in a sentence: the key `beyond_records`
+    of a run's JSON object.
+    """
+    times = np.linspace(0.0, duration_s, 1 + max(round(duration_s / STEP_S), 1))
+    found = beyond(covered, motion_ranges(times, reference.position(times), reference.speed(times)))
+    note_beyond(found)
+    return found
+
+
+def note_beyond(found: Mapping[str, Any]) -> None:
+    if found:
+        note(beyond_words(found))
 
 
 def model_facts(model: ControlModel) -> dict[str, Any]:

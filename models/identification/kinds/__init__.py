@@ -37,6 +37,8 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
     ValueError for one of another name.
     """
     kind = _BY_NAME.get(records[0].kind if records else rig.kind, SeriesKind).from_rig(rig, records)
+    if isinstance(kind, AxisKind):
+        kind = DrivenAxisKind.behind(kind, rig, records)
     fitted = [p.name for p in kind.base if p.fit]
     strange = next((name for name in rig.prior if name not in fitted), None)
     if strange is not None:

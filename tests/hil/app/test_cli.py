@@ -58,6 +58,9 @@ class FakeModel:
         print("chatter that must not reach standard output")
         return {"t_s": record["t_s"], "force_N": np.zeros(len(record))}
 
+    def beyond(self, rig: Rig, record: Record, predicted: object) -> dict[str, object]:
+        return {}
+
 
 def fake_close(
     rig: Rig, train: list[Record], holdout: list[Record], progress: Callable[[str, float], None], **_: object

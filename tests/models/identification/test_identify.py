@@ -69,6 +69,7 @@ def test_printed_moduli_stay_unknown() -> None:
     rig = parse_rig({"rig": {"kind": "dma"}})
     finding, _ = close(rig, [read_record(measured_path("viscoelastic_table2_dma"), rig)], [], quiet)
     assert finding.verdict == "unknown"
+    assert finding.stopped == "no gain"
     assert not finding.effects
     assert finding.error["train"]["nominal"] == pytest.approx(99, abs=0.5)
     assert finding.error["train"]["calibrated"] == pytest.approx(14.2, abs=0.3)
@@ -111,6 +112,9 @@ def test_a_right_model_lacks_nothing_and_finds_its_numbers_again() -> None:
     _, records = short_pull()
     finding, model = close(parse_rig(PULL), records, [], quiet)
     assert finding.verdict == "none"
+    assert finding.stopped == "noise"
+    assert any(said.startswith("The search ended because what is left is no larger") for said in finding.statements)
+    assert model.validity["x_m"] == pytest.approx((0, 6e-3), abs=1e-5)
     assert finding.calibration["hoop_stress_factor"].value == pytest.approx(1.1, rel=0.01)
     assert finding.calibration["friction_coefficient"].value == pytest.approx(0.075, rel=0.01)
     again, same = close(parse_rig(PULL), records, [], quiet)
@@ -239,6 +243,7 @@ def test_records_that_tell_nothing_end_unknown_and_say_what_to_record() -> None:
     ]
     finding, _ = close(parse_rig(PULL), records, [], quiet)
     assert finding.verdict == "unknown"
+    assert finding.stopped == "no gain"
     assert not finding.effects
     assert "does not respond to the motion" in finding.reasons[0]
     assert finding.next_experiment is not None

@@ -149,7 +149,7 @@ def test_a_stage_given_by_hand_stands(files: tuple[Path, Path]) -> None:
     leading = leading_of(path, "draw_1", None, *asked)
     assert (leading.stage, leading.controller, leading.chosen) == ("draw_1", "mpc", None)
     assert leading.values["friction_coefficient"] == 0.085
-    assert leading.document() == {}
+    assert leading.document() == {"beyond_records": {}}
 
 
 def test_a_model_without_a_choice(files: tuple[Path, Path]) -> None:

@@ -90,6 +90,10 @@ class Kind(ABC):
         """The criterion of the last fit: the first, the free run, or that computed more exactly."""
         return 0
 
+    def scale_std(self, p: Parameter) -> float:
+        """Relative standard deviation that `p` has from a scale which no record shows."""
+        return 0.0
+
     def nominal(self) -> Theta:
         """The base parameters as believed."""
         return Theta.declared(self.base)

@@ -171,6 +171,9 @@ class SearchSettings:
     quite: float = setting(0.85, "1", "ratio of two orders' noise below which it is not quite white")
     axis_white: float = setting(0.5, "1", "the same below which it is not white at all")
     axis_clear: float = setting(0.1, "1", "share of the acceleration that its noise may be")
+    axis_scale: float = setting(
+        0.05, "1", "relative standard deviation of a driving force's scale where none is stated", "motors' data sheets"
+    )
     axis_inertial: float = setting(0.2, "1", "share of the force from which on inertia is a part of it")
     axis_halvings: int = setting(5, "1", "how often a band is halved for it")
     axis_rows: int = setting(8192, "samples", "white noise that a filter's share of it is measured on")

@@ -36,6 +36,11 @@ class Noise(Table):
     torque_std_N_m: Annotated[float, Field(ge=1e-9, le=1e4)] | None = key(
         "standard deviation of its torque; left out: estimated", None
     )
+    force_scale_std: Annotated[float, Field(ge=0, le=0.5)] | None = key(
+        "relative standard deviation of the scale of a force or torque from which an axis is run (a motor's constant);"
+        " left out: 0.05, as data sheets state 10 % at most",
+        None,
+    )
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
         "standard deviation of a mean speed; left out: estimated", None
     )

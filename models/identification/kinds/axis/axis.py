@@ -175,6 +175,9 @@ class AxisKind(Kind):
         size = self._believed(record) if math.isnan(own) else own
         return AxisNoise(own, speed, inertia if shaken else 0.0, max(float(np.hypot(size, shaken)), 1e-12))
 
+    def scale_std(self, p: Parameter) -> float:
+        return 0.0 if self.run is None else self.run.scale_std(p)
+
     def shaken(self, record: Record) -> bool:
         """Whether the place is too noisy for its acceleration in the usual band, and inertia a part of the force."""
         m = self._moved(record).motion

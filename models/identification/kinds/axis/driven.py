@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
@@ -23,6 +24,7 @@ from models.identification.kinds.series.drive_input import evenly, interval
 from models.identification.kinds.series.series import SeriesKind, resolution, series_noise
 from models.identification.kinds.series.simulation import LAUNCH, launch
 from models.identification.settings import SET
+from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.rig import Rig
 
@@ -35,6 +37,7 @@ class DrivenAxisKind(SeriesKind):
     """
 
     coordinates: Coordinates = LINE
+    force_scale_std: float = SET.axis_scale
     follows: bool = True
     measure: str = "rms error of the free-running prediction"
     judges: ClassVar[tuple[int, ...]] = (0,)
@@ -65,15 +68,18 @@ class DrivenAxisKind(SeriesKind):
         near = Fitter.of(kind, known, []).near(kind.nominal()).theta
         off = kind.error(known, [kind.predict(r, near) for r in known])
         moved = np.std(np.concatenate([r[c.position] for r in known]))
-        return replace(kind, follows=bool(off < SET.axis_follows * moved))
+        scale = SET.axis_scale if rig.noise.force_scale_std is None else rig.noise.force_scale_std
+        return replace(kind, follows=bool(off < SET.axis_follows * moved), force_scale_std=scale)
 
     @classmethod
     def behind(cls, kind: AxisKind, rig: Rig, records: Sequence[Record]) -> AxisKind:
-        """`kind`, fitted to the place where that is too noisy for a fit to the force."""
+        """`kind`, fitted to the place where that is too noisy for a fit to the force; its error is told in half the
+        band, where the force that it computes from this place has less of that noise.
+        """
         known = [record for record in records if kind.quantity in record.columns]
         if not known or not any(map(kind.shaken, known)):
             return kind
-        return replace(kind, run=cls.from_rig(rig, known))
+        return replace(kind, band=kind.band / 2, run=cls.from_rig(rig, known))
 
     @property
     def unit(self) -> str:
@@ -94,6 +100,10 @@ class DrivenAxisKind(SeriesKind):
     @property
     def final(self) -> int:
         return int(self.follows)
+
+    def scale_std(self, p: Parameter) -> float:
+        """All that is as large as the force is: what is in N, or in kg, which is N s2/m."""
+        return self.force_scale_std if {"N", "kg"} & set(re.split("[ /]", p.unit)) else 0.0
 
     def driven(self, record: Record) -> Record:
         bare, start = super().driven(record), launch(record, self.quantity)

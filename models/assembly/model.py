@@ -81,7 +81,8 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     now: dict[Name, Any] = {name: state[i] for i, name in enumerate(names)}
     active = Active.of(effects, p, now)
     stepper = Stepper(surface, drive, active, active.link(), smoothing)
-    unit, last = drive.command_unit, c0 if drive.held else c1
+    stepped = drive.held or (isinstance(drive, AxisForce) and drive.stepped)
+    unit, last = drive.command_unit, c0 if stepped else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])

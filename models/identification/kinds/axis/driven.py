@@ -46,12 +46,12 @@ class DrivenAxisKind(SeriesKind):
     tail: ClassVar[float] = inf
 
     @classmethod
-    def from_rig(cls, rig: Rig, records: Sequence[Record]) -> DrivenAxisKind:
+    def from_rig(cls, rig: Rig, records: Sequence[Record], stepped: bool = True) -> DrivenAxisKind:
         """The axis that a rig file describes; what it leaves out starts at the size of the `records`."""
         c, catalogue = coordinates_for(rig, records), Catalogue.of(rig)
         known = [r for r in records if {c.force, c.position} <= r.columns.keys()]
         std = stated_noise(rig, c)[1]
-        drive = AxisTorque() if c.turns else AxisForce()
+        drive = (AxisTorque if c.turns else AxisForce)(stepped=stepped)
         if not known:
             effects = candidates(c, None, catalogue)
             catalogue = replace(catalogue, variants=effects)
@@ -79,7 +79,7 @@ class DrivenAxisKind(SeriesKind):
         known = [record for record in records if kind.quantity in record.columns]
         if not known or not any(map(kind.shaken, known)):
             return kind
-        return replace(kind, band=kind.band / 2, run=cls.from_rig(rig, known))
+        return replace(kind, band=kind.band / 2, run=cls.from_rig(rig, known, stepped=False))
 
     @property
     def unit(self) -> str:

@@ -21,6 +21,7 @@ from models.identification.kinds.series.drive_input import (
     Feed,
     evenly,
     feed,
+    internal_step,
     interval,
 )
 from models.identification.settings import SET
@@ -133,7 +134,11 @@ class Runner:
         state = assembly.start()
         first = record[self.drive.commanded][0]
         if self.drive.launched:
-            state[:2] = launch(record, self.drive.measured)
+            x, v = launch(record, self.drive.measured)
+            state[:2] = (
+                x - v * min(internal_step(self.drive, rigid=False), interval(record)),
+                v,
+            )  # a loop's first step ends at the first sample
         elif self.drive.imposed or (self.drive.anchored and not placed):
             state[0] = first
         elif placed:

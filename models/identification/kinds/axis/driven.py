@@ -13,11 +13,12 @@ import numpy as np
 from models.checks.usable import counted
 from models.drives.axis_force import AxisForce, AxisTorque
 from models.effects import Catalogue
+from models.effects.effect import Effect
 from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Split
 from models.identification.kinds.axis.axis import AxisKind, base_of, coordinates_for, size_of, splits_of, stated_noise
 from models.identification.kinds.axis.coordinates import LINE, Coordinates
-from models.identification.kinds.axis.effects import candidates
+from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import band_of
 from models.identification.kinds.axis.zero_phase import motion
 from models.identification.kinds.series.drive_input import evenly, interval
@@ -53,22 +54,26 @@ class DrivenAxisKind(SeriesKind):
         std = stated_noise(rig, c)[1]
         drive = (AxisTorque if c.turns else AxisForce)(stepped=stepped)
         if not known:
-            effects = candidates(c, None, catalogue)
+            effects = _running(c, None, catalogue)
             catalogue = replace(catalogue, variants=effects)
             return cls(drive.rail, drive, 1.0, drive.rail.parameters(), effects, catalogue=catalogue, coordinates=c)
         size = size_of(c, known, min(band_of(r["t_s"], r[c.position], std) for r in known))
-        effects, step = candidates(c, size, catalogue), resolution(known, c.position)
+        scale = SET.axis_scale if rig.noise.force_scale_std is None else rig.noise.force_scale_std
+        base = base_of(rig, c, size)
+        if not any(r[c.force].any() for r in known):
+            # a free swing shows ratios to the inertia, which is as stated, else 1
+            inertia, scale = getattr(rig.axis, c.base[0]) or 1.0, 0.0
+            size = replace(size, force=size.acceleration * inertia)
+            base = (replace(base[0], value=inertia, fit=False), *base_of(rig, c, size)[1:])
+        effects, step = _running(c, size, catalogue), resolution(known, c.position)
         least = max(SET.axis_finest * (size.high - size.low), step / np.sqrt(12))
         noise = max(series_noise(known, c.position, std), least)
         averaged = max(1, round(SET.axis_mean_s / interval(known[0])))
         catalogue = replace(catalogue, variants=effects)
-        kind = cls(
-            drive.rail, drive, noise, base_of(rig, c, size), effects, averaged, step, catalogue=catalogue, coordinates=c
-        )
+        kind = cls(drive.rail, drive, noise, base, effects, averaged, step, catalogue=catalogue, coordinates=c)
         near = Fitter.of(kind, known, []).near(kind.nominal()).theta
         off = kind.error(known, [kind.predict(r, near) for r in known])
         moved = np.std(np.concatenate([r[c.position] for r in known]))
-        scale = SET.axis_scale if rig.noise.force_scale_std is None else rig.noise.force_scale_std
         return replace(kind, follows=bool(off < SET.axis_follows * moved), force_scale_std=scale)
 
     @classmethod
@@ -126,5 +131,14 @@ class DrivenAxisKind(SeriesKind):
         m = motion(even["t_s"], even[c.position])
         x, v, a = (np.interp(record["t_s"], even["t_s"], one) for one in (m.x, m.v, m.a))
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(x)))])
-        named = dict(zip((*c.names[:3], c.force), (x, v, a, record[c.force]), strict=True))
-        return {"t_s": record["t_s"], **named, f"travelled_{c.length_unit}": path}
+        found = {
+            "t_s": record["t_s"],
+            **dict(zip(c.names[:3], (x, v, a), strict=True)),
+            f"travelled_{c.length_unit}": path,
+        }
+        return found | ({c.force: record[c.force]} if record[c.force].any() else {})
+
+
+def _running(c: Coordinates, size: Size | None, catalogue: Catalogue) -> tuple[type[Effect], ...]:
+    """The effects that a run has: all but those of a logged load, which no step of a run knows."""
+    return tuple(effect for effect in candidates(c, size, catalogue) if "load" not in effect.needs)

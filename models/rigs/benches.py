@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from models.rigs.capsules import VIBRO
-from models.rigs.columns import SLOWEST_PULL, Columns, Range
+from models.rigs.columns import LOADS, SLOWEST_PULL, Columns, Range
 from models.rigs.kind import Array, Record, RigKind, Tables
 from models.rigs.rig import Head
 from models.rigs.tables import Axis, BodyTable, Contact, DriveTable, PaperCapsuleTable, PaperTissueTable, SurfaceTable
@@ -45,8 +45,8 @@ def _swings(sizes: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
 AXIS = RigKind(
     id="axis",
     layouts=(
-        Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", "load_N")),
-        Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", "load_N_m", "load_N")),
+        Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", *LOADS)),
+        Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", *LOADS)),
     ),
     ranges={
         "velocity_m_s": Range(-1e3, 1e3, "between -1000 and 1000 m/s"),
@@ -57,8 +57,8 @@ AXIS = RigKind(
     turning_template=_turning_template,
     wanted="more records, or one of at least four stretches of motion that last more than 0.4 s each",
     stage=True,
-    hooks=frozenset({"level", "force", "measured", "delay"}),
-    signals=frozenset({"t", "x", "v", "direction", "load"}),
+    hooks=frozenset({"level", "direction", "force", "measured", "delay", "advance"}),
+    signals=frozenset({"t", "x", "v", "direction", "travelled", "load"}),
 )
 """A linear stage, or one that turns: its position is imposed, its force or torque is measured."""
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from controller.registry import use_controllers
 from hil.app.close_loop import result_files
 from hil.app.effects import described
-from hil.app.scenario.chosen import leading_of
+from hil.app.scenario.chosen import Believed, leading_of
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
@@ -168,9 +168,10 @@ def track(
     bar = contextlib.nullcontext[Progress](progress or _silent)
     with contextlib.redirect_stdout(io.StringIO()):
         learned = None if model is None else Path(model)
-        leading = leading_of(learned, stage, controller, file, _in_use, partial(believed_model, file), lambda _: bar)
-        name = leading.controller
-        trace = run_loop(file, believed_model(file, leading.values), name, number, progress or _silent)
+        believed = Believed(partial(believed_model, file))
+        leading = leading_of(learned, stage, controller, file, _in_use, believed, lambda _: bar)
+        name, others = leading.controller, leading.beside(believed)
+        trace = run_loop(file, believed(leading.values), name, number, progress or _silent, others=others)
         scores = document(file, name, number, leading.stage, score(file, trace)) | leading.document()
     reference = np.asarray(file.reference.position(trace.time_s), dtype=float)
     columns = {"t_s": trace.time_s, "command": trace.command, "estimate_m": trace.position_m, "reference_m": reference}

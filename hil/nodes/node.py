@@ -10,45 +10,19 @@ import can
 import numpy as np
 
 from controller.drives import envelope_of, friction_command
-from controller.limits import Envelope, Limits
-from controller.model.control_model import ControlModel
+from controller.limits import Envelope
 from controller.reference import Excursion, Experiment
-from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT
-from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
-from controller.supervision.supervisor import Supervisor
 from hil.nodes import frame_map as wire
 from hil.nodes import view
 from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 from hil.nodes.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
-from hil.nodes.operator import STATUS, STATUS_S, Operator, OperatorLimits, gap_words, paused
+from hil.nodes.operator import STATUS, STATUS_S, Operator, gap_words, paused
 from hil.nodes.plausibility import Onlooker, Plausibility
 from hil.nodes.receive import FrameReceiver
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a controller node is built from: model, name of a controller in `controller.registry`, reference, limits;
-    noise `seen_noise_m` and `resolution_m` of the localisation; `deadline_s` of the MPC's plan within a tick (inf: no
-    deadline); an `offer` that takes over while the capsule rests; an `estimator` of `ESTIMATORS`; the models `learned`
-    and the `experiments` of a run that is replayed; the limits of an `operator`; whether a `probe` comes first.
-    """
-
-    model: ControlModel
-    controller: str
-    reference: Reference
-    limits: Limits
-    seen_noise_m: float = 5e-4
-    deadline_s: float = math.inf
-    resolution_m: float = 0.0
-    offer: Offer | None = None
-    estimator: str = "default"
-    learned: tuple[Offer, ...] = ()
-    experiments: tuple[Experiment, ...] = ()
-    operator: OperatorLimits | None = None
-    probe: bool = False
+from hil.nodes.task import Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +85,8 @@ class ControllerNode:
         self.task, self.frame_map = task, frame_map_of(task.model.drive.name)
         self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
-        first = build(task.controller, task.model, self.envelope, task.deadline_s)
-        self.supervisor = Supervisor(first, self.envelope)
+        self.supervisor, self.estimator = task.built(self.envelope)
         self._own, self.wanted = self.supervisor, self.supervisor.first
-        models = task.controller, task.model, task.offer, task.deadline_s, task.estimator
-        self.estimator = ModelSwitch(self.supervisor, *models)
-        for offer in task.learned:
-            self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
         self.operator = None if task.operator is None else Operator(task.operator)
         self.receiver = FrameReceiver(bus, self.frame_map, self.tick_s, observer, self.operator)
@@ -209,7 +178,7 @@ class ControllerNode:
         self._speak(now)
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
-        self.answer.believe(now, self._position(estimate), self.estimator.counts.followed)
+        self.answer.believe(now, self._position(estimate), self.estimator.counts.followed, arrived)
         middle = time.perf_counter()
         self._steer(now, estimate)
         evidence = self.receiver.evidence(now)

@@ -9,7 +9,7 @@ from typing import Final
 from controller.limits import Envelope
 from controller.monitor import Health
 from controller.signals import Measurement, Reference
-from controller.supervision.contradiction import Contradiction
+from controller.supervision.contradiction import CONFIRMED, Contradiction
 from controller.supervision.fallback import not_led
 from controller.supervision.probe import Probe
 from controller.tuned import OLDEST_S
@@ -104,13 +104,14 @@ class Plausibility:
         return ""
 
 
-_JUMP_M: Final = 2e-3  # step of the estimated position that is reported, and restarts the drive's rate
+_JUMP_M: Final = 2e-3  # step of the estimate that restarts the drive's rate; of the readings, that is reported
 _ASTRAY: Final = 3  # consecutive ticks of motion: a single report may be an old one
 
 
 class Onlooker:
-    """Monitors a run: `begin` when the drive is enabled, `look` once per tick. `jumps` counts steps of the estimated
-    position of 2 mm or more, the last one being `jump_m` at `cautious_s`. `led` counts ticks by active controller.
+    """Monitors a run: `begin` when the drive is enabled, `look` once per tick. `cautious_s` is the time of the last
+    step of the estimated position of 2 mm or more. `jumps` counts those at which the readings stepped as far, the last
+    time by `jump_m`; behind a drive that lags the estimate alone steps. `led` counts ticks by active controller.
     `unrest` describes motion of a drive in standby or ready, "" without any.
     """
 
@@ -124,6 +125,7 @@ class Onlooker:
         self._astray = 0
         self.jumps, self.jump_m, self.cautious_s = 0, 0.0, -math.inf
         self._followed, self._believed_m = 0, math.nan
+        self._readings = deque[float](maxlen=2 * CONFIRMED)
 
     @property
     def words(self) -> str:
@@ -168,13 +170,26 @@ class Onlooker:
                 probe.saw(m.value, then, *sampled(reference, stamp_s))
         return reason
 
-    def believe(self, now: float, position_m: float, followed: int) -> None:
-        """The estimate is `position_m`; the estimator has accepted refused readings `followed` times."""
+    def believe(self, now: float, position_m: float, followed: int, seen: Sequence[Measurement]) -> None:
+        """The estimate is `position_m` after the readings `seen`; the estimator has accepted refused readings
+        `followed` times.
+        """
+        self._readings.extend(m.value for m in seen if m.channel == "position_m" and math.isfinite(m.value))
         step_m = position_m - self._believed_m
         self._believed_m = position_m
         if followed > self._followed and abs(step_m) >= _JUMP_M:
-            self.jumps, self.jump_m, self.cautious_s = self.jumps + 1, step_m, now
+            self.cautious_s = now
+            if abs(jump_m := self._stepped_m()) >= _JUMP_M:
+                self.jumps, self.jump_m = self.jumps + 1, jump_m
         self._followed = followed
+
+    def _stepped_m(self) -> float:
+        """How far the newest `CONFIRMED` readings are from those before; 0 where a steady motion explains it."""
+        if len(self._readings) < 2 * CONFIRMED:
+            return 0.0
+        before, after = list(self._readings)[:CONFIRMED], list(self._readings)[CONFIRMED:]
+        step_m, moved_m = (sum(after) - sum(before)) / CONFIRMED, after[-1] - after[0] + before[-1] - before[0]
+        return step_m if abs(step_m) > abs(moved_m) else 0.0
 
     def rests(self, state: int, still: float) -> None:
         """The drive is in `state`; `still` (`FrameReceiver.still`) must be constant while it is disabled."""

@@ -10,7 +10,7 @@ from hil.app.scenario.model_use import model_facts
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import without_absent
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
-from hil.nodes.node import Task
+from hil.nodes.task import Task
 
 Values = Mapping[str, float]
 Span = tuple[float, float]

@@ -16,7 +16,7 @@ from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import History, ModelSwitch, Offer, Prepared
 from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
-from hil.app.scenario.deployment import LearningTable
+from hil.app.scenario.deployment_tables import LearningTable
 from hil.app.scenario.model_use import Offered
 from hil.log.record import SOURCES
 from models.effects import effect_words

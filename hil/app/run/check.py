@@ -18,8 +18,9 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import NOT_MEASURED_C
 from hil.bus.protection import Sender
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
-from hil.nodes.node import ControllerNode, Task
+from hil.nodes.node import ControllerNode
 from hil.nodes.receive import FrameReceiver
+from hil.nodes.task import Task
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)

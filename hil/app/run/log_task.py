@@ -13,7 +13,7 @@ from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_use import Offered, offer_of
 from hil.app.sil.testbed import believed_on_bus, task_on_bus
-from hil.nodes.node import Task
+from hil.nodes.task import Task
 from models.effects import CATALOGUE, Catalogue
 from models.files.toml import parse_toml, shown
 from models.theta import Theta
@@ -44,6 +44,7 @@ class _Record(_Stated):
     dry_run: bool = Field(False, description="true or false")
     entries: int = Field(0, ge=0, lt=1 << 63, description="a number of frames")
     offered: _Offer | None = Field(None, description="an object of values and at_s")
+    others: dict[str, dict[str, float]] = Field({}, description="an object of objects of finite numbers")
     learned: list[_Offer] = Field([], description="a list of objects of values and at_s")
     experiments: list[_Experiment] = Field([], description="a list of objects of times_s, places_m and at_s")
 
@@ -68,11 +69,12 @@ def task_of(record: Mapping[str, Any], where: str, known: Catalogue = CATALOGUE)
     values, name = Theta.read(record["values"]), record["controller"]
     try:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
+        others = {stage: Theta.read(one) for stage, one in record.get("others", {}).items()}
         learned = [Offered.of(one) for one in record.get("learned", [])]
         experiments = tuple(Experiment.of(one) for one in record.get("experiments", []))
         if "deployment" in record:
             deployment = parse_deployment(record["deployment"], values)
-            deployment = replace(deployment, rig=known.given_to(deployment.rig), offered=offered)
+            deployment = replace(deployment, rig=known.given_to(deployment.rig), offered=offered, others=others)
             offers = (offer_of(one, deployment.believed) for one in learned)
             task = replace(deployment.task(), controller=name, deadline_s=math.inf)
             return replace(task, learned=tuple(one for one in offers if one), experiments=experiments)
@@ -84,5 +86,6 @@ def task_of(record: Mapping[str, Any], where: str, known: Catalogue = CATALOGUE)
 
     believed = partial(believed_on_bus, on_bus)
     first, *rest = (offer_of(one, believed) for one in (offered, *learned))
+    beside = {stage: believed(one) for stage, one in others.items()}
     more = {"offer": first, "learned": tuple(one for one in rest if one), "experiments": experiments}
-    return task_on_bus(on_bus, believed(values), name, **more)
+    return task_on_bus(on_bus, believed(values), name, others=beside, **more)

@@ -15,7 +15,7 @@ from typing import Any, Final
 import can
 
 from hil.app.run.clock import ClockedBus, Histogram
-from hil.app.scenario.deployment import BusTable, ControlTable
+from hil.app.scenario.deployment_tables import BusTable, ControlTable
 from hil.app.system import error_text
 from hil.bus.authenticated import AuthenticatedBus, authenticator, next_epoch, read_key
 from models.files.toml import check_word

@@ -20,7 +20,8 @@ from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
-from hil.nodes.node import ControllerNode, Task
+from hil.nodes.node import ControllerNode
+from hil.nodes.task import Task
 from models.files.toml import shown
 from models.words.sentences import Sentences
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-import can
 import typer
 
 from controller.choice.trial import Mission
@@ -21,25 +20,22 @@ from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
+from hil.app.run.drives_bus import OtherControllerError, drives_bus, overruns
 from hil.app.run.loop import Outcome, StopSignals, lead, reset
-from hil.app.run.machine import open_bus, prepare_process
-from hil.app.scenario.chosen import Leading, chosen_of, names_of
+from hil.app.run.machine import prepare_process
+from hil.app.scenario.chosen import Believed, Leading, chosen_of, names_of, spelled, switched
 from hil.app.scenario.deployment import Deployment, load_deployment
 from hil.app.scenario.model_use import chosen_words, health_of, health_words, motion_beyond, offer_document, offer_words
 from hil.app.shared_options import argument, option
 from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import load_catalogue
-from hil.bus.local import LocalBus
-from hil.bus.wrapping import heard_for, plain
 from hil.drives.carriage_bus import CarriageBus
-from hil.drives.makers import MAKERS
-from hil.drives.table import ActuatorTable
 from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.frame_map import controllers_frames
-from hil.nodes.node import ControllerNode, Task
+from hil.nodes.node import ControllerNode
+from hil.nodes.task import Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
 from models.identification.model import Model
@@ -49,8 +45,6 @@ TEXT: Final = Sentences(__file__)
 ACTIONS = ("lead", "check", "reset")
 GOOD: Final = ("done", "operator", "reset")
 """Values of `end` after which the exit status is 0; all ends stand in the table of docs/bus.md."""
-QUIET_S: Final = 0.1
-"""How long to listen before anything is sent: five cycles of a controller's slowest frame."""
 PROBED_S: Final = 0.05
 """How long a check leads after its probe, at rest."""
 _TURN_S: Final = 1e-4  # of Python's switch interval
@@ -110,7 +104,7 @@ def run(
         if action == "check":
             return _checked(asked, move, json_output)
         return _led(asked, json_output)
-    except _OtherControllerError as error:
+    except OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
 
@@ -130,12 +124,12 @@ class _Asked:
 
     @contextmanager
     def begun(self) -> Iterator[tuple[Task, ClockedBus]]:
-        """The task and its bus, with prints on standard error. Raises ValueError, _OtherControllerError."""
+        """The task and its bus, with prints on standard error. Raises ValueError, OtherControllerError."""
         listens, resets = self.dry_run or self.action == "check", self.action == "reset"
         with output_to_notes():
             task = self.deployment.task()
             with in_file(self.path):
-                bus = ClockedBus(_drives_bus(self.deployment, self.path.parent, listens, resets), Clock())
+                bus = ClockedBus(drives_bus(self.deployment, self.path.parent, listens, resets), Clock())
             with bus:
                 yield task, bus
 
@@ -148,10 +142,10 @@ def chosen_for(deployment: Deployment, model: Model) -> tuple[Deployment, Leadin
     stated = "controller" in control.model_fields_set
     names = [control.controller] if stated else names_of(control.controller, deployment.rig.kind)
     with output_to_notes(), progress_bar(TEXT("run.choosing")) as report:
-        found = chosen_of(model, lambda values, _: deployment.believed(values), mission, names, report)
+        found = chosen_of(model, Believed(lambda values, _: deployment.believed(values)), mission, names, report)
     note(chosen_words(found.document()))
-    chosen = replace(deployment, values=found.values, control=control.but(controller=found.controller))
-    return chosen, found
+    control = control.but(controller=found.controller)
+    return replace(deployment, values=found.values, control=control, others=found.others), found
 
 
 def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
@@ -167,14 +161,14 @@ def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
 
 
 def _led(asked: _Asked, json_output: bool) -> int:
-    """Lead or reset, and print the outcome. Raises _OtherControllerError where nothing was sent."""
+    """Lead or reset, and print the outcome. Raises OtherControllerError where nothing was sent."""
     with asked.begun() as (task, bus):
         outcome, node, frames_log, lessons = _lead(asked, task, bus)
         if outcome.end not in GOOD and isinstance(bus.inner, CarriageBus) and bus.inner.trouble:
             outcome.ended += f"; {bus.inner.trouble}"
-    found = _document(asked, outcome, node, frames_log) | {"overruns": _overruns(bus)}
+    found = _document(asked, outcome, node, frames_log) | {"overruns": overruns(bus)}
     found |= (asked.leading.document() if asked.leading else {}) | {"beyond_records": dict(asked.beyond)}
-    found |= offer_document(asked.deployment.offered, node.estimator.taken_at)
+    found |= offer_document(asked.deployment.offered, node.estimator.taken_at) | switched(node.estimator.switched)
     if isinstance(bus.inner, AuthenticatedBus):
         found["unauthenticated"] = dict(bus.inner.refused)
     if asked.learn:
@@ -206,40 +200,6 @@ def _not_begun(path: Path, words: str, json_output: bool) -> int:
     return 1
 
 
-def _drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
-    """The deployment's bus; another maker's drive is set up, unless nothing may be sent. Raises ValueError."""
-    bus, table = open_bus(deployment.bus, folder), deployment.drive
-    if not listen_only and (others := _controllers_on(bus, table)):
-        bus.shutdown()
-        raise _OtherControllerError(TEXT("end.other_controller", frames=", ".join(others)))
-    if table is None:
-        return bus
-    if not listen_only:
-        try:
-            limits, tick_s = deployment.limits, deployment.control.tick_s
-            for sentence in MAKERS[table.where].set_up(bus, table, limits, tick_s, faulty=faulty):
-                note(sentence)
-        except ValueError:
-            bus.shutdown()
-            raise
-    return MAKERS[table.where].bus(bus, table, deployment.control.tick_s)
-
-
-class _OtherControllerError(Exception):
-    """Another controller has been heard before anything was sent."""
-
-
-def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
-    """Names of the frames heard within `QUIET_S` that only a controller sends."""
-    known, heard = controllers_frames(), set[str]()
-    for message in heard_for(bus, QUIET_S):
-        if plain(message) and message.arbitration_id in known:
-            heard.add(known[message.arbitration_id])
-        elif table is not None and table.orders(message):
-            heard.add("commands to the drive")
-    return sorted(heard)
-
-
 def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, ControllerNode, FrameLog, list[Lesson]]:
     deployment, path, dry_run = asked.deployment, asked.log, asked.dry_run
     catalogue, control = load_catalogue(), deployment.control
@@ -252,6 +212,7 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
         dry_run=dry_run,
         bus=vars(deployment.bus),
         offered=deployment.offered and deployment.offered.document(),
+        others=spelled(deployment.others),
         clock_origin_ns=bus.clock.origin_ns,
     )
     rehearse(task)
@@ -340,13 +301,6 @@ def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log:
         "log_dropped": missing,
         "log_troubles": frames_log.troubles,
     }
-
-
-def _overruns(bus: can.BusABC) -> int:
-    """Frames for which there was no room in another node's queue, as the local bus counts them."""
-    while isinstance(bus, ClockedBus | CarriageBus | AuthenticatedBus):
-        bus = bus.inner
-    return bus.overruns if isinstance(bus, LocalBus) else 0
 
 
 def _lines(found: dict[str, Any], lessons: Sequence[Lesson]) -> Iterator[str]:

@@ -9,15 +9,8 @@ from typing import Any, Final
 
 import can
 
-from hil.app.scenario.deployment import (
-    KEY_FILE,
-    DataBitRate,
-    LearningTable,
-    check_key,
-    check_no_key,
-    check_tick,
-    operator_limits,
-)
+from hil.app.scenario.deployment import check_tick, operator_limits
+from hil.app.scenario.deployment_tables import KEY_FILE, DataBitRate, LearningTable, check_key, check_no_key
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, check_tables, parse_track_scenario
 from hil.bus.authenticated import authenticator, read_key

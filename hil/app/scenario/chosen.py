@@ -24,8 +24,27 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 NOMINAL: Final = STAGES[0]
-Believed = Callable[[Theta, ControlModel | None], ControlModel]
-"""The control model with these values; its magnet as high as that of another model, where one is given."""
+
+
+class Believed:
+    """The control models of a run by their values, each built once; with the height of its magnet, which is that of
+    another model where one is given.
+    """
+
+    def __init__(self, build: Callable[[Theta, ControlModel | None], ControlModel]) -> None:
+        self._build, self._built = build, list[tuple[Theta, float | None, ControlModel]]()
+
+    def __call__(self, values: Theta, before: ControlModel | None = None) -> ControlModel:
+        height = None if before is None else _height_m(before)
+        for known, asked, model in self._built:
+            if height in (asked, _height_m(model)) and known == values:
+                return model
+        self._built.append((values, height, self._build(values, before)))
+        return self._built[-1][-1]
+
+
+def _height_m(model: ControlModel) -> float:
+    return 0.0 if model.rig.magnets is None else model.rig.magnets.height_m
 
 
 @dataclass(frozen=True)
@@ -45,6 +64,17 @@ class Leading:
         """The keys `chosen` and `beyond_records` of a run's JSON object."""
         chosen = {} if self.chosen is None else {"chosen": self.chosen.document()}
         return chosen | {"beyond_records": dict(self.beyond)}
+
+    def seeing(self, mission: Mission, believed: Believed, names: Sequence[str]) -> list[str]:
+        """The controllers among `names` that may lead; what was chosen has been asked."""
+        if self.chosen is not None and [*names] == [self.controller]:
+            return [*names]
+        return seeing(mission, believed(self.values), names)
+
+    def beside(self, believed: Believed) -> dict[str, ControlModel]:
+        """The models of the `others`."""
+        leading = believed(self.values)
+        return {stage: believed(values, leading) for stage, values in self.others.items()}
 
 
 def leading_of(
@@ -102,14 +132,14 @@ def seeing(mission: Mission, model: ControlModel, names: Sequence[str]) -> list[
 def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Progress) -> Leading:
     """The stage or possible model, and the controller among `names`, that lead `mission`."""
     stages = [stage for stage in (*STAGES, *model.members) if stage not in model.barred]
-    names = seeing(mission, believed(model.believed(NOMINAL), None), names)
+    names = seeing(mission, believed(model.believed(NOMINAL)), names)
     candidates, known = list[Candidate](), list[Theta]()
     for stage in stages:
         values = model.believed(stage)
         if any(values == other for other in known):
             continue
         known.append(values)
-        leading = believed(values, None)
+        leading = believed(values)
         rank = 0 if stage == NOMINAL else 1 if stage == STAGES[1] else 2
         candidates += [
             Candidate(stage, name, leading, (rank, names.index(name)))
@@ -117,17 +147,23 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
             if name != PLAIN or stage == NOMINAL or len(names) == 1
         ]
     numbers = worlds_of(model)
-    made: dict[tuple[str, float], ControlModel] = {}
 
     def world(name: str, before: ControlModel) -> ControlModel:
-        height = 0.0 if before.rig.magnets is None else before.rig.magnets.height_m
-        if (name, height) not in made:
-            made[name, height] = believed(numbers[name], before)
-        return made[name, height]
+        return believed(numbers[name], before)
 
     found = choose(mission, candidates, list(numbers), world, report, model.barred)
     values = model.believed(found.stage)
     return Leading(values, found.stage, found.controller, found, others_of(model, values))
+
+
+def spelled(others: Mapping[str, Theta]) -> dict[str, dict[str, float]]:
+    """The values of other models, as the record of a log has them."""
+    return {stage: values.spelled() for stage, values in others.items()}
+
+
+def switched(to: Sequence[tuple[float, str]]) -> dict[str, Any]:
+    """The key `switched` of a run's JSON object: when which of the other models led on."""
+    return {"switched": [{"at_s": at_s, "to": stage} for at_s, stage in to]}
 
 
 def others_of(model: Model, leading: Theta) -> dict[str, Theta]:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 import can
 import numpy as np
@@ -18,7 +18,6 @@ import numpy as np
 from controller.model.control_model import ControlModel
 from controller.reference import STEP_S, Trajectory
 from controller.supervision.fallback import DONE, shares
-from controller.supervision.model_switch import Offer
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
@@ -101,15 +100,17 @@ def run_sil(
     seed: int,
     report: Progress | None = None,
     *,
-    offer: Offer | None = None,
     recorder: Recorder | None = None,
     learning: Learning | None = None,
     shown: Callable[[can.Message], None] | None = None,
+    **more: Any,
 ) -> SilTrace:
     """Run `scenario` over the simulated bus; `recorder` writes the log, `learning` makes the learner, `shown` gets
-    every frame. Raises ValueError for a controller that cannot lead, and beyond the wall clock that `[bus]` allows.
+    every frame; `more` are further fields of the task. Raises ValueError for a controller that cannot lead, and beyond
+    the wall clock that `[bus]` allows.
     """
-    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
+    bench = Bench(scenario, model, controller, seed, recorder=recorder, **more)
+    loop = scenario.loop
     bench.show(shown)
     ticks = round(loop.duration_s / bench.tick_s)
     room = {"slots": np.zeros((ticks * bench.slots, 3)), "steered": np.zeros((ticks, 4))}
@@ -171,7 +172,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.rows = np.concatenate(bench.plant.session.rows)
     trace.events = list(bench.node.supervisor.events)
     estimator = bench.node.estimator
-    trace.experiments_at = bench.node.experiments_at
+    trace.experiments_at, trace.switched = bench.node.experiments_at, estimator.switched
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.reported = np.array(sorted(bench.plant.reported)).reshape(-1, 2)

@@ -19,7 +19,7 @@ from hil.app.console import answer, json_text, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.chosen import leading_of, mission_of, seeing
+from hil.app.scenario.chosen import Believed, leading_of, mission_of, spelled, switched
 from hil.app.scenario.model_use import chosen_words, health_words, offer_document, offer_of, offer_words, read_offer
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
@@ -70,15 +70,15 @@ def sil(
             check_mcap(mcap, [path])
         with output_to_notes():
             on_bus = partial(believed_on_bus, scenario)
-            leading = leading_of(model, stage, controller, scenario.loop, known, lambda values, _: on_bus(values))
+            believed = Believed(lambda values, _: on_bus(values))
+            leading = leading_of(model, stage, controller, scenario.loop, known, believed)
             values, used, name = leading.values, leading.stage, leading.controller
-            believed = on_bus(values)
-            seeing(mission_of(scenario.loop), believed, [name])
+            leading.seeing(mission_of(scenario.loop), believed, [name])
             offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
-            offer = offer_of(offered, on_bus)
+            offer = offer_of(offered, believed)
 
             def log_in(folder: Path) -> LockstepLog:
-                stated = {"seed": number, "offered": offered and offered.document()}
+                stated = {"seed": number, "offered": offered and offered.document(), "others": spelled(leading.others)}
                 record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), **stated)
                 return LockstepLog(folder / "frames.blf", record, mcap=None if mcap is None else McapLog(mcap))
 
@@ -89,9 +89,10 @@ def sil(
                 Background() if learn else nullcontext() as background,
             ):
                 learning = None if background is None else learning_of(scenario, values, background)
-                more = {"offer": offer, "recorder": None if log is None else Recorder(log), "shown": shown}
-                found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
-                found |= leading.document() | offer_document(offered, trace.taken_at)
+                more: dict[str, Any] = {"offer": offer, "others": leading.beside(believed), "shown": shown}
+                more["recorder"] = None if log is None else Recorder(log)
+                found, trace = judged(scenario, believed(values), name, number, used, report, learning=learning, **more)
+                found |= leading.document() | offer_document(offered, trace.taken_at) | switched(trace.switched)
                 if learn:
                     found["learned"] = [lesson.document() for lesson in trace.lessons]
             if log is not None and out is not None:

@@ -12,7 +12,6 @@ from typing import Any
 import can
 
 from controller.model.control_model import ControlModel, control_model
-from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.senders import FalseController, ScriptedOperator, SecondOperator
 from hil.bus.authenticated import AuthenticatedBus, inside, read_key
@@ -20,8 +19,9 @@ from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
 from hil.log.recorder import Recorder
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.node import ControllerNode, Task, Tick
+from hil.nodes.node import ControllerNode, Tick
 from hil.nodes.operator import SETPOINT
+from hil.nodes.task import Task
 from hil.simulated.faults import LIES, SETPOINTS, Fault
 from hil.simulated.fmu_plant import FmuPlant
 from hil.simulated.injection import TAMPERING, FaultInjection
@@ -59,10 +59,10 @@ class Bench:
         controller: str,
         seed: int,
         *,
-        offer: Offer | None = None,
         recorder: Recorder | None = None,
+        **more: Any,
     ) -> None:
-        """Raises ValueError for a controller that cannot lead this rig."""
+        """`more` are further fields of the task. Raises ValueError for a controller that cannot lead this rig."""
         self._recorder, self._seed = recorder, seed
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.frame_map = loop.control.tick_s, frame_map_of(loop.kind)
@@ -84,7 +84,7 @@ class Bench:
             drive.configure(self.frame_map.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = MAKERS[scenario.drive.where].bus(ends["controller"], scenario.drive, self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
-        task = task_on_bus(scenario, model, controller, offer=offer)
+        task = task_on_bus(scenario, model, controller, **more)
         self.node = ControllerNode(task, ends["controller"], observer=recorder)
         self.plant = PlantNode(
             session,

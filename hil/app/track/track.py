@@ -11,7 +11,7 @@ from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app import shared_options as options
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar
-from hil.app.scenario.chosen import Leading, leading_of, mission_of, seeing
+from hil.app.scenario.chosen import Believed, Leading, leading_of, mission_of, switched
 from hil.app.scenario.model_use import offer_document, offer_of, read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import argument, option
@@ -44,9 +44,10 @@ def track(
             raise ValueError(f"--compare runs all controllers, so it must stand without --controller; got {controller}")
         able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
         with output_to_notes():
-            leading = leading_of(model, stage, controller, scenario, known, partial(believed_model, scenario))
+            believed = Believed(partial(believed_model, scenario))
+            leading = leading_of(model, stage, controller, scenario, known, believed)
             names, number = able if compare else [leading.controller], scenario.seed if seed is None else seed
-            runs = _runs(scenario, path.parent, leading, names, number, out)
+            runs = _runs(scenario, path.parent, leading, believed, names, number, out)
             documents: Any = [found for found, _ in runs] if compare else runs[0][0]
             if out is not None:
                 write_files({out / "track.html": page_html(scenario, runs), out / "track.json": json_text(documents)})
@@ -59,14 +60,19 @@ def track(
 
 
 def _runs(
-    scenario: TrackScenario, folder: Path, leading: Leading, names: Sequence[str], seed: int, out: Path | None
+    scenario: TrackScenario,
+    folder: Path,
+    leading: Leading,
+    believed: Believed,
+    names: Sequence[str],
+    seed: int,
+    out: Path | None,
 ) -> list[tuple[dict[str, Any], LoopTrace]]:
     """A run with each of the controllers `names`: its JSON object and its trace."""
-    believed = believed_model(scenario, leading.values)
+    model, others = believed(leading.values), leading.beside(believed)
     offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
-    offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
-    others = {stage: believed_model(scenario, values, believed) for stage, values in leading.others.items()}
-    names = seeing(mission_of(scenario), believed, names)
+    offer = offer_of(offered, lambda new: believed(new, model))
+    names = leading.seeing(mission_of(scenario), believed, names)
     runs: list[tuple[dict[str, Any], LoopTrace]] = []
     with progress_bar(scenario.name, even=True) as report:
         for k, name in enumerate(names):
@@ -74,17 +80,16 @@ def _runs(
             def part(stage: str, share: float, done: int = k) -> None:
                 report(stage, (done + share) / len(names))
 
-            trace = run_loop(scenario, believed, name, seed, part, offer=offer, others=others)
+            trace = run_loop(scenario, model, name, seed, part, offer=offer, others=others)
             worth = score(scenario, trace)
             found = document(
                 scenario, name, seed, leading.stage, worth, None if out is None else str(out / "track.json")
             )
-            found |= leading.document() | offer_document(offered, trace.taken_at)
-            found["switched"] = [{"at_s": at_s, "to": stage} for at_s, stage in trace.switched]
+            found |= leading.document() | offer_document(offered, trace.taken_at) | switched(trace.switched)
             found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
             found["led_share"] = shares(trace.led)
-            if believed.rig.magnets is not None:
-                found["height_m"] = believed.rig.magnets.height_m
+            if model.rig.magnets is not None:
+                found["height_m"] = model.rig.magnets.height_m
             found["checks"] = verdicts(scenario, name, trace, worth)
             runs.append((found, trace))
     return runs

@@ -27,7 +27,8 @@ import can
 from hil.app.main import run
 from hil.app.run import run as _imported  # noqa: F401 - before the fork
 from hil.app.run.simulated_plant import run_plant
-from hil.app.scenario.deployment import BusTable, DeployedPlant
+from hil.app.scenario.deployment import DeployedPlant
+from hil.app.scenario.deployment_tables import BusTable
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Codec
 from hil.nodes.frame_map import ENABLE, MOVING, STOPPING

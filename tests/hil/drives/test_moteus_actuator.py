@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.app.scenario.deployment import BusTable, parse_deployment
+from hil.app.scenario.deployment import parse_deployment
+from hil.app.scenario.deployment_tables import BusTable
 from hil.bus.wrapping import WrappingBus
 from hil.drives import moteus_protocol as wire
 from hil.drives.moteus_bus import MoteusBus

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from hil.app.scenario.bus_scenario import FmuTable, JogTable, SimulatedBusTable
-from hil.app.scenario.deployment import BusTable, ControlTable, LearningTable, PlantTable
+from hil.app.scenario.deployment_tables import BusTable, ControlTable, LearningTable, PlantTable
 from hil.app.scenario.model_use import ModelTable, OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control

@@ -89,7 +89,7 @@ def test_a_function_is_described_by_signature_and_docstring() -> None:
 def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
     text = described(loop)
     assert "```python\nrun_sil(\n    scenario: SilScenario,\n" in text
-    assert "\n    *,\n    offer: Offer | None = None,\n" in text
+    assert "\n    *,\n    recorder: Recorder | None = None,\n" in text
     assert "\n) -> SilTrace\n```" in text
 
 

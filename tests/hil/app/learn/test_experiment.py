@@ -14,7 +14,7 @@ from controller.reference import Experiment
 from hil.app.learn.learner import experiment_of
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.deployment import LearningTable
+from hil.app.scenario.deployment_tables import LearningTable
 from hil.app.sil.loop import SilTrace, judged_loop, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.log.log import LockstepLog

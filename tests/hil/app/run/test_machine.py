@@ -19,7 +19,7 @@ from hil.app.run.machine import (
     priority_words,
     tick_to_hold,
 )
-from hil.app.scenario.deployment import BusTable, ControlTable
+from hil.app.scenario.deployment_tables import BusTable, ControlTable
 from hil.bus.local import LocalBus
 
 TABLE = BusTable(interface="socketcan", channel="can0", fd=True)

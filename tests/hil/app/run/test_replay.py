@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
+from hil.app.run.log_task import task_of
 from hil.app.run.replay import Order, ticks_of
+from hil.app.scenario.deployment import load_deployment
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.sil import testbed as sil_bench
 from hil.bus.catalogue import load_catalogue
@@ -25,11 +27,14 @@ from hil.log.place import record_path
 from hil.log.reader import read_frames
 from hil.log.record import log_record
 from hil.log.recorder import EXACT, START, UNSOLVED, Recorder
+from models.identification import Model
+from models.identification.kinds import kind_for
 from models.rigs.rig import Rig
-from tests.hil.app.run.deployments import PLANT
+from tests.hil.app.run.deployments import PLANT, deployment, rig_file
 
 SYNC = load_catalogue()["Sync"].id
 SHORT = PLANT.replace("duration_s = 60.0", "duration_s = 1.5")
+STAGE = 'stage = "augmented"\n'
 FAULTS = """
 [[faults]]
 kind = "{kind}"
@@ -65,6 +70,28 @@ def test_the_same_frames_come_out_to_the_last_bit(
 
 def test_a_predictive_controller_too(tmp_path: Path) -> None:
     assert run(["replay", str(logged(tmp_path, SHORT, "--controller", "mpc"))]) == 0
+
+
+def test_the_log_of_a_run_holds_the_models_that_may_lead_on(
+    tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All stages of its model but the one that leads, unless a stage was given by hand."""
+    rig, log = rig_file(tmp_path, deployment(channel)), tmp_path / "dry.blf"
+    base = kind_for(load_deployment(Path(rig)).rig, []).nominal()
+    stages = {"nominal": base, "calibrated": base | {"friction_coefficient": 0.1}}
+    stages["augmented"] = base | {"friction_coefficient": 0.12}
+    (tmp_path / "model.toml").write_text(Model("magnetic", stages).to_toml())
+    errors = {"nominal": 1e-3, "calibrated": 8e-4, "augmented": 5e-4}
+    (tmp_path / "report.json").write_text(json.dumps({"error": {"holdout": errors}}))
+    named = '[model]\nfile = "model.toml"\nreport = "report.json"\n'
+    for more, others in ((named, {"calibrated": 0.1, "nominal": base["friction_coefficient"]}), (named + STAGE, {})):
+        rig_file(tmp_path, deployment(channel, more=more))
+        assert run(["run", rig, "--dry-run", "--log", str(log), "--json"]) == 1
+        assert json.loads(capsys.readouterr().out)["switched"] == []
+        task = task_of(json.loads(record_path(log).read_text()), str(log))
+        assert {name: model.theta["friction_coefficient"] for name, model in task.others.items()} == others
+        assert run(["replay", str(log)]) == 0
+        capsys.readouterr()
 
 
 def test_another_controller_is_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 and are told.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controller.drives import envelope_of
+from controller.limits import Limits
+from controller.signals import Measurement
+from hil.nodes.plausibility import Onlooker
 from plant import layout as at
 from tests.hil.app.docs.ends import RUN_ENDS
 from tests.hil.app.run.test_run_ends import Rig, led
+from tests.hil.app.sil.sil_runs import model_of
 
 GAP_M = 0.02 / np.sqrt(3)
 HOLD = {"kind": "hold"}
@@ -103,3 +109,18 @@ def test_a_jump_is_doubted_then_followed_slowly_and_told(tmp_path: Path) -> None
     assert np.max(np.convolve(speed[after], np.full(50, 0.02), "same")) < 0.2
     assert farthest_m(node) < 6e-3
     assert outcome.end in ("done", "not_led")
+
+
+@pytest.mark.parametrize(("speed_m_s", "jump_m", "jumps"), [(0.1, 0.0, 0), (0.0, 3e-3, 1), (0.02, -3e-3, 1)])
+def test_a_step_of_the_estimate_is_a_jump_where_the_readings_step(speed_m_s: float, jump_m: float, jumps: int) -> None:
+    """Behind a drive that lags the estimate steps by 2 mm and more, while the capsule goes on steadily."""
+    envelope = envelope_of(model_of("magnetic").drive, Limits())
+    onlooker, rng = Onlooker(envelope, 3e-4, 2e-3, 2.5e-4, math.inf), np.random.default_rng(1)
+    for k in range(20):
+        place_m = speed_m_s * 0.005 * k + (jump_m if k > 9 else 0.0)
+        reading = Measurement("position_m", place_m + 2.5e-4 * rng.standard_normal(), 0.005 * k)
+        onlooker.believe(0.005 * k, 3e-3 * (k > 11), int(k > 11), [reading])
+    assert onlooker.cautious_s == pytest.approx(0.06)
+    assert onlooker.jumps == jumps
+    assert onlooker.jump_m == pytest.approx(jump_m, abs=5e-4)
+    assert bool(onlooker.words) == bool(jumps)

@@ -7,16 +7,23 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import hil.app.scenario.chosen
+import hil.app.track.loop
+from controller.choice.sight import unfit
+from controller.choice.trial import Mission
+from controller.model.control_model import ControlModel, control_model
 from hil.app.main import run
-from hil.app.scenario.chosen import Leading, chosen_of, leading_of, mission_of, names_of, worlds_of
+from hil.app.scenario.chosen import Believed, Leading, chosen_of, leading_of, mission_of, names_of, worlds_of
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
 from models.effects import CATALOGUE
 from models.identification import Model
+from models.rigs.rig import Rig
 from models.theta import Theta
 
 WORSE = 1.05
@@ -54,7 +61,9 @@ def model_of(scenario: TrackScenario, stages: Mapping[str, Theta], **more: objec
 
 def led(scenario: TrackScenario, model: Model, names: list[str] | None = None) -> Leading:
     usual = names or names_of(scenario.control.controller, scenario.kind)
-    return chosen_of(model, partial(believed_model, scenario), mission_of(scenario), usual, lambda words, share: None)
+    return chosen_of(
+        model, Believed(partial(believed_model, scenario)), mission_of(scenario), usual, lambda words, share: None
+    )
 
 
 def error_m(scenario: TrackScenario, values: Theta, controller: str) -> float:
@@ -142,10 +151,31 @@ def test_track_says_what_was_chosen(files: tuple[Path, Path], capsys: pytest.Cap
     assert "chosen: nominal with feedforward" in capsys.readouterr().out
 
 
+def test_each_model_is_built_and_each_controller_asked_once(
+    files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The choice's models are those that lead and stand beside them; what was chosen may lead."""
+    built, asked = list[Theta](), list[str]()
+
+    def control_model_counted(rig: Rig, values: Theta, *more: Any, **named: Any) -> ControlModel:
+        built.append(values)
+        return control_model(rig, values, *more, **named)
+
+    def unfit_counted(mission: Mission, model: ControlModel, controller: str) -> str:
+        asked.append(controller)
+        return unfit(mission, model, controller)
+
+    monkeypatch.setattr(hil.app.track.loop, "control_model", control_model_counted)
+    monkeypatch.setattr(hil.app.scenario.chosen, "unfit", unfit_counted)
+    assert run(["track", str(files[0]), "--model", str(files[1])]) == 0
+    assert [values for values in built if built.count(values) > 1] == []
+    assert sorted(asked) == ["feedforward", "mpc", "pid"]
+
+
 def test_a_stage_given_by_hand_stands(files: tuple[Path, Path]) -> None:
     scenario, path = load_track_scenario(files[0]), files[1]
     usual = replace(scenario, control=scenario.control.but(controller="mpc"))
-    asked = (usual, CATALOGUE, partial(believed_model, scenario))
+    asked = (usual, CATALOGUE, Believed(partial(believed_model, scenario)))
     leading = leading_of(path, "draw_1", None, *asked)
     assert (leading.stage, leading.controller, leading.chosen) == ("draw_1", "mpc", None)
     assert leading.values["friction_coefficient"] == 0.085
@@ -157,7 +187,7 @@ def test_a_model_without_a_choice(files: tuple[Path, Path]) -> None:
     scenario, path = load_track_scenario(files[0]), files[1]
     path.write_text(replace(Model.from_toml(path.read_text()), possible={}).to_toml())
     usual = replace(scenario, control=scenario.control.but(controller="mpc"))
-    asked = (usual, CATALOGUE, partial(believed_model, scenario))
+    asked = (usual, CATALOGUE, Believed(partial(believed_model, scenario)))
     assert leading_of(path, None, None, *asked).stage == "augmented"
     with pytest.raises(ValueError, match="must carry a choice"):
         leading_of(path, "chosen", None, *asked)

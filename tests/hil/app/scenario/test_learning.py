@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.deployment import LearningTable
+from hil.app.scenario.deployment_tables import LearningTable
 from tests.hil.app.sil.test_sil import SHORT
 
 

@@ -4,7 +4,8 @@ import can
 import pytest
 
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY
-from hil.nodes.node import FAULTY, RUNNING, ControllerNode, Task
+from hil.nodes.node import FAULTY, RUNNING, ControllerNode
+from hil.nodes.task import Task
 from tests.hil.app.sil.sil_benches import bench_of, go
 from tests.hil.app.sil.sil_runs import RIGS, model_of
 

@@ -55,7 +55,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
     assert run(["track", str(short), "--json", "--seed", "4", "--out", str(tmp_path / "out")]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {key: type(found[key]) for key in KEYS} == KEYS
-    assert set(found) == {*KEYS, "log", "checks", "ended", "led_share", "switched"}
+    assert set(found) == {*KEYS, "log", "checks", "ended", "led_share", "switched", "beyond_records"}
     assert set(found["estimate_ms"]) == {"median", "p99", "max"}
     assert 0 < found["estimate_ms"]["median"] <= found["estimate_ms"]["p99"] <= found["estimate_ms"]["max"]
     assert sum(found["ticks"].values()) == 2000

@@ -101,6 +101,39 @@ class StressRelaxation(Effect):
         }
 
 
+class FluidPlug(Effect):
+    """Force `-c v max(q sgn(v), 0)`: liquid q, swept together ahead of the body, drags the more the faster it moves,
+    `q' = v - |v| q/L`; the body leaves it behind when it turns round, and L is as far as the plug grows.
+    """
+
+    id = "fluid_plug"
+    words = "a plug of liquid"
+    summary = "liquid piles up ahead of the capsule, so that the drag grows over the way"
+    source = "Nonlinear Dyn. 2026, doi 10.1007/s11071-025-12175-z"
+    symbols = by_name(swept_m="q")
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("places",)
+    states = ("swept_m",)
+    grid = by_name(length_m=(0.01, 0.04, 0.15))
+    probe = 10.0
+    confounders = ("viscous_drag", "lumen_taper", "tissue_drying", "preconditioning", "stress_relaxation")
+    separated_by = "a turn half way: the plug begins anew, a taper or drying goes on; the same way at another speed"
+
+    drag_N_s_per_m2 = number(0.0, "N s/m^2", -100.0, 2000.0, symbol="c")
+    length_m = number(0.04, "m", 0.003, 1.0, symbol="L")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return -p["drag_N_s_per_m2"] * s.v * np.maximum(z["swept_m"] * np.sign(s.v), 0.0)
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
+        end = np.sign(s.v) * p["length_m"]
+        return {"swept_m": end + (z["swept_m"] - end) * np.exp(-np.abs(s.v) * h / p["length_m"])}
+
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"swept_m": [equal(Formula("q'"), s.v - np.abs(s.v) * z["swept_m"] / p["length_m"])]}
+
+
 _PULSES = "contractions are pulses rather than sines"
 # of neighbouring frequencies to screen: over half a minute their phases part by less than half a turn up to 0.4 Hz
 RATIO = 1.09

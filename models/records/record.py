@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ from models.rigs.columns import LOADS, TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import MappedColumn, contradiction
+from models.rigs.reader import record_name
 from models.rigs.rig import Rig
 from models.words.sentences import Sentences
 
@@ -145,7 +145,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
         once=kind.known,
         gaps={*sparse, *(rig.columns.entry(name).column for name in sparse)},
     )
-    return _record(_name(path), str(path), rig, table, sources, driven_only, lenient)
+    return _record(record_name(path), str(path), rig, table, sources, driven_only, lenient)
 
 
 def record_of(
@@ -295,8 +295,3 @@ def _refuse_wrong(
         low, high = (columns[name] for name in kind.rising)
         rule = f"{kind.rising[1]} must be above {kind.rising[0]}; got {{:g}} and {{:g}}"
         refuse(~(high > low), rule, high, low)
-
-
-def _name(path: Path) -> str:
-    """The file's name without its endings."""
-    return re.sub(r"(?i)(\.(csv|tsv|txt))?(\.gz)?$", "", path.name, count=1) or path.name

@@ -53,6 +53,11 @@ TEXTBOOK: dict[str, list[Any]] = {
     "hertzian_contact": [equal(LEVEL, (abs(N) / N_r) ** n)],
     "adhesive_contact": [equal(N_EXTRA, N_0)],
     "magnet_normal_load": [equal(N_EXTRA, N_m / (1 + ((u_cmd - x) / w) ** 2) ** 2)],
+    # a plug of liquid that grows by what is swept and leaks by as much at its full length
+    "fluid_plug": [
+        equal(F_EXTRA, -c * v * np.maximum(q * sgn(v), 0.0)),
+        equal(Formula("q'"), v - abs(v) * q / L),
+    ],
     # axes: Dahl 1976; heat of friction; statics; cogging; two masses on a spring
     "presliding": [equal(Formula("s_F"), z), equal(Formula("z'"), (v - abs(v) * z) / d)],
     "warming": [equal(LEVEL, 1 - a * (1 - exp(-s / L)))],

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.drives.axis_force import AxisForce, AxisTorque
 from models.rigs.capsules import VIBRO
-from models.rigs.columns import SLOWEST_PULL, Columns, Range
+from models.rigs.columns import LOADS, SLOWEST_PULL, Columns, Range
 from models.rigs.kind import Array, Record, RigKind, Tables
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import key
@@ -64,8 +64,8 @@ AXIS = RigKind(
     id="axis",
     head=AxisHead,
     layouts=(
-        Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", "load_N")),
-        Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", "load_N_m", "load_N")),
+        Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", *LOADS)),
+        Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", *LOADS)),
     ),
     ranges={
         "velocity_m_s": Range(-1e3, 1e3, "between -1000 and 1000 m/s"),
@@ -77,8 +77,8 @@ AXIS = RigKind(
     wanted="more records, or one of at least four stretches of motion that last more than 0.4 s each",
     stage=True,
     may_drive=_DRIVES[2:],
-    hooks=frozenset({"level", "force", "measured", "delay"}),
-    signals=frozenset({"t", "x", "v", "direction", "load"}),
+    hooks=frozenset({"level", "direction", "force", "measured", "delay", "advance"}),
+    signals=frozenset({"t", "x", "v", "direction", "travelled", "load"}),
 )
 """A linear stage, or one that turns: its position is imposed, its force or torque is measured."""
 

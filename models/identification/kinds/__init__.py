@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Final
+from typing import Final, cast
 
 from models.assembly.model import effect_parameters
 from models.checks.usable import cleaned, resampled
@@ -11,6 +11,7 @@ from models.effects import REFINEMENTS
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.driven import DrivenAxisKind
 from models.identification.kinds.axis.zero_phase import evened
+from models.identification.kinds.differing import differing
 from models.identification.kinds.dma import DmaKind
 from models.identification.kinds.friction import FrictionKind
 from models.identification.kinds.periods import PeriodsKind
@@ -36,6 +37,10 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
     and are no candidates. The standard deviations under `[prior]` hold the calibration to the nominal values; raises
     ValueError for one of another name.
     """
+    if rig.differing:
+        plain = kind_for(replace(rig, differing={}), records, known)
+        own = {name: kind_for(other, records, known) for name, other in rig.differing.items()}
+        return cast(AnyKind, differing(plain, own))
     kind = _BY_NAME.get(records[0].kind if records else rig.kind, SeriesKind).from_rig(rig, records)
     if isinstance(kind, AxisKind):
         kind = DrivenAxisKind.behind(kind, rig, records)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import mul
@@ -18,6 +18,8 @@ from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
+from models.identification.kinds.axis.logged import logged_in
+from models.identification.kinds.axis.memory import states_along
 from models.identification.kinds.axis.moved import (
     CARRIED,
     AxisNoise,
@@ -37,6 +39,7 @@ from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.benches import AXIS
+from models.rigs.columns import LOADS
 from models.rigs.rig import Rig
 from models.theta import Theta
 
@@ -81,8 +84,10 @@ class AxisKind(Kind):
         stds = stated_noise(rig, c)
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
+        loads = c.loads_in([n for n in LOADS if records and all(n in r.columns for r in records)])
         size = size_of(c, known, band) if known else None
-        return cls(base_of(rig, c, size), *stds, c, band, candidates(c, size, catalogue), catalogue=catalogue)
+        effects = candidates(c, size, catalogue, logged_in(known, c, loads, band))
+        return cls(base_of(rig, c, size), *stds, c, band, effects, catalogue=catalogue)
 
     @property
     def quantity(self) -> str:
@@ -107,21 +112,22 @@ class AxisKind(Kind):
         of, c = self._moved(record), self.coordinates
         m = of.motion
         if not m.even:
-            even = evened(record, (c.position, c.velocity, *c.loads))
+            even = evened(record, (c.position, c.velocity, *LOADS))
             return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
-        load = c.load_in(record.columns)
-        s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, load=record[load] if load else 0.0)
-        acting = present(self.effects, theta)
+        loads = {name: record[column] for name, column in c.loads_in(record.columns).items()}
+        s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, travelled=of.path, loads=loads)
+        s = replace(s, load=next(iter(loads.values()), 0.0))
+        acting = [(e, p, states_along(type(e), p, s, of.came)) for e, p in present(self.effects, theta)]
         inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
-        friction = viscous * m.v + coulomb * s.direction
-        level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
-        extra: Any = sum(e.force(s, p, {}) for e, p in acting)
-        force = inertia * m.a + friction * level + offset - extra
-        late = sum(float(e.delay(p)) for e, p in acting)
+        sign = reduce(lambda way, one: one[0].direction(replace(s, direction=way), *one[1:]), acting, s.direction)
+        level: Any = reduce(mul, (e.level(s, p, z) for e, p, z in acting), 1.0)
+        extra: Any = sum(e.force(s, p, z) for e, p, z in acting)
+        force = inertia * m.a + (viscous * m.v + coulomb * sign) * level + offset - extra
+        late = sum(float(e.delay(p)) for e, p, _ in acting)
         if late:
             force = np.interp(m.t + late, m.t, force)
-        for e, p in acting:
-            force = e.measured(s, p, {}, force)
+        for e, p, z in acting:
+            force = e.measured(s, p, z, force)
         return np.asarray(force, dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
@@ -226,11 +232,10 @@ class AxisKind(Kind):
         return carried(record, self.coordinates, self._moved(record), self.noise(record))
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """Time, position, speed, acceleration, force and a logged load."""
+        """Time, position, speed, acceleration, force and logged inputs."""
         m, c = self._moved(record).motion, self.coordinates
-        load = c.load_in(record.columns)
         drawn = dict(zip(("t_s", *c.names[:3], c.force), (m.t, m.x, m.v, m.a, record[c.force]), strict=True))
-        return drawn | ({load: record[load]} if load else {})
+        return drawn | {load: record[load] for load in c.loads_in(record.columns).values()}
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
         return self.predict(record, theta) - record[self.quantity], record[self.quantity]
@@ -297,7 +302,6 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
     def most(parts: Sequence[Array]) -> float:
         return max(float(np.percentile(np.abs(np.concatenate(parts)), 98)), 1e-9)
 
-    loads = [record[load] for record in records if (load := c.load_in(record.columns))]
     x = np.concatenate([m.x for m in motions])
     return Size(
         most([m.v for m in motions]),
@@ -305,7 +309,6 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
         most([record[c.force] for record in records]),
         float(x.min()),
         float(x.max()),
-        most(loads) if loads else 1.0,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from controller.choice.trial import Mission, Outcome, tried
+from controller.choice.world import Possible
 from controller.model.control_model import ControlModel
 from models.words.quantities import quantity
 from models.words.sentences import Sentences
@@ -91,7 +92,7 @@ class Comparison:
         mission: Mission,
         candidates: Sequence[Candidate],
         worlds: Sequence[str],
-        world: Callable[[str, ControlModel], ControlModel],
+        world: Callable[[str, ControlModel], Possible],
         report: Progress,
     ) -> None:
         """`world` gives the model that is the world of that name, for a rig as the leading model has it."""
@@ -103,14 +104,15 @@ class Comparison:
         """Stages that lose against a plain row, with the name of the first world in which they do."""
 
     def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
-        """Fill in the outcomes of `pairs`, side by side."""
-        made = [(row.candidate, self._world(name, row.candidate.model)) for row, name in pairs]
-        for candidate, world in made:
+        """Fill in the outcomes of `pairs`, side by side. Each world has a seed of its own."""
+        made = [(row.candidate, name, self._world(name, row.candidate.model)) for row, name in pairs]
+        for candidate, _, (world, _) in made:
             _ = candidate.model.sharp.kernels, candidate.model.kernels, world.sharp.kernels
 
-        def run(pair: tuple[Candidate, ControlModel]) -> Outcome:
-            candidate, world = pair
-            return tried(self._mission, self._piece, candidate.model, candidate.controller, world, most_m)
+        def run(one: tuple[Candidate, str, Possible]) -> Outcome:
+            candidate, name, world = one
+            seed, leads = 1 + self._worlds.index(name), (candidate.model, candidate.controller)
+            return tried(self._mission, self._piece, *leads, world, most_m, seed)
 
         for (row, name), outcome in zip(pairs, each(run, made), strict=True):
             row.outcomes[name] = outcome
@@ -171,7 +173,7 @@ def choose(
     mission: Mission,
     candidates: Sequence[Candidate],
     worlds: Sequence[str],
-    world: Callable[[str, ControlModel], ControlModel],
+    world: Callable[[str, ControlModel], Possible],
     report: Progress,
     barred: Mapping[str, str] | None = None,
 ) -> Chosen:

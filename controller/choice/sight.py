@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from controller.choice.trial import Mission, ended, loop_in
-from controller.choice.world import Localisation
+from controller.choice.world import Localisation, Push
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
 from controller.registry import MODEL_FREE
@@ -52,6 +52,6 @@ def unfit(mission: Mission, model: ControlModel, controller: str) -> str:
 def _ends(mission: Mission, model: ControlModel, controller: str) -> str:
     """What ends the loop of `controller` on its own model, "" where nothing does within the mission."""
     seen = replace(mission.seen, latency_s=mission.seen.latency_s + 1 / mission.seen.rate_Hz)
-    loop, capsule = loop_in(model, replace(mission, seen=seen), model, controller)
+    loop, capsule = loop_in((model, Push()), replace(mission, seen=seen), model, controller)
     ticks = round(min(mission.duration_s, LONGEST_S) / model.tick_s)
     return next((why for _ in loop.run(capsule, ticks) if (why := ended(loop, capsule))), "")

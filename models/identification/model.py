@@ -73,6 +73,13 @@ HELD_OUT = "held_out_error"
 _Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
 
 
+class _Push(Table):
+    """The force that a model leaves unexplained."""
+
+    force_N: Annotated[float, Field(gt=0)]
+    time_s: Annotated[float, Field(gt=0)]
+
+
 class _ModelFile(Table):
     """A model file."""
 
@@ -85,6 +92,7 @@ class _ModelFile(Table):
     barred: dict[_Stage, str] = Field(default_factory=dict)
     refuted: dict[_Stage, str] = Field(default_factory=dict)
     possible: dict[str, dict[str, float]] = Field(default_factory=dict)
+    unexplained: dict[str, _Push] = Field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = Field(default_factory=dict)
     validity: dict[str, Annotated[tuple[float, float], Strict(False)]] = Field(default_factory=dict)
     nominal: dict[str, float]
@@ -99,7 +107,7 @@ class Model:
     empty where none were held out; `cautions` name a stage that errs more there than an earlier one.
     `possible` are further models that the records leave possible, by name: the effects of a class, their mean, then
     draws from the intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the
-    records exclude it.
+    records exclude it, and `unexplained` which random force each lacks: `force_N` rms, alike over `time_s`.
     `validity` has the range of each signal that the training records covered; empty in a file that has none.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
     has no checksum; `misfit` says what is wrong where the checksum is that of another content.
@@ -115,6 +123,7 @@ class Model:
     barred: Mapping[str, str] = field(default_factory=dict)
     refuted: Mapping[str, str] = field(default_factory=dict)
     possible: Mapping[str, Theta] = field(default_factory=dict)
+    unexplained: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     validity: Ranges = field(default_factory=dict)
     sealed: bool = field(default=True, compare=False)
     misfit: str = field(default="", compare=False)
@@ -135,7 +144,7 @@ class Model:
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects", "validity")
+        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects", "validity", "unexplained")
         content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
         text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
         values = {**self.stages, **{f"possible.{name}": one for name, one in self.possible.items()}}
@@ -164,7 +173,9 @@ class Model:
         provenance = {key: str(value) for key, value in file.provenance.items()}
         possible = {name: _values(values, f"possible.{name}", catalogue) for name, values in file.possible.items()}
         known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
-        return cls(*known, file.barred, file.refuted, possible, file.validity, CHECKSUM in raw, _misfit(raw))
+        unexplained = {name: vars(push) for name, push in file.unexplained.items()}
+        more = (file.barred, file.refuted, possible, unexplained, file.validity)
+        return cls(*known, *more, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
         """Raises ValueError where its file has the checksum of another content."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
 from controller.choice.sight import unfit
 from controller.choice.trial import Mission
-from controller.choice.world import Localisation
+from controller.choice.world import Localisation, Possible, Push
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
@@ -150,8 +150,8 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
         ]
     numbers = worlds_of(model)
 
-    def world(name: str, before: ControlModel) -> ControlModel:
-        return believed(numbers[name], before)
+    def world(name: str, before: ControlModel) -> Possible:
+        return believed(numbers[name], before), Push(**model.unexplained.get(name, {}))
 
     found = choose(mission, candidates, list(numbers), world, report, model.barred)
     values = model.believed(found.stage)

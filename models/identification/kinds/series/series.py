@@ -170,13 +170,14 @@ class SeriesKind(Kind):
         return np.asarray(plain.reshape(len(rows), -1, count).mean(axis=2) * np.sqrt(count))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, over the samples that count, interpolated between them."""
-        parts = []
-        for record, predicted in zip(records, predictions, strict=True):
-            good, t = counted(record), record["t_s"]
-            off = np.interp(t, t[good], (record[self.quantity] - predicted)[good])
-            parts.append(low_passed(off, interval(record))[good])
+        """Rms of the prediction error low-passed at 2 Hz, over the samples that count."""
+        parts = [self.off(r, predicted)[counted(r)] for r, predicted in zip(records, predictions, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+    def off(self, record: Record, predicted: Array) -> Array:
+        """The prediction error low-passed at 2 Hz, interpolated between the samples that count."""
+        good, t = counted(record), record["t_s"]
+        return low_passed(np.interp(t, t[good], (record[self.quantity] - predicted)[good]), interval(record))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """White noise of `noise_std` through the same low-pass."""

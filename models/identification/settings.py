@@ -164,6 +164,11 @@ class SearchSettings:
     refuted_unknown: float = setting(4.0, "1", "the same where no model is right")
     possible_draws: int = setting(2, "1", "models drawn from the covariance of the last one's values")
     near_floor: float = setting(1.25, "1", "noise floors, up to which a difference does not count")
+    axis_step_s: float = setting(1e-3, "s", "longest step of a driven axis; half of it moves a run of EMPS by 0.2 mm")
+    axis_finest: float = setting(1e-5, "1", "share of the motion that is noise at least: numerics, mounts")
+    axis_mean_s: float = setting(0.02, "s", "time over which its place is averaged: 50 residuals a second")
+    axis_follows: float = setting(0.2, "1", "share of the motion that a free run errs by, at most, to end a fit")
+    axis_start_s: float = setting(0.05, "s", "beginning of a record from which its first place and speed are taken")
     axis_rest_s: float = setting(0.1, "s", "an axis rests where it is slow for longer")
     axis_rest: float = setting(1e-3, "1", "share of the greatest speed below which an axis is slow")
     axis_agrees: float = setting(0.2, "1", "largest relative difference of logged and derived speed")
@@ -178,6 +183,10 @@ class SearchSettings:
     quite: float = setting(0.85, "1", "ratio of two orders' noise below which it is not quite white")
     axis_white: float = setting(0.5, "1", "the same below which it is not white at all")
     axis_clear: float = setting(0.1, "1", "share of the acceleration that its noise may be")
+    axis_scale: float = setting(
+        0.05, "1", "relative standard deviation of a driving force's scale where none is stated", "motors' data sheets"
+    )
+    axis_inertial: float = setting(0.2, "1", "share of the force from which on inertia is a part of it")
     axis_halvings: int = setting(5, "1", "how often a band is halved for it")
     axis_rows: int = setting(8192, "samples", "white noise that a filter's share of it is measured on")
     lead_min_m: float = setting(1.5e-3, "m", "leads and pole pitches of usual drives")

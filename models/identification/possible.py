@@ -1,6 +1,6 @@
 """What a controller may choose from: models that the records leave possible, stages that must not lead as they are."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -8,11 +8,13 @@ import numpy as np
 from models.identification.experiment import Candidate, root_of
 from models.identification.finding import STAGES
 from models.identification.fitting.confidence import memory
-from models.identification.model import DRAW
+from models.identification.kinds.reports import AnyKind
+from models.identification.model import CLASS, DRAW
 from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.identification.verdict import at_bounds
+from models.parameter import Name
 from models.rigs.kinds import KINDS
 from models.theta import Theta
 from models.words.sentences import Quantity, Sentences
@@ -26,14 +28,29 @@ def choice_of(prepared: Prepared, found: Search, predicted: Predicted, judged: J
     if not rig.of_capsule or rig.imposed:
         return Choice()
     errors = predicted.error["holdout"] or predicted.error["train"]
-    possible = {**dict(_members(prepared, found)), **dict(_draws(prepared, found, seed))}
-    return Choice(possible, barred(prepared, found, judged), refuted(judged.verdict, errors, prepared.kind.error_unit))
+    members, not_to_lead = dict(_members(prepared, found)), barred(prepared, found, judged)
+    able = [*([] if STAGES[-1] in not_to_lead else [predicted.thetas[STAGES[-1]]]), *members.values()]
+    mean = {CLASS: mean_of(prepared.kind, able)} if len(able) > 1 else {}
+    possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
+    return Choice(possible, not_to_lead, refuted(judged.verdict, errors, prepared.kind.error_unit))
 
 
 def _members(prepared: Prepared, found: Search) -> Iterator[tuple[str, Theta]]:
     """The model with each effect that the records do not separate from a found one in its place, as it was fitted."""
     for _, _, rival in found.doubts:
         yield rival.effect, prepared.kind.nominal() | rival.fitted.thetas[0]
+
+
+def mean_of(kind: AnyKind, members: Sequence[Theta]) -> Theta:
+    """The mean of the `members` of a class, an absent effect with size 0: what it lacks in each of their worlds is a
+    part of what they lack in each other's. The numbers of an effect's shape are the mean of those that have it.
+    """
+    values = dict[Name, float]()
+    for name in dict.fromkeys(name for theta in members for name in theta):
+        own = [theta[name] for theta in members if name in theta]
+        size = not isinstance(name, str) and name[1] == kind.declared(name[0]).amplitude().name
+        values[name] = sum(own) / (len(members) if size else len(own))
+    return Theta.of(values)
 
 
 def _draws(prepared: Prepared, found: Search, seed: int) -> Iterator[tuple[str, Theta]]:

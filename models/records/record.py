@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
+from models.records.direction import directed, kind_of, swings
 from models.records.found_columns import check_header, proposed, to_scale, toml_lines
 from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
@@ -170,7 +171,8 @@ def record_of(
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
     table = CsvTable(header, units, values, np.arange(len(values)))
-    return replace(_record(name, where, rig, table, sources, driven_only), notes=notes)
+    record = _record(name, where, rig, table, sources, driven_only)
+    return replace(record, notes=(*notes, *record.notes))
 
 
 def _sparse(kind: RigKind) -> tuple[str, ...]:
@@ -185,11 +187,13 @@ def find_columns(
     Raises ValueError for a missing column, with a table `[columns]` to paste as its note where one is likely.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    kind = KINDS[rig.kind]
+    kind = kind_of(rig, targets)
     optional = kind.columns(targets).measured if driven_only else ()
     sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
+    if swings(kind, ours):
+        ours += kind.columns(ours).driven[0][:1]
     try:
         check_header(where, kind, ours, with_measured=not driven_only)
         for target, source in sources.items():
@@ -234,9 +238,10 @@ def _record(
     lenient: bool = False,
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
-    kind, rows, raw = KINDS[rig.kind], len(table.lines), dict(zip(table.header, table.values.T, strict=True))
+    rows, raw = len(table.lines), dict(zip(table.header, table.values.T, strict=True))
     ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
     read = {source.column for source in sources.values()}
+    kind = kind_of(rig, {*sources, *(key for key in table.header if key not in read)})
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
     if all(source.plain for source in sources.values()):
@@ -251,7 +256,8 @@ def _record(
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(rows, rig.velocity_m_s)
-    return Record(name, rig.kind, columns, where, table.lines)
+    columns, notes = directed(kind, columns, rig)
+    return Record(name, kind.id, columns, where, table.lines, notes)
 
 
 def _refuse_wrong(

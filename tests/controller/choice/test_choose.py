@@ -124,13 +124,6 @@ def test_nothing_leads_that_loses_against_the_pid(monkeypatch: pytest.MonkeyPatc
     assert chosen(errors, monkeypatch).stage == "nominal"
 
 
-def test_the_mpc_must_be_clearly_better(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a plant it errs more, beside feedforward, than in a model."""
-    for error, controller in ((0.09, "feedforward"), (0.06, "mpc")):
-        errors = {("nominal", "feedforward"): (0.1, 0.1), ("nominal", "mpc"): (error, error)}
-        assert chosen(errors, monkeypatch).controller == controller
-
-
 def test_trials_that_cannot_change_the_answer_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {("augmented", "feedforward"): (0.03,) * 6} | {
         (stage, controller): (0.3,) * 6

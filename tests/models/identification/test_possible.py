@@ -11,7 +11,7 @@ import pytest
 from models.identification import Model
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
-from models.identification.possible import barred, refuted
+from models.identification.possible import barred, mean_of, refuted
 from models.identification.steps import Judged
 from models.records.record import Record, record_of
 from models.rigs.reader import parse_rig
@@ -49,6 +49,19 @@ def test_a_choice_is_read_back_as_it_was_written(model: Model) -> None:
     assert again == model
     assert again.members == ("actuator_lag",)
     assert again.believed("actuator_lag")["actuator_lag", "time_s"] == 0.1
+
+
+def test_the_mean_of_a_class_has_a_part_of_each_effect(model: Model, rig: Rig, record: Record) -> None:
+    """Sizes are shared among the members, numbers of a shape are not: a narrow place stays where it is."""
+    kind = kind_for(rig, [record])
+    narrow = {"excess": 0.8, "centre_m": 6e-3, "width_m": 3e-3, "tail": 0.1, "skew": 0.2}
+    lagging = model.possible["actuator_lag"] | Theta(effects={"stenosis": narrow}) | {"friction_coefficient": 0.09}
+    mean = mean_of(kind, [model.stages["augmented"], lagging])
+    assert mean["friction_coefficient"] == pytest.approx(0.5 * (0.09 + kind.nominal()["friction_coefficient"]))
+    assert mean["sensor_delay", "delay_s"] == pytest.approx(0.05)
+    assert mean["actuator_lag", "time_s"] == pytest.approx(0.05)
+    assert mean.effects["stenosis"] == pytest.approx(narrow | {"excess": 0.4})
+    replace(model, possible=dict(model.possible) | {"class": mean}).check(rig, record)
 
 
 def test_a_file_without_a_choice_carries_none(model: Model) -> None:

@@ -54,12 +54,13 @@ PLATE: Final = 1.0
     S_ADHESION,  # 1, bond strength
     S_SINCE_REST,  # m, path since the last rest
     S_RELAX,  # 1, built-up stress
+    S_SWEPT,  # m, path since the last reversal
     S_WOBBLE,  # rad
     S_HYSTERESIS,  # 1
     S_DRIVE_LAST,  # last drive value, for its rate
     S_PRESSING,  # N, with which a magnet presses the body on its surface
     S_COUNT,
-) = range(18)
+) = range(19)
 
 # recorded columns
 O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V, O_COUNT = range(10)

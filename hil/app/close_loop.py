@@ -94,6 +94,9 @@ def read_series(
     paths = (*records, *holdout)
     read = [noted_record(path, rig, lenient=lenient) for path in paths]
     names = [record.name for record in read]
+    strange = next((name for name in rig.differing if name not in names), None)
+    if strange is not None:
+        raise ValueError(f"[[record]] file must be one of the records, {', '.join(names)}; got {strange!r}")
     for k, path in enumerate(paths):
         if names.count(names[k]) > 1:
             read[k] = replace(read[k], name=f"{path.resolve().parent.name}/{names[k]}")

@@ -13,6 +13,7 @@ from models.checks.settings import SET
 from models.checks.view import TEXT, View
 from models.effects.effect import Effect
 from models.records.record import Record, where_measured
+from models.rigs.columns import LOADS
 from models.rigs.rig import Rig
 
 
@@ -57,9 +58,11 @@ class Excitation:
         positions = [view.record[view.moving_column] for view in self.views]
         travel = max(float(x.max()) for x in positions) - min(float(x.min()) for x in positions)
         longest, rate = max(float(v.t[-1] - v.t[0]) for v in self.views), min(1 / view.dt for view in self.views)
-        surface, names = view.rig.surface, [name for name in view.record.layout.optional if name.startswith("load_")]
-        loads = [np.abs(v.record[n]) for v in self.views for n in names if n in v.record.columns]
-        light, heavy = np.percentile(np.concatenate(loads), [5, 95]) if loads else (0.0, 0.0)
+        surface, names = view.rig.surface, [name for name in view.record.layout.optional if name in LOADS]
+        there = [n for n in names if all(n in v.record.columns for v in self.views)]
+        loads = [np.concatenate([np.abs(v.record[n]) for v in self.views]) for n in there]
+        ends = [np.percentile(one, [5, 95]) for one in loads]
+        heavy = max((float(high) for _, high in ends), default=0.0)
         no_load = "load_constant" if loads else "load_column" if names else "load"
         offered = {
             "both_ways": len({sign for strokes in self._strokes for _, _, sign in strokes}) == 2,
@@ -68,7 +71,8 @@ class Excitation:
             "places": travel > SET.travel_m,
             "rests": self.rests,
             "time": longest > SET.long_s,
-            "load": heavy > SET.speeds_range * light,
+            "load": any(high > SET.speeds_range * low for low, high in ends),
+            "logged": any(np.ptp(one) > 0 for one in loads),
             "turning": all(view.turns for view in self.views),
             "samples": rate > 2 * SET.mains_top,
             "wall": surface is None or surface.is_gut,
@@ -79,9 +83,9 @@ class Excitation:
             "rest": SET.rest_s,
             "rate": rate,
         }
-        values |= {"longest": longest, "names": names, "load": float(heavy), "surface": surface and surface.kind}
+        values |= {"longest": longest, "names": names, "load": heavy, "surface": surface and surface.kind}
         return {
-            need: TEXT(f"lacking.{no_load if need == 'load' else need}", **values)
+            need: TEXT(f"lacking.{no_load if need in ('load', 'logged') else need}", **values)
             for need, met in offered.items()
             if not met
         }

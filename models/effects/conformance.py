@@ -21,8 +21,8 @@ from models.parameter import nearest
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 
-_BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modulus"}
-_MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load"}
+_BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modulus", "direction"}
+_MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load", "loads"}
 
 
 def hooks_of(kind: RigKind) -> frozenset[str]:
@@ -114,7 +114,12 @@ def _points(effect: type[Effect]) -> Iterator[tuple[str, dict[str, float]]]:
 
 def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _ARGUMENTS) -> float:
     """The value of `hook` without an effect."""
-    unchanged = {"command": s["command"], "measured": given["y"], "recovery": given["speed"]}
+    unchanged = {
+        "command": s["command"],
+        "measured": given["y"],
+        "direction": s["direction"],
+        "recovery": given["speed"],
+    }
     unchanged |= dict.fromkeys(SIDES, given["factors"])
     return unchanged.get(hook, 1.0 if hook in _FACTORS else 0.0)
 

@@ -12,7 +12,7 @@ from models.parameter import Parameter, nearest
 
 _TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
 _WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of")
-DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "symbols", "follows", "grid", "probe", "by_speed", "forms")
+DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "symbols", "follows", "grid", "probe", "by_speed", "exact", "forms")
 """What an effect may declare in addition to its parameters and hooks."""
 _OURS: Final = (*DECLARATIONS, "parameters")
 _OWN_HOOKS: Final = ("suspension", "reach")

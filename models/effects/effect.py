@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
@@ -18,7 +18,10 @@ Value = Any
 Values = Mapping[str, Value]
 Shares = tuple[Value, Value, Value]
 Forms = Mapping[str, Sequence[Formula]]
-NEEDS: Final = ("both_ways", "reversals", "speeds", "places", "rests", "time", "load", "samples", "wall", "turning")
+NEEDS: Final = (
+    *("both_ways", "reversals", "speeds", "places", "rests", "time"),
+    *("load", "logged", "samples", "wall", "turning"),
+)
 """What a motion may offer for an effect to show."""
 
 
@@ -28,7 +31,7 @@ class Signals:
     the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at rest), `command` the drive's
     command (carriage position, coil current, drive on), `rate` its rate of change, `travelled` path length so far,
     `tension` the wall's quasi-static tension, `drag` the wall's displacement, `drag_rate` its rate, `dwell` time at
-    rest, `load` the logged load. A kind of rig without such a signal leaves it at 0.
+    rest, `load` the logged load, `loads` several by name. A kind of rig without such a signal leaves it at 0.
     """
 
     t: Value = 0.0
@@ -43,6 +46,11 @@ class Signals:
     drag_rate: Value = 0.0
     dwell: Value = 0.0
     load: Value = 0.0
+    loads: Value = field(default_factory=dict)
+
+    def logged(self, name: str) -> Value:
+        """The logged input `name`; the load where none is told apart."""
+        return self.loads.get(name, self.load)
 
 
 def number(
@@ -75,12 +83,13 @@ class Effect:
     `symbols` are letters of states in equations, beside those of the parameters.
     Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
-    states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
-    names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
-    `of` one effect gets that effect's values too. `needs` names what the motion must offer for the effect to show:
-    "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a logged one that changes), "samples" (more
-    than two a mains period), "wall" (of living tissue, none on a plate), "turning" (an axis that turns; only its search
-    tries such an effect). `proposed_on` names the records whose residual proposed it.
+    states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction, `exact`
+    that its law has no shape to be missed. `follows` names the states that are at the "command" or the "position" after
+    a long rest; the others are at 0. A refinement `of` one effect gets that effect's values too. `needs` names what the
+    motion must offer for the effect to show: "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a
+    logged one of different sizes), "logged" (an input that changes), "samples" (more than two a mains period), "wall"
+    (of living tissue, none on a plate), "turning" (an axis that turns; only its search tries such an effect).
+    `proposed_on` names the records whose residual proposed it.
     """
 
     id: ClassVar[str] = ""
@@ -98,6 +107,7 @@ class Effect:
     refined_by: ClassVar[tuple[str, ...]] = ()
     of: ClassVar[str] = ""
     by_speed: ClassVar[bool] = False
+    exact: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
     proposed_on: ClassVar[tuple[str, ...]] = ()
 
@@ -147,6 +157,10 @@ class Effect:
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
         return 1.0
+
+    def direction(self, s: Signals, p: Values, z: Values) -> Value:
+        """What the friction of an axis follows in place of the sign of the motion, from -1 to 1."""
+        return s.direction
 
     def shared(self, p: Values, factors: Shares) -> Shares:
         """Factors on F_e, `mu m g` and `mu N_p` (the slip limit's parts), given the product of all `level`s."""

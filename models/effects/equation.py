@@ -11,6 +11,7 @@ from models.theta import Theta, bare
 
 LEFT: Final[Mapping[str, tuple[str, str]]] = {
     "level": ("friction scale", "factor on F_e and f_c, or on the Coulomb friction of a plate or an axis"),
+    "direction": ("s_F", "what friction follows in place of sgn(v), from -1 to 1"),
     "nose": ("scale at the nose", "factor on F_e"),
     "weight": ("scale of the weight", "factor on the weight's part of f_c, mu m g"),
     "pressed": ("scale of the pressure", "factor on the part of f_c that the wall presses, mu N_p"),

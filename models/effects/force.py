@@ -101,6 +101,39 @@ class StressRelaxation(Effect):
         }
 
 
+class FluidPlug(Effect):
+    """Force `-c v max(q sgn(v), 0)`: liquid q, swept together ahead of the body, drags the more the faster it moves,
+    `q' = v - |v| q/L`; the body leaves it behind when it turns round, and L is as far as the plug grows.
+    """
+
+    id = "fluid_plug"
+    words = "a plug of liquid"
+    summary = "liquid piles up ahead of the capsule, so that the drag grows over the way"
+    source = "Nonlinear Dyn. 2026, doi 10.1007/s11071-025-12175-z"
+    symbols = by_name(swept_m="q")
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("places",)
+    states = ("swept_m",)
+    grid = by_name(length_m=(0.01, 0.04, 0.15))
+    probe = 10.0
+    confounders = ("viscous_drag", "lumen_taper", "tissue_drying", "preconditioning", "stress_relaxation")
+    separated_by = "a turn half way: the plug begins anew, a taper or drying goes on; the same way at another speed"
+
+    drag_N_s_per_m2 = number(0.0, "N s/m^2", -100.0, 2000.0, symbol="c")
+    length_m = number(0.04, "m", 0.003, 1.0, symbol="L")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return -p["drag_N_s_per_m2"] * s.v * np.maximum(z["swept_m"] * np.sign(s.v), 0.0)
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
+        end = np.sign(s.v) * p["length_m"]
+        return {"swept_m": end + (z["swept_m"] - end) * np.exp(-np.abs(s.v) * h / p["length_m"])}
+
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"swept_m": [equal(Formula("q'"), s.v - np.abs(s.v) * z["swept_m"] / p["length_m"])]}
+
+
 _PULSES = "contractions are pulses rather than sines"
 # of neighbouring frequencies to screen: over half a minute their phases part by less than half a turn up to 0.4 Hz
 RATIO = 1.09
@@ -270,3 +303,97 @@ class GravityOverAngle(Effect):
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])
+
+
+class LoadForce(Effect):
+    """Force `c N (1 + g x)` of the logged load, pressure or temperature, whose lever or area may change along the way;
+    of several a sum, one `per_NAME` each.
+    """
+
+    id = "load_force"
+    words = "a load that pushes"
+    summary = "a logged load, pressure or temperature acts as a force through an unknown factor"
+    source = "statics: a load cell's lever, a piston's area"
+    kinds = frozenset({"axis"})
+    needs = ("logged",)
+    exact = True
+    probe = 0.1
+    confounders = ("load_dependent_friction", "spring_over_position", "directional_asymmetry")
+    separated_by = "the same motion, both ways, under loads that differ: a force keeps its sign, friction turns with it"
+
+    per_load = number(0.0, "N/(N or N m)", -1e9, 1e9, symbol="c")
+    slope_per_m = number(0.0, "1/m", -100.0, 100.0, symbol="g")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        total = sum(p[q.name] * s.logged(q.name[4:]) for q in self.parameters() if q.name.startswith("per_"))
+        lever = sum(p[q.name] for q in self.parameters() if q.name.startswith("slope_per_"))
+        return total * (1 + lever * s.x)
+
+
+class TorqueRipple(Effect):
+    """Force `-(A sin q + b_2 sin 2q + c_2 cos 2q)`, `q = 2 pi x/L + phi`: the same both ways and at any speed."""
+
+    id = "torque_ripple"
+    words = "a ripple of the drive"
+    summary = "the drive's force varies periodically over the position: poles, screw, gear or eccentricity"
+    source = "cogging and commutation of motors: Holtz, IEEE Trans. Ind. Electron. 43 (1996)"
+    kinds = frozenset({"axis"})
+    needs = ("places",)
+    grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
+    probe = 0.1
+    confounders = ("gravity_over_angle", "fold_periodic", "spring_over_position")
+    separated_by = "the axis laid so that gravity does no work; more than one wavelength, both ways at constant speed"
+
+    force_N = number(0.0, "N", -1e3, 1e3, symbol="A")
+    wavelength_m = number(0.01, "m", 1e-4, 10.0, symbol="L")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="phi")
+    second_sin_N = number(0.0, "N", -1e3, 1e3, symbol="b_2")
+    second_cos_N = number(0.0, "N", -1e3, 1e3, symbol="c_2")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        q = named("q", 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])
+        second = p["second_sin_N"] * np.sin(2 * q) + p["second_cos_N"] * np.cos(2 * q)
+        return -(p["force_N"] * np.sin(q) + second)
+
+
+class ElasticDrive(Effect):
+    """Force `-m (w^2 e + 2 zeta w e')` of a load m on a spring, `w = 2 pi f`; its stretch `e' = v - v_l` pulls the
+    load, `v_l' = w^2 e + 2 zeta w e'`. Well below f it is added inertia.
+    """
+
+    id = "elastic_drive"
+    words = "an elastic drive"
+    summary = "a part of the load follows the axis over a spring: two masses"
+    source = "two-mass models of drives: Schroeder, Elektrische Antriebe"
+    symbols = by_name(stretch_m="e", load_m_s="v_l")
+    kinds = frozenset({"axis"})
+    states = ("stretch_m", "load_m_s")
+    needs = ("speeds",)
+    grid = by_name(frequency_Hz=(2.0, 4.0, 8.0, 15.0, 25.0))
+    probe = 0.1
+    confounders = ("presliding", "sensor_delay")
+    separated_by = "a chirp through the resonance; a second encoder at the load"
+
+    load_kg = number(0.0, "kg", 0.0, 1e4, symbol="m")
+    frequency_Hz = number(8.0, "Hz", 0.5, 60.0, symbol="f")
+    damping = number(0.05, "1", 0.0, 0.9, spread=0.3, symbol="zeta")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        w = named("w", 2 * math.pi * p["frequency_Hz"])
+        return -p["load_kg"] * (w**2 * z["stretch_m"] + 2 * p["damping"] * w * (s.v - z["load_m_s"]))
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
+        w, zeta = 2 * math.pi * p["frequency_Hz"], p["damping"]
+        e, rate, own = z["stretch_m"], s.v - z["load_m_s"], w * np.sqrt(1 - zeta**2)
+        decay, sine, cosine = np.exp(-zeta * w * h), np.sin(own * h), np.cos(own * h)
+        pulled = (rate + zeta * w * e) / own
+        after = decay * (e * cosine + pulled * sine)
+        left = decay * (rate * cosine - (zeta * w * pulled + own * e) * sine)
+        return {"stretch_m": after, "load_m_s": s.v - left}
+
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        w = named("w", 2 * math.pi * p["frequency_Hz"])
+        rate = s.v - z["load_m_s"]
+        pull = w**2 * z["stretch_m"] + 2 * p["damping"] * w * rate
+        return {"stretch_m": [equal(Formula("e'"), rate)], "load_m_s": [equal(Formula("v_l'"), pull)]}

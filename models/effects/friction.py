@@ -257,7 +257,7 @@ class TissueDrying(DriftInTime):
 
 
 class LoadDependentFriction(Effect):
-    """Scale `1 + c |N|` of the logged load, in whichever unit."""
+    """Scale `1 + c |N|` of the logged load, in whichever unit; of several a sum, one `growth_per_NAME` each."""
 
     id = "load_dependent_friction"
     words = "a load-dependent friction"
@@ -266,13 +266,75 @@ class LoadDependentFriction(Effect):
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     probe = 0.1
-    confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact")
+    confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact", "load_force")
     separated_by = "the same motion under loads that differ by a factor of two and more"
 
     growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3, symbol="c")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
-        return at_least(1 + p["growth_per_load"] * np.abs(s.load), 0.05)
+        return at_least(
+            1 + sum(p[q.name] * np.abs(s.logged(q.name[len("growth_per_") :])) for q in self.parameters()), 0.05
+        )
+
+
+_SHORTEST_M = 1e-12
+
+
+class Presliding(Effect):
+    """Friction with memory: it follows the stretch z of a spring in place of `sgn(v)`, `z' = (v - |v| z)/d`, and
+    after a reversal reaches its new side over a few break-away distances d.
+    """
+
+    id = "presliding"
+    words = "a presliding friction"
+    summary = "friction turns round over a distance after a reversal, as a spring"
+    source = "Dahl, AIAA J. 14 (1976) 1675"
+    symbols = by_name(stretch="z")
+    kinds = frozenset({"axis"})
+    states = ("stretch",)
+    needs = ("reversals",)
+    probe = 1e-4
+    confounders = ("spring_over_position", "stribeck", "sensor_delay", "elastic_drive")
+    separated_by = "strokes of a few break-away distances, a slow reversal, and rests on either side of one"
+
+    distance_m = number(0.0, "m", 0.0, 0.1, symbol="d")
+
+    def direction(self, s: Signals, p: Values, z: Values) -> Value:
+        stretched = np.where(p["distance_m"] > _SHORTEST_M, z["stretch"], s.direction)
+        return shown_as(stretched, lambda: z["stretch"])
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
+        way = np.sign(s.v)
+        return {
+            "stretch": way + (z["stretch"] - way) * np.exp(-np.abs(s.v) * h / at_least(p["distance_m"], _SHORTEST_M))
+        }
+
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        return {"stretch": [equal(Formula("z'"), (s.v - np.abs(s.v) * z["stretch"]) / p["distance_m"])]}
+
+
+class Warming(Effect):
+    """Scale `1 - a (1 - exp(-s/L))` over the path s: friction falls as the work that it takes warms it. Where a
+    temperature is logged: `exp(-c (T - 20 degC))`.
+    """
+
+    id = "warming"
+    words = "a friction that falls with warmth"
+    summary = "friction falls as the axis warms with its work, or with the logged temperature"
+    source = "viscosity of lubricants over temperature; Carlson et al., friction of joints after 1 h of motion"
+    kinds = frozenset({"axis"})
+    needs = ("places",)
+    grid = by_name(length_m=(0.3, 3.0))
+    probe = 0.05
+    confounders = ("load_force", "load_dependent_friction")
+    separated_by = "a rest of an hour between two like motions: a cold axis begins anew; the same under another load"
+
+    fall = number(0.0, "1", -2.0, 0.95, symbol="a")
+    length_m = number(1.0, "m", 0.01, 100.0, symbol="L")
+
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
+        return 1 - p["fall"] * (1 - np.exp(-s.travelled / p["length_m"]))
 
 
 _LEAST_N = 1e-9  # load whose power is finite

@@ -106,6 +106,25 @@ class _Own:
     def _value(self, axis: FreeParameter) -> float:
         return self.rest.theta.get(axis.name, 0.0)
 
+    def _within_accuracy(self) -> float:
+        """The record's cost where each parameter is the others' within the accuracy of a minimum: a slip event that the
+        fit of all misses on the record shows no other parameter.
+        """
+        narrow = []
+        for axis in axes(self.kind, self.model):
+            p, at = axis.parameter, self._value(axis)
+            low, high = max(at - SET.accuracy * abs(at), p.lower), min(at + SET.accuracy * abs(at), p.upper)
+            if low < high:
+                narrow.append(replace(axis, parameter=replace(p, value=at, lower=low, upper=high)))
+        if not narrow:
+            return np.inf
+        fitter = replace(Fitter.of(self.kind, [self.record], self.model, self.kind.final), axes=narrow)
+        least, most = np.array([(axis.parameter.lower, axis.parameter.upper) for axis in narrow]).T
+        draws = np.random.default_rng(0).uniform(least, most, (SET.near_by, len(narrow)))
+        points = [self.rest.theta | {a.name: float(v) for a, v in zip(narrow, row, strict=True)} for row in draws]
+        some = [self.rest.theta, *fitter.lowest(points, SET.final)]
+        return min(each(lambda theta: fitter.near(theta, SET.fine, SET.rounds).cost, some))
+
     def _told(self, fit: Fit, axis: FreeParameter, model: tuple[str, ...], tests: int) -> Disagreement | None:
         """The disagreement of a `fit`; None where the gain may be chance, is small, or may be had by all records. Where
         fits may miss slip events, a part that is not fitted to the noise shows nothing.
@@ -132,7 +151,7 @@ class _Own:
         whole = [*self.others, self.record]
         starts = ((self.model, self.rest.theta), (model, fit.theta))
         again = each(lambda row: Fitter.of(self.kind, whole, row[0], self.kind.final).near(row[1]).cost, starts)
-        if (wide := half(min(self.all, *again))) > least:
+        if (wide := half(min(self.all, *again, self.rest.cost + self._within_accuracy()))) > least:
             return None
         by = p.effect if p.effect not in ("", *self.model) else spelled(p.key)
         shift, unit = value - at, measured_unit(p.unit, self.kind.unit)

@@ -175,7 +175,8 @@ class Tone:
 class Dependence:
     """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves`, the one
     that predicts most first, a `surface` where two variables predict clearly more, a `tone`, and the proposed `term`.
-    `inside`: the validation cost without and with the spline that the term follows; None where it follows a curve.
+    `level` is the mean force that moves the body, 0 where the residual is no force. `inside`: the validation cost
+    without and with the spline that the term follows; None where it follows a curve.
     """
 
     quantity: str
@@ -185,6 +186,7 @@ class Dependence:
     surface: ResidualSurface | None = None
     tone: Tone | None = None
     term: Term | None = None
+    level: float = 0.0
     inside: tuple[float, float] | None = None
 
 

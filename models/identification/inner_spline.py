@@ -31,18 +31,19 @@ ID = "spline_of_the_residual"
 
 def followed_inside(kind: AnyKind, found: Search, train: Sequence[Record], dependence: Dependence) -> Dependence:
     """`dependence` with the term of that spline which, fitted beside all else, predicts the validation blocks best;
-    over one of the variables whose curves predict most of the residual. As it is where no spline gains.
+    over one of the variables whose curves predict most of the residual, however little: a wrong model loses slip
+    events, which hides them. As it is where no spline gains, or the residual is no force.
     """
-    if dependence.term is None:
+    level, splits = dependence.level, kind.splits(kind.searched(train))
+    curves = [curve for curve in dependence.curves if curve.variable in SYMBOLS][: SET.spline_tried]
+    if not (level and curves and found.parts):
         return dependence
-    level, (ours, theirs) = dependence.term.level, zip(*found.parts, strict=True)
-    curves = [curve for curve in dependence.curves if curve.variable in SYMBOLS and curve.share >= SET.spline_tells]
-    splits = kind.splits(kind.searched(train))
-    plain = FittedModel(kind, splits, tuple(found.model), tuple(theirs))
-    tried = [_Inner.of(kind, found.model, curve, level) for curve in curves[: SET.spline_tried]]
-    costs = [one.model(plain).cost for one in tried]
+    plain = FittedModel(kind, splits, tuple(found.model), tuple(theta for _, theta in found.parts))
+    tried = [_Inner.of(kind, found.model, curve, level) for curve in curves]
+    fits = each(lambda one: one.fits(plain), tried)
+    costs = [one.model(plain, thetas).cost for one, thetas in zip(tried, fits, strict=True)]
     best, cost = min(zip(tried, costs, strict=True), key=lambda row: row[1])
-    if not ours or cost > plain.cost - SET.least_drop:
+    if cost > plain.cost - SET.least_drop:
         return dependence
     curve = best.curve_on(train, found.augmented.theta)
     return replace(dependence, term=term_of(curve, dependence.unit, level), inside=(plain.cost, cost))
@@ -78,10 +79,11 @@ class _Inner:
         rows = zip(effect.parameters(), values, strict=True)
         return {p.name: float(np.clip(value, 0.9 * p.lower, 0.9 * p.upper)) for p, value in rows}
 
-    def model(self, plain: FittedModel) -> FittedModel:
+    def fits(self, plain: FittedModel) -> list[Theta]:
         """`plain` with the spline, fitted to the training part of each split."""
-        parts = [(part, theta) for part, theta in plain.parts]
-        thetas = each(lambda row: self.fit(row[0], row[1]).theta, parts)
+        return [self.fit(part, theta).theta for part, theta in plain.parts]
+
+    def model(self, plain: FittedModel, thetas: Sequence[Theta]) -> FittedModel:
         return replace(plain, kind=self.kind).fitted(thetas, self.named)
 
     def fit(self, records: Sequence[Record], theta: Theta, criterion: int | None = None) -> Fit:

@@ -27,6 +27,7 @@ from models.identification.record_checks import check_demand
 from models.identification.validity import Ranges, beyond, ranges_of
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
+from models.rigs.kinds import named as named_in_file
 from models.rigs.rig import Rig
 from models.rigs.schema import Table
 from models.theta import Theta, spelled
@@ -48,7 +49,7 @@ def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogu
         raise ValueError(f"{path}: {error}") from None
     if not model.sealed:
         _note_unsealed(path)
-    if model.kind not in (kind, *others):
+    if named_in_file(model.kind) not in map(named_in_file, (kind, *others)):
         raise ValueError(
             f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
         )
@@ -182,14 +183,16 @@ class Model:
             raise ValueError(self.misfit)
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
-        """The measured columns as this model predicts them from the driven columns of `record` alone."""
+        """The measured columns as this model predicts them from the driven columns of `record` alone, and from where it
+        begins where a body of inertia is driven by a force.
+        """
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
         driven = record.without(record.layout.measured)
         check_demand(driven)
         kind = kind_for(rig, [driven])
         with named(record):
-            return kind.columns(driven, kind.predict(driven, self.stages[stage]))
+            return kind.columns(driven, kind.predict(kind.driven(record), self.stages[stage]))
 
     def beyond(self, rig: Rig, record: Record, predicted: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
         """Where `record` with its `predicted` columns leaves what the training records covered."""

@@ -8,7 +8,7 @@ from typing import Final
 
 from models.files.toml import inline_table
 from models.files.units import factor, split_unit, unit, unit_of
-from models.rigs.columns import TIME
+from models.rigs.columns import LOADS, TIME
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import MappedColumn
@@ -26,7 +26,7 @@ def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured
     whole = [one for one in KINDS.values() if not one.columns(header).lacking(header)]
     if not missing and len(whole) == 1 and kind not in whole and not set(layout.measured) & set(header):
         raise ValueError(f"{where}: record must be one of a {kind.id} rig; got the columns of kind {whole[0].id}")
-    for name in missing or (name for name in (*layout.given_by_rig, *layout.optional) if name not in header):
+    for name in missing or (name for name in (*layout.given_by_rig, *layout.optional) if name not in (*header, *LOADS)):
         _refuse_unit(where, name, header, kind)
     if not missing:
         return

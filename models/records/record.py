@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
+from models.records.direction import directed, kind_of, swings
 from models.records.found_columns import check_header, proposed, to_scale, toml_lines
-from models.rigs.columns import TIME, Columns
+from models.rigs.columns import LOADS, TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import MappedColumn, contradiction
+from models.rigs.reader import record_name
 from models.rigs.rig import Rig
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 Array = NDArray[np.float64]
 USED = "_used"
 """Column of a record: 1 where the measured value counts, 0 where there is none or it was filled in."""
+LARGEST_LOAD = 1e9  # in its unit
+_LOADED = ("load", "temperature", "pressure")
 LARGEST_SAMPLE = 1e12  # that the checks of records can read
 
 
@@ -128,7 +133,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
 
     def check(header: list[str], units: Mapping[str, str]) -> list[str]:
         sources.update(find_columns(str(path), rig, header, units, driven_only))
-        return [source.column for source in sources.values()]
+        return [source.column for target, source in sources.items() if target not in _free(kind)]
 
     sparse = _sparse(kind)
     table = read_table(
@@ -141,7 +146,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
         once=kind.known,
         gaps={*sparse, *(rig.columns.entry(name).column for name in sparse)},
     )
-    return _record(_name(path), str(path), rig, table, sources, driven_only, lenient)
+    return _record(record_name(path), str(path), rig, table, sources, driven_only, lenient)
 
 
 def record_of(
@@ -164,18 +169,26 @@ def record_of(
     sources = find_columns(where, rig, header, units, driven_only)
     for target, source in sources.items():
         values = columns[source.column]
+        if target in _free(KINDS[rig.kind]):
+            continue
         wrong = np.isinf(values) if target in _sparse(KINDS[rig.kind]) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
     table = CsvTable(header, units, values, np.arange(len(values)))
-    return replace(_record(name, where, rig, table, sources, driven_only), notes=notes)
+    made = _record(name, where, rig, table, sources, driven_only)
+    return replace(made, notes=(*notes, *made.notes))
 
 
 def _sparse(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that may be empty in some rows."""
     return tuple(name for one in kind.layouts if one.time for name in one.measured)
+
+
+def _free(kind: RigKind) -> tuple[str, ...]:
+    """Columns of ours that are left out where they hold anything but usable numbers."""
+    return LOADS if kind.stage else ()
 
 
 def find_columns(
@@ -185,15 +198,17 @@ def find_columns(
     Raises ValueError for a missing column, with a table `[columns]` to paste as its note where one is likely.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    kind = KINDS[rig.kind]
+    kind = kind_of(rig, targets)
     optional = kind.columns(targets).measured if driven_only else ()
     sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
+    if swings(kind, ours):
+        ours += kind.columns(ours).driven[0][:1]
     try:
         check_header(where, kind, ours, with_measured=not driven_only)
         for target, source in sources.items():
-            if stated := contradiction(target, source, units):
+            if target not in _free(kind) and (stated := contradiction(target, source, units)):
                 wanted = unit_of(target) or "plain numbers"
                 raise ValueError(f"{where}: column {target} must be in {wanted}; the file states {stated}")
     except ValueError as error:
@@ -234,13 +249,19 @@ def _record(
     lenient: bool = False,
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
-    kind, rows, raw = KINDS[rig.kind], len(table.lines), dict(zip(table.header, table.values.T, strict=True))
+    rows, raw = len(table.lines), dict(zip(table.header, table.values.T, strict=True))
     ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
     read = {source.column for source in sources.values()}
+    kind = kind_of(rig, {*sources, *(key for key in table.header if key not in read)})
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
     if all(source.plain for source in sources.values()):
         columns = {key: columns[key] for key in table.header if key in columns}
+    free = [name for name in _free(kind) if name in ours]
+    strange = [n for n in free if contradiction(n, sources[n], table.units) or not np.all(abs(ours[n]) <= LARGEST_LOAD)]
+    columns = {key: values for key, values in columns.items() if key not in strange}
+    foreign = [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in read]
+    left_out = tuple(TEXT("left_out", where=where, column=name, names=LOADS) for name in (*strange, *foreign))
     _refuse_wrong(where, kind, columns, table.lines, lenient)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum
     if rows < least:
@@ -251,7 +272,8 @@ def _record(
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(rows, rig.velocity_m_s)
-    return Record(name, rig.kind, columns, where, table.lines)
+    columns, notes = directed(kind, columns, rig)
+    return Record(name, kind.id, columns, where, table.lines, (*left_out, *notes))
 
 
 def _refuse_wrong(
@@ -278,8 +300,3 @@ def _refuse_wrong(
         low, high = (columns[name] for name in kind.rising)
         rule = f"{kind.rising[1]} must be above {kind.rising[0]}; got {{:g}} and {{:g}}"
         refuse(~(high > low), rule, high, low)
-
-
-def _name(path: Path) -> str:
-    """The file's name without its endings."""
-    return re.sub(r"(?i)(\.(csv|tsv|txt))?(\.gz)?$", "", path.name, count=1) or path.name

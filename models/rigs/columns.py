@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 TIME = "t_s"
+LOADS = ("load_N", "load_N_m", *(f"load_{k}" for k in range(1, 10)), "pressure_Pa", "temperature_degC")
+"""Logged inputs of a machine's axis: each may push, scale the friction, or do nothing."""
 TIME_SERIES_ROWS = 2_000_000  # most rows of a record: half an hour at 1 kHz
 TABLE_ROWS = 100_000  # most rows of a table
 

@@ -1,7 +1,8 @@
 """Rig files: read from TOML and checked, as plain records."""
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,7 +50,9 @@ def table_names() -> tuple[str, ...]:
 
 def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     """The rig that the tables of a rig file describe."""
-    known = table_names()
+    if "record" in raw:
+        return _with_records(raw, where)
+    known = (*table_names(), "record")
     unknown = next((key for key in raw if key not in known), None)
     if unknown is not None:
         raise ValueError(f"{where}: table must be one of a rig file; got {unknown!r}; {nearest(unknown, known)}")
@@ -77,6 +80,34 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     return Rig(kind.id, **parts, columns=columns, prior=prior, own=own)
 
 
+def _with_records(raw: Mapping[str, Any], where: str) -> Rig:
+    """The rig of a file with `[[record]]`, and those of the records that they name."""
+    shared, given = {name: table for name, table in raw.items() if name != "record"}, raw["record"]
+    rig, found = parse_rig(shared, where), dict[str, Rig]()
+    for changes in given if isinstance(given, list) else [given]:
+        file = changes.get("file") if isinstance(changes, dict) else None
+        at = f"{where}: [[record]]"
+        if not isinstance(file, str) or not file:
+            raise ValueError(
+                f"{at} must have 'file', the name of a record, and keys such as capsule.mass_kg; got {shown(changes)}"
+            )
+        own = dict[str, Any](shared)
+        for table, content in changes.items():
+            if table != "file":
+                if not isinstance(content, dict):
+                    raise ValueError(f"{at} {file}: key must have its table, as capsule.mass_kg; got {table!r}")
+                own[table] = {**own.get(table, {}), **content}
+        found[record_name(Path(file))] = other = parse_rig(own, f"{at} {file}")
+        if other.kind != rig.kind:
+            raise ValueError(f"{at} {file}: kind must be that of the rig, {rig.kind}; got {other.kind!r}")
+    return replace(rig, differing=found)
+
+
+def record_name(path: Path) -> str:
+    """The name of a record's file without its endings."""
+    return re.sub(r"(?i)(\.(csv|tsv|txt))?(\.gz)?$", "", path.name, count=1) or path.name
+
+
 def _kind(raw: Mapping[str, Any], where: str) -> RigKind:
     if "rig" not in raw:
         got = ", ".join(f"[{table}]" for table in raw) or "an empty file"
@@ -93,7 +124,7 @@ def _kind(raw: Mapping[str, Any], where: str) -> RigKind:
     if not isinstance(kind, str) or kind not in KINDS:
         hint = nearest(kind, KINDS) if isinstance(kind, str) else "known: " + ", ".join(KINDS)
         raise ValueError(f"{where}: [rig] kind must be a known kind of rig; got {kind!r}; {hint}")
-    return KINDS[kind]
+    return KINDS["driven_axis"] if kind == "axis" and head.get("driven") else KINDS[kind]
 
 
 @dataclass

@@ -4,7 +4,7 @@ import math
 
 from plant.compiling import compiled
 from plant.hidden.registry import ONSET, ROW
-from plant.layout import P_MASS, P_WEIGHT, S_ADHESION, S_RELAX, S_SINCE_REST, S_TRAVEL, S_WOBBLE
+from plant.layout import P_MASS, P_WEIGHT, S_ADHESION, S_RELAX, S_SINCE_REST, S_SWEPT, S_TRAVEL, S_WOBBLE
 from plant.tables import Floats
 
 
@@ -132,6 +132,9 @@ def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) 
         force += h[ROW.respiration, 0] * (2 * abs(math.cos(math.pi * t / h[ROW.respiration, 1])) ** 3 - 0.85)
     if h[ROW.incline_gravity, 0] != 0.0:
         force -= p[P_WEIGHT] * math.sin(h[ROW.incline_gravity, 0])
+    if h[ROW.fluid_plug, 0] != 0.0 and v != 0.0:
+        ahead = abs(s[S_SWEPT]) / (abs(s[S_SWEPT]) + h[ROW.fluid_plug, 1])
+        force -= math.copysign(h[ROW.fluid_plug, 0] * ahead * (abs(v) * 100.0) ** 0.8, v)
     if h[ROW.stress_relaxation, 0] != 0.0:
         force -= h[ROW.stress_relaxation, 0] * s[S_RELAX]
     return force
@@ -139,7 +142,11 @@ def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) 
 
 @compiled
 def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
-    """Advance the stress that builds up over the path and relaxes with a power of itself."""
+    """Advance the path since the last reversal, and the stress that builds up over the path and relaxes with a power of
+    itself.
+    """
+    if h[ROW.fluid_plug, 0] != 0.0 and v != 0.0:
+        s[S_SWEPT] = math.copysign((abs(s[S_SWEPT]) if v * s[S_SWEPT] > 0 else 0.0) + abs(v) * dt, v)
     if h[ROW.stress_relaxation, 0] != 0.0:
         q = s[S_RELAX]
         growth = (v - q * abs(v)) / h[ROW.stress_relaxation, 1]

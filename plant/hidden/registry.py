@@ -104,6 +104,10 @@ _BY_NAME: Final = {
     ),
     "respiration": _effect("a (2 |cos(pi t/T)|^3 - 0.85)", {"force_N": (8e-3, 18e-3), "period_s": (3.0, 5.0)}),
     "incline_gravity": _effect("-m g sin(angle)", {"angle_rad": (0.25, 0.6, SIGNED)}),
+    "fluid_plug": _effect(
+        "-a sgn(v) (|v|/10 mm/s)^0.8 s/(s + l), s the path since the last reversal",
+        {"force_N": (25e-3, 60e-3), "path_m": (15e-3, 40e-3)},
+    ),
     "stress_relaxation": _effect(
         "-a q, q' = v/d (1 - q sgn v) - q sqrt|q|/t_r",
         {"force_N": (15e-3, 30e-3), "path_m": (1.5e-3, 4e-3), "time_s": (0.8, 2.5)},

@@ -132,12 +132,13 @@ def one(name: str) -> dict[str, Any]:
     residual = dependence_of(kind, train, base.theta)
     row: dict[str, Any] = {"name": name, "before": kind.error([held], [kind.predict(held, base.theta)])}
     row["floor"] = kind.noise_floor([held])
-    if residual is None or residual.term is None:
-        return row
+    assert residual is not None
     inside = followed_inside(kind, found, train, residual)
     for key, dependence in (("residual", residual), ("inside", inside)):
         term = dependence.term
-        assert term is not None
+        if term is None:
+            row[key] = row["before"]
+            continue
         row[key] = tried(kind, train, held, base.theta, dependence)
         row[f"{key}_term"] = f"{term.form} over {term.variable} {term.along}"
     return row | {"costs": inside.inside, "s": time.process_time() - began}

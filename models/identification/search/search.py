@@ -109,6 +109,8 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record]) -> None:
     kind, rows, base, plain = model.kind, sum(map(len, train)), found.calibrated.theta, Fitter.of(model.kind, train, [])
     if kind.searched(train) != train:
         found.calibrated = plain.near(base)
+    if kind.final != kind.free_run and not kind.beginnings_s:
+        found.calibrated = plain.exactly(found.calibrated.theta)
     if found.effects:
         reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
         fitter = Fitter.of(kind, train, found.model)
@@ -185,7 +187,7 @@ def _ended(kind: Kind, found: Search, most: int) -> str:
 
 def _wanted(kind: Kind, found: Search) -> float:
     """What a further effect has to gain."""
-    first = next(iter(found.gains.values()), 0.0)
+    first = next((gain for name, gain in found.gains.items() if not kind.declared(name).exact), 0.0)
     return max(found.threshold, kind.next_share * first)
 
 
@@ -200,7 +202,8 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
         starts = [[with_each(theta.without(effect), shape) for theta in model.thetas] for shape in shapes]
         fits = [model.far(some, [*rest, *shape], seeds=1) for some, shape in zip(starts, shapes, strict=True)]
         best = min(fits, key=attrgetter("cost"))
-        rest_alone = float(np.log(found.before / best.cost))
+        known = sum(found.gains[name] for name in rest if model.kind.declared(name).exact)
+        rest_alone = max(float(np.log(found.before / best.cost)) - known, 0.0)
         if np.log(best.cost / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)

@@ -53,6 +53,26 @@ TEXTBOOK: dict[str, list[Any]] = {
     "hertzian_contact": [equal(LEVEL, (abs(N) / N_r) ** n)],
     "adhesive_contact": [equal(N_EXTRA, N_0)],
     "magnet_normal_load": [equal(N_EXTRA, N_m / (1 + ((u_cmd - x) / w) ** 2) ** 2)],
+    # a plug of liquid that grows by what is swept and leaks by as much at its full length
+    "fluid_plug": [
+        equal(F_EXTRA, -c * v * np.maximum(q * sgn(v), 0.0)),
+        equal(Formula("q'"), v - abs(v) * q / L),
+    ],
+    # axes: Dahl 1976; heat of friction; statics; cogging; two masses on a spring
+    "presliding": [equal(Formula("s_F"), z), equal(Formula("z'"), (v - abs(v) * z) / d)],
+    "warming": [equal(LEVEL, 1 - a * (1 - exp(-s / L)))],
+    "load_force": [equal(F_EXTRA, c * N * (1 + g * x))],
+    "torque_ripple": [
+        equal(F_EXTRA, -(A * sin(q) + (Formula("b_2") * sin(2 * q) + Formula("c_2") * cos(2 * q)))),
+        ("q", PI_2 * x / L + phi),
+    ],
+    "elastic_drive": [
+        equal(F_EXTRA, -m * (w**2 * e + 2 * Formula("zeta") * w * (v - Formula("v_l")))),
+        equal(Formula("e'"), v - Formula("v_l")),
+        equal(Formula("v_l'"), w**2 * e + 2 * Formula("zeta") * w * (v - Formula("v_l"))),
+        ("w", PI_2 * f),
+        ("w", PI_2 * f),
+    ],
     # forces: power law of a fluid; Maxwell branch with LuGre's slip (Canudas 1995) and Cross's thinning (1965)
     "viscous_drag": [equal(F_EXTRA, -c * sgn(v) * (abs(v) / v_0) ** n), ("v_0", 0.01)],
     "incline_gravity": [equal(F_EXTRA, F_g)],

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from models.records.record import Record
+from models.rigs.columns import LOADS
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,10 @@ class Coordinates:
     def force_unit(self) -> str:
         return self.units[2]
 
-    def load_in(self, columns: Collection[str]) -> str | None:
-        """The logged load among `columns`; None where there is none."""
-        return next((name for name in self.loads if name in columns), None)
+    def loads_in(self, columns: Collection[str]) -> dict[str, str]:
+        """The logged inputs among `columns` by their names in parameters: the first of the axis' own is `load`."""
+        found = [name for name in dict.fromkeys((*self.loads, *LOADS)) if name in columns]
+        return {"load" if k == 0 and name in self.loads else name: name for k, name in enumerate(found)}
 
 
 LINE: Final = Coordinates(
@@ -56,7 +58,7 @@ TURN: Final = Coordinates(
     "rad",
     ("x_rad", "v_rad_s", "a_rad_s2", "torque"),
 )
-_TOKENS: Final = {"m": "rad", "mm": "mrad", "m2": "rad2", "m3": "rad3", "N": "N_m"}
+_TOKENS: Final = {"m": "rad", "mm": "mrad", "m2": "rad2", "m3": "rad3", "N": "N_m", "kg": "kg_m2"}
 
 
 def coordinates_of(records: Sequence[Record]) -> Coordinates:
@@ -75,4 +77,4 @@ def turned_name(name: str) -> str:
 
 def turned_unit(unit: str) -> str:
     """A parameter's unit about an axis: `N/m` is `N m/rad`."""
-    return re.sub(r"\b(N|mm|m)\b", lambda found: _TOKENS[found[1]].replace("_", " "), unit)
+    return re.sub(r"\b(N|mm|m|kg)\b", lambda found: _TOKENS[found[1]].replace("_", " "), unit)

@@ -1,6 +1,6 @@
 """The catalogue's effects on an axis: in a stage's units, in ranges that follow from its records, and about an axis."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from inspect import signature
@@ -9,13 +9,18 @@ from typing import Any, Final
 import numpy as np
 
 from models.effects import CATALOGUE, Catalogue
-from models.effects.effect import HOOKS, Effect, by_name, number
-from models.effects.force import ViscousDrag
-from models.effects.friction import Stribeck
+from models.effects.effect import HOOKS, Effect, Signals, Value, Values, by_name, number
+from models.effects.force import LoadForce, ViscousDrag
+from models.effects.friction import Stribeck, Warming
 from models.effects.sensor import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
+from models.identification.kinds.axis.logged import Logged
 from models.identification.kinds.ranges import Ranges, ranged
+from models.identification.settings import SET
+from models.parameter import Parameter
 from models.rigs.benches import AXIS
+
+TEMPERATURE: Final = "temperature_degC"
 
 
 class AxisDrag(ViscousDrag):
@@ -41,24 +46,73 @@ class AxisDelay(SensorDelay):
     delay_s = number(0.0, "s", 0.0, 0.01)
 
 
+class WarmedBy(Warming):
+    """`warming` by a logged temperature: friction falls as the viscosity of a lubricant does."""
+
+    grid = by_name()
+    probe = 0.01
+    needs = ("logged",)
+    fall_per_K = number(0.0, "1/K", -1.0, 1.0, symbol="c")
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        return (cls.fall_per_K,)
+
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
+        return np.exp(-p["fall_per_K"] * (s.logged(TEMPERATURE) - 20.0))
+
+
 VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 
 @dataclass(frozen=True)
 class Size:
-    """Greatest speed, acceleration and force, lowest and highest position, usual load; SI, along or about the axis."""
+    """Greatest speed, acceleration and force, lowest and highest position; SI, along or about the axis."""
 
     speed: float
     acceleration: float
     force: float
     low: float
     high: float
-    load: float = 1.0
 
 
-def candidates(c: Coordinates, size: Size | None, catalogue: Catalogue = CATALOGUE) -> tuple[type[Effect], ...]:
-    """The effects that a search tries on an axis, in ranges that follow from its records' `size` where known."""
-    declared = [e for e in catalogue.acting_on(AXIS.id, VARIANTS) if c.turns or "turning" not in e.needs]
+def candidates(
+    c: Coordinates, size: Size | None, catalogue: Catalogue = CATALOGUE, loads: Sequence[Logged] = ()
+) -> tuple[type[Effect], ...]:
+    """The effects that a search tries on an axis, in ranges that follow from its records' `size` where known, of the
+    logged inputs `loads`.
+    """
+    warm = (WarmedBy,) if any(one.name == TEMPERATURE for one in loads) else ()
+    declared = [e for e in catalogue.acting_on(AXIS.id, (*VARIANTS, *warm)) if c.turns or "turning" not in e.needs]
+    sized = _sized(declared, c, size)
+    return tuple(_of_loads(e, loads, c, size.force if size else 1.0) for e in sized) if loads else sized
+
+
+def _of_loads(effect: type[Effect], loads: Sequence[Logged], c: Coordinates, force: float) -> type[Effect]:
+    """`effect` with a number for each of the inputs that stand out, in place of that of a single one."""
+    pushes = effect.id == LoadForce.id
+    own, *more = effect.parameters()
+    chosen = [one for one in loads if (one.pushes if pushes else one.scales and one.name != TEMPERATURE)]
+    if not own.name.endswith("per_load") or not chosen:
+        return effect
+    most = [30 * force / one.span if pushes else 50 / one.size for one in chosen]
+    least = [-high if pushes else -0.02 * high for high in most]
+    units = [_ratio(c.force_unit if pushes else "1", one.unit) for one in chosen]
+    rows = [
+        replace(own, name=own.name.removesuffix("load") + one.name, unit=unit, lower=low, upper=high)
+        for one, unit, low, high in zip(chosen, units, least, most, strict=True)
+    ]
+    varied = not pushes or all(one.span > SET.axis_varied * one.size for one in chosen)
+    made = (*rows, *more) if varied else tuple(rows)
+    space = {"__doc__": effect.__doc__, "parameters": classmethod(lambda cls: made), "probe": 0.002 * most[0]}
+    return type(effect.__name__, (effect,), space)
+
+
+def _ratio(one: str, other: str) -> str:
+    return "1" if one == other else one if other == "1" else f"{one}/({other})" if " " in other else f"{one}/{other}"
+
+
+def _sized(declared: Sequence[type[Effect]], c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
     sized = _ranges(size) if size else {}
     if c.turns:
         return tuple(_about(e, sized.get(e.id, Ranges())) for e in declared)
@@ -95,9 +149,20 @@ def _ranges(size: Size) -> Mapping[str, Ranges]:
         ),
         "gravity_over_angle": Ranges({"torque_N_m": (0.0, -10 * f, 10 * f)}, probe=0.1 * f),
         "spring_over_position": Ranges({"stiffness_N_per_m": (0.0, -20 * f / s, 20 * f / s)}, probe=0.1 * f / s),
-        "load_dependent_friction": Ranges(
-            {"growth_per_load": (0.0, -1 / size.load, 50 / size.load)}, probe=0.1 / size.load
+        "load_force": Ranges({"slope_per_m": (0.0, -2 / s, 2 / s)}),
+        "presliding": Ranges({"distance_m": (0.0, 0.0, 0.3 * s)}, probe=0.003 * s),
+        "torque_ripple": Ranges(
+            {
+                "force_N": (0.0, -3 * f, 3 * f),
+                "wavelength_m": (s / 5, s / 20, s),
+                "second_sin_N": (0.0, -f, f),
+                "second_cos_N": (0.0, -f, f),
+            },
+            {"wavelength_m": waves, "phase_rad": (0.0, 1.5707963)},
+            0.02 * f,
         ),
+        "warming": Ranges({"length_m": (3 * s, 0.1 * s, 1e3 * s)}, {"length_m": (s, 10 * s, 100 * s)}),
+        "elastic_drive": Ranges({"load_kg": (0.0, 0.0, 30 * f / size.acceleration)}, probe=0.1 * f / size.acceleration),
     }
 
 
@@ -106,7 +171,8 @@ def _about(effect: type[Effect], sized: Ranges) -> type[Effect]:
     if "turning" in effect.needs:
         return ranged(effect, sized)
     names = {p.name: turned_name(p.name) for p in effect.parameters()}
-    hooks = {name: _renamed(getattr(effect, name), names) for name in HOOKS if effect.answers(name)}
+    hooks: dict[str, Any] = {n: _renamed(getattr(effect, n), names) for n in HOOKS if effect.answers(n)}
+    hooks["forms"] = classmethod(lambda cls, s, p, z: effect.forms(s, _Turned(p, names), z))
     return ranged(effect, sized, lambda p: replace(p, name=turned_name(p.name), unit=turned_unit(p.unit)), **hooks)
 
 
@@ -116,6 +182,16 @@ def _renamed(hook: Callable[..., Any], names: Mapping[str, str]) -> Callable[...
 
     @wraps(hook)
     def renamed(*given: Any) -> Any:
-        return hook(*given[:at], {name: given[at][turned] for name, turned in names.items()}, *given[at + 1 :])
+        return hook(*given[:at], _Turned(given[at], names), *given[at + 1 :])
 
     return renamed
+
+
+class _Turned(dict[str, Any]):
+    """The values `given` under their names about an axis, by their names along a line."""
+
+    def __init__(self, given: Mapping[str, Any], names: Mapping[str, str]) -> None:
+        self._given, self._names = given, names
+
+    def __missing__(self, name: str) -> Any:
+        return self._given[self._names.get(name, name)]

@@ -67,11 +67,11 @@ class SeriesKind(Kind):
     catalogue: Catalogue = CATALOGUE
     measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
-    final: ClassVar[int] = 2  # the free run at fine steps
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little
     next_share: ClassVar[float] = 0.6
     least_gain: ClassVar[float] = 0.4
     lanes: ClassVar[int] = LANES
+    tail: ClassVar[float] = SET.tail
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
@@ -115,6 +115,10 @@ class SeriesKind(Kind):
         return "N" if self.drive.imposed else "m"
 
     @property
+    def final(self) -> int:
+        return 2  # the free run at fine steps
+
+    @property
     def memory(self) -> float:
         """The observer's time constant in s."""
         return SET.held_s if self.drive.held else SET.memory_s if self.drive.anchored else SET.drifts_s
@@ -155,14 +159,14 @@ class SeriesKind(Kind):
         rows = _rows(record)
         averaged = 1 if len(rows) < 2 * self.averaged else self.averaged
         noise, measured = self.noise_std, record[self.quantity]
-        return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, SET.tail))
+        return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, self.tail))
 
     def slow(self, record: Record, rows: Array) -> Array:
         count = max(1, round(SET.slow_s / (interval(record) * self.averaged)))
         if rows.shape[1] < count:
             return rows
         some = rows[:, : rows.shape[1] // count * count]
-        plain = some * np.sqrt(1 + (some / (2 * SET.tail)) ** 2)  # without the weight in the tail
+        plain = some * np.sqrt(1 + (some / (2 * self.tail)) ** 2)  # without the weight in the tail
         return np.asarray(plain.reshape(len(rows), -1, count).mean(axis=2) * np.sqrt(count))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

@@ -13,7 +13,7 @@ from hil.app.scenario.scenario import Control
 from hil.drives.makers import ACTUATORS
 from hil.formats.reading import FORMATS
 from hil.nodes.operator import OperatorLimits
-from models.rigs.columns import RANGES, TIME, Columns
+from models.rigs.columns import LOADS, RANGES, TIME, Columns
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Head
 from models.rigs.schema import NamedTable, Table, field_of, key_unit, span
@@ -104,7 +104,8 @@ def _driven(known: Columns) -> list[str]:
     driven = [f"`{TIME}`"] if known.time else []
     driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
     driven += [f"`{name}` (or in the rig file)" for name in known.given_by_rig]
-    return [*driven, *(f"`{name}` (may be left out)" for name in known.optional)]
+    own = [f"`{name}` (may be left out)" for name in known.optional if name not in LOADS[2:]]
+    return [*driven, *own, *(["logged inputs (below)"] if LOADS[2] in known.optional else [])]
 
 
 def formats() -> str:

@@ -112,7 +112,6 @@ def test_every_effect_is_absent_at_amplitude_zero() -> None:
     for effect in KIND.effects:
         zero = KIND.predict(record, Theta.of({**TRUE, (effect.id, effect.amplitude().name): 0.0}))
         assert zero == pytest.approx(KIND.predict(record, TRUE), abs=1e-12), effect.id
-        assert effect.states == (), effect.id
 
 
 def test_a_late_reading_puts_the_force_before_the_motion() -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from controller.choice.trial import Mission, Outcome, tried
+from controller.choice.world import Possible
 from controller.model.control_model import ControlModel
 from models.words.quantities import quantity
 from models.words.sentences import Sentences
@@ -20,10 +21,6 @@ PLAIN: Final = "pid"
 """The controller that needs no friction model, with which every choice is compared."""
 ORDER: Final = ("feedforward", "mpc", PLAIN)
 """The controllers that are compared on a drive that pushes the body, the simpler first of equal ones."""
-OPTIMISM: Final[Mapping[str, float]] = {"mpc": 1.25}
-"""Factor by which a controller errs more in a plant than in a model of it, beside feedforward. The MPC plans with every
-detail that a model has: with nominal models of four rigs it erred 0.8 to 2 times as much as feedforward in the plant.
-"""
 HOPELESS: Final = 2.0
 """Ratio of its error to the least plain one in the likeliest world above which a candidate is given up."""
 Progress = Callable[[str, float], None]
@@ -42,11 +39,6 @@ class Candidate:
     def plain(self) -> bool:
         """Whether it needs nothing that records showed, so that no other may lose against it."""
         return self.rank[0] == 0
-
-    @property
-    def optimism(self) -> float:
-        """Factor on its error when controllers are compared."""
-        return OPTIMISM.get(self.controller, 1.0)
 
     @property
     def words(self) -> str:
@@ -68,11 +60,6 @@ class Row:
     @property
     def whole(self) -> bool:
         return len(self.outcomes) == self.count and all(one.whole for one in self.outcomes.values())
-
-    @property
-    def rated(self) -> float:
-        """The worst error as it is compared."""
-        return self.candidate.optimism * self.worst
 
     @property
     def expected(self) -> float:
@@ -105,7 +92,7 @@ class Comparison:
         mission: Mission,
         candidates: Sequence[Candidate],
         worlds: Sequence[str],
-        world: Callable[[str, ControlModel], ControlModel],
+        world: Callable[[str, ControlModel], Possible],
         report: Progress,
     ) -> None:
         """`world` gives the model that is the world of that name, for a rig as the leading model has it."""
@@ -117,14 +104,15 @@ class Comparison:
         """Stages that lose against a plain row, with the name of the first world in which they do."""
 
     def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
-        """Fill in the outcomes of `pairs`, side by side."""
-        made = [(row.candidate, self._world(name, row.candidate.model)) for row, name in pairs]
-        for candidate, world in made:
+        """Fill in the outcomes of `pairs`, side by side. Each world has a seed of its own."""
+        made = [(row.candidate, name, self._world(name, row.candidate.model)) for row, name in pairs]
+        for candidate, _, (world, _) in made:
             _ = candidate.model.sharp.kernels, candidate.model.kernels, world.sharp.kernels
 
-        def run(pair: tuple[Candidate, ControlModel]) -> Outcome:
-            candidate, world = pair
-            return tried(self._mission, self._piece, candidate.model, candidate.controller, world, most_m)
+        def run(one: tuple[Candidate, str, Possible]) -> Outcome:
+            candidate, name, world = one
+            seed, leads = 1 + self._worlds.index(name), (candidate.model, candidate.controller)
+            return tried(self._mission, self._piece, *leads, world, most_m, seed)
 
         for (row, name), outcome in zip(pairs, each(run, made), strict=True):
             row.outcomes[name] = outcome
@@ -152,13 +140,13 @@ class Comparison:
     def _least_worst(self, rows: Sequence[Row]) -> Row | None:
         """The row of least worst error, of those equal within `TIE` the simplest; None where all break a limit."""
         least = math.inf
-        for row in sorted(rows, key=lambda row: row.rated):
-            most_m = TIE * least / row.candidate.optimism
+        for row in sorted(rows, key=lambda row: row.worst):
+            most_m = TIE * least
             while row.worst <= most_m and not row.whole:
                 missing = [name for name in self._worlds if name not in row.outcomes or not row.outcomes[name].whole]
                 self._try([(row, name) for name in missing[: cores()]], most_m)
-            least = min(least, row.rated) if row.whole else least
-        equal = [row for row in rows if row.whole and row.rated <= TIE * least < math.inf]
+            least = min(least, row.worst) if row.whole else least
+        equal = [row for row in rows if row.whole and row.worst <= TIE * least < math.inf]
         return min(equal, key=lambda row: row.candidate.rank, default=None)
 
     def _loses(self, leading: Row, plain: Row) -> str:
@@ -178,15 +166,14 @@ class Comparison:
 
     def _bearable(self, leading: Row, plain: Row, name: str) -> float:
         """The error of the `plain` row in m below which `leading` loses in a world."""
-        share = leading.candidate.optimism / plain.candidate.optimism
-        return share * leading.outcomes[name].cost - (TIE - 1) * plain.worst
+        return leading.outcomes[name].cost - (TIE - 1) * plain.worst
 
 
 def choose(
     mission: Mission,
     candidates: Sequence[Candidate],
     worlds: Sequence[str],
-    world: Callable[[str, ControlModel], ControlModel],
+    world: Callable[[str, ControlModel], Possible],
     report: Progress,
     barred: Mapping[str, str] | None = None,
 ) -> Chosen:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from controller.choice.world import Localisation, ModelWorld
+from controller.choice.world import Localisation, ModelWorld, Possible
 from controller.closed_loop import Asked, ClosedLoop
 from controller.limits import Limits
 from controller.model.control_model import ControlModel
@@ -66,17 +66,18 @@ class Outcome:
 
 
 def loop_in(
-    world: ControlModel,
+    world: Possible,
     mission: Mission,
     model: ControlModel,
     controller: str,
     begin_s: float = 0.0,
     place_m: float = 0.0,
+    seed: int = 1,
 ) -> tuple[ClosedLoop, ModelWorld]:
     """The loop of `controller` with `model`, and the `world` around it, at rest at `place_m` at `begin_s`."""
     command = place_m if model.drive.anchored else 0.0
     asked = Asked(mission.reference, mission.limits, mission.seen.std_m, mission.estimator, begin_s, command)
-    return ClosedLoop(asked, model, controller), ModelWorld(world, mission.seen, 1, begin_s, place_m, command)
+    return ClosedLoop(asked, model, controller), ModelWorld(world, mission.seen, seed, begin_s, place_m, command)
 
 
 def ended(loop: ClosedLoop, capsule: ModelWorld) -> str:
@@ -89,15 +90,16 @@ def tried(
     piece: tuple[float, float],
     model: ControlModel,
     controller: str,
-    world: ControlModel,
+    world: Possible,
     most_m: float = math.inf,
+    seed: int = 1,
 ) -> Outcome:
     """`controller` with `model` in the `world` of another over a `piece` of the mission; given up once its error
     exceeds `most_m`, it breaks a limit, or the supervisor stops it for good.
     """
     begin, end = piece
     place_m, ticks = float(mission.reference.position(np.array([begin]))[0]), round((end - begin) / model.tick_s)
-    loop, capsule = loop_in(world, mission, model, controller, begin, place_m)
+    loop, capsule = loop_in(world, mission, model, controller, begin, place_m, seed)
     wanted = mission.reference.position(begin + model.tick_s * np.arange(1.0, ticks + 1.0))
     first = min(round(SETTLE_S / model.tick_s), ticks // 2)
     total, counted = 0.0, ticks - first

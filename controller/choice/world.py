@@ -24,19 +24,34 @@ class Localisation:
     quantum_m: float = 0.0
 
 
+@dataclass(frozen=True)
+class Push:
+    """A random force along +x that a model lacks: Gaussian, of `force_N` rms, with the correlation time `time_s`."""
+
+    force_N: float = 0.0
+    time_s: float = 1.0
+
+
+Possible = tuple[ControlModel, Push]
+"""A model that may be right, and what it lacks."""
+
+
 class ModelWorld:
-    """The capsule as `model` has it, from rest at `place_m` under `command` at `begin_s`. A carriage reports its place,
-    a coil driven by voltage its current. `state` is the true one; no controller may see it.
+    """The capsule as the `world` has it, from rest at `place_m` under `command` at `begin_s`. A carriage reports its
+    place, a coil driven by voltage its current. `state` is the true one; no controller may see it or the push.
     """
 
     def __init__(
-        self, model: ControlModel, seen: Localisation, seed: int, begin_s: float, place_m: float, command: float
+        self, world: Possible, seen: Localisation, seed: int, begin_s: float, place_m: float, command: float
     ) -> None:
-        self.model = sharp = model.sharp
+        self.model = sharp = world[0].sharp
+        self._pushing, self._luck = world[1], np.random.default_rng([seed, 1])
+        self._push_N = self._pushing.force_N * self._luck.standard_normal(1)
+        self._keep = math.exp(-sharp.tick_s / self._pushing.time_s)
         self._kernels, self._place = sharp.kernels, sharp.measured
         self._states = np.ascontiguousarray(sharp.initial(place_m, command)[None, :])
         self._command, self._seen, self._begin_s = command, seen, begin_s
-        self._rng, self._samples, self._nothing = np.random.default_rng(seed), 0, np.zeros(1)
+        self._rng, self._samples = np.random.default_rng(seed), 0
         self._past = deque([self.state.copy()], maxlen=round(sharp.delay_s / sharp.tick_s) + 1)
         self._waiting: list[tuple[float, Measurement]] = []
         self._current = next((k for k, name in enumerate(sharp.states) if bare(name) == "current_A"), None)
@@ -51,8 +66,10 @@ class ModelWorld:
         before = model.command_from(self._command, command)
         start = until_s - model.tick_s
         kernels.run(
-            self._states, before, command, self._nothing, start, model.tick_s, kernels.substeps, kernels.parameters
+            self._states, before, command, self._push_N, start, model.tick_s, kernels.substeps, kernels.parameters
         )
+        fresh = self._pushing.force_N * math.sqrt(1 - self._keep**2)
+        self._push_N = self._keep * self._push_N + fresh * self._luck.standard_normal(1)
         self._command = command
         self._past.append(self.state.copy())
         seen, drive = self._seen, self._drive(until_s)

@@ -26,6 +26,10 @@ _FASTEST_M_S: Final = 1.0  # speed above every real motion
 CONFIRMED: Final = 3  # readings in a row that confirm a jump
 _SPEED: Final = 0.5  # share of the speed limit that readings must stay below
 _APART_S: Final = 0.04  # time between two readings for a speed
+_SLIP_APART_S: Final = 0.018  # the same where the push is cut: two readings at 100 Hz
+_SLIPS: Final = (0.25, 2.5)  # share of the speed limit, and standard deviations of two readings, from which it slips
+_PLACES: Final = 64  # readings that are kept for it
+_SLIPPING: Final = 3.0  # times friction, greatest push on a slipping capsule; none is left at its speed limit
 
 
 @dataclass(slots=True)
@@ -96,7 +100,8 @@ class Contradiction:
     - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
       seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
-      delay stops before the limit. An inner mass shakes its capsule faster.
+      delay stops before the limit. An inner mass shakes its capsule faster. A coil that has pushed a capsule loose
+      would be stopped too late: beyond `_SLIPS` it is left `_SLIPPING` frictions, less in proportion (`most`).
 
     The drive is its own report, in the command's unit; for an inner mass its command. Positions are in m, times in s.
     No method raises, allocates or takes longer with time.
@@ -123,6 +128,7 @@ class Contradiction:
         self.against_m = self._on_s = self._sign = self._vain_s = self._vain_sign = 0.0
         self._rested_m = self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
+        self._places, self._slip_m_s = deque[tuple[float, float]](maxlen=_PLACES), 0.0
         self._outside, self._way_m, self._wanted_m = 0, 0.0, math.nan
         self._ways: deque[float] = deque(maxlen=CONFIRMED)
 
@@ -149,8 +155,11 @@ class Contradiction:
 
     @property
     def most(self) -> float:
-        """The greatest command of a coil for the next tick, in both directions: inf once the capsule has moved."""
-        return _MOST_IN_VAIN * self._friction if self._vain_s > 0 and not self._envelope.placed else math.inf
+        """The greatest command of a coil for the next tick, in both directions: inf while the capsule moves slowly."""
+        if self._envelope.placed or self._envelope.shaken:
+            return math.inf
+        left = max(1 - self._slip_m_s / self._envelope.limits.speed_m_s, 0.0) if self._slip_m_s else math.inf
+        return self._friction * min(_MOST_IN_VAIN if self._vain_s > 0 else math.inf, _SLIPPING * left)
 
     def saw(self, position_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
         """The localisation shows the capsule at `position_m`; `drive` and `wanted_m` are those of its stamp."""
@@ -172,6 +181,7 @@ class Contradiction:
             self._rested_m, self._on_s = position_m, 0.0
         dt = stamp_s - self._seen_at
         self._seen_at = stamp_s
+        self._slip_m_s = self._slips(position_m, stamp_s)
         if not self._envelope.shaken and (fast_m_s := self._speed(position_m, stamp_s)) > self._fastest_m_s:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
@@ -196,6 +206,15 @@ class Contradiction:
         least, longest_s = _IN_VAIN
         self._vain_s += dt * max(abs(drive) / self._friction - least, 0.0)
         return self._vain_s > longest_s
+
+    def _slips(self, position_m: float, stamp_s: float) -> float:
+        """Speed in m/s of a capsule that slips, since a reading `_SLIP_APART_S` or longer ago; else 0."""
+        while len(self._places) > 1 and stamp_s - self._places[1][0] >= _SLIP_APART_S:
+            self._places.popleft()
+        self._places.append((stamp_s, position_m))
+        since_s, way_m = stamp_s - self._places[0][0], abs(position_m - self._places[0][1])
+        least_m = max(_SLIPS[0] * self._envelope.limits.speed_m_s * since_s, math.sqrt(2) * _SLIPS[1] * self._noise_m)
+        return way_m / since_s if since_s >= _SLIP_APART_S and way_m > least_m else 0.0
 
     def _speed(self, position_m: float, stamp_s: float) -> float:
         """Speed in m/s since a reading `_APART_S` or longer ago, 0 without one."""

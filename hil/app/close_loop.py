@@ -18,7 +18,7 @@ from hil.log.rig_record import read_rig_record
 from hil.report.closed_loop import report_html
 from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json
-from hil.report.words import PARTS, confidence_words, error_cells, error_scale, grouped, headline
+from hil.report.words import PARTS, confidence_words, disagreement_words, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue, effect_words
 from models.files.toml import toml_text
 from models.identification import Model, close
@@ -155,6 +155,7 @@ def print_summary(finding: Finding, out: Path) -> None:
     for alike in grouped(finding.findings):
         more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
         say(f"{alike[0].severity}: {alike[0].sentence}{more}")
+    say(*map(disagreement_words, finding.disagreeing))
     console.print(error_table(finding))
     say(*finding.leading[1:])
     say(TEXT("close_loop.report", path=out / REPORT), TEXT("close_loop.model", path=out / MODEL))

@@ -7,6 +7,7 @@ import numpy as np
 
 from hil.report.builder import page
 from hil.report.dependence import curves_figure, dependence_words, surface_figure
+from hil.report.figure_profiles import profile_figure
 from hil.report.figure_residuals import agreement_figure, residual_figure, speed_map
 from hil.report.figure_summary import candidate_figure, error_figure
 from hil.report.figure_traces import motion_figure, trace_figure
@@ -18,6 +19,7 @@ from hil.report.words import (
     TEXT,
     column_words,
     confidence_words,
+    disagreement_words,
     error_words,
     grouped,
     headline,
@@ -57,12 +59,14 @@ def report_html(finding: Finding) -> str:
         "smallest": smallest_rows(finding),
         "record_findings": [*grouped(finding.findings)],
         "part_words": PARTS,
+        "disagreeing": [*map(disagreement_words, finding.disagreeing)],
         **_records(finding, drawn, after),
         **_depends(finding.dependence),
         "residual": residual_figure([p for p in drawn if {before, after} <= set(p.predicted)], before, after),
         "candidates": candidate_figure(finding),
         "equations": equations_html(lines) if lines else "",
         "legend": {symbol_html(symbol) or symbol: meaning for symbol, meaning in legend(lines).items()},
+        "profiles": profile_figure(finding.profiles),
         "calibration": parameters(finding.calibration, finding.nominal),
         "vague": [name for name, estimate in finding.calibration.items() if not estimate.identifiable],
     }

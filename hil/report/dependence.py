@@ -24,6 +24,9 @@ def dependence_words(found: Dependence) -> list[str]:
         said.append(TEXT("depends.surface", variables=names, share=surface.share))
     if tone is not None:
         said.append(TEXT("depends.tone", share=tone.share, frequency=tone.frequency_Hz))
+    if term is not None and found.inside is not None:
+        before, after = found.inside
+        said.append(TEXT("depends.inside", variable=column_words(term.variable)[0], before=before, after=after))
     if term is not None:
         said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text, unit=term.amplitude.unit))
     return said

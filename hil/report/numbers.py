@@ -10,7 +10,8 @@ from hil.report.mathml import symbol_html
 from hil.report.words import PARTS, error_cells, interpolation, parameter_words
 from models.effects import effect_words
 from models.formula import line_text
-from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect
+from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect, Profile
+from models.identification.fitting.profile import LINE
 from models.parameter import LETTERS
 from models.words.quantities import DASH, change, measured_unit, number, percent, plain, quantity, scale, with_interval
 
@@ -59,6 +60,8 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "statements": list(finding.statements),
         "leading": list(finding.leading),
         "stopped": finding.stopped,
+        "profiles": {one.name: _profile(one) for one in finding.profiles},
+        "disagreeing_records": [_as_json(one) for one in finding.disagreeing],
         "equations": [line_text(line) for line in finding.equations],
         "records": [
             {"name": trace.name, "role": trace.role, "rows": len(trace.measured)}
@@ -70,6 +73,10 @@ def report_json(finding: Finding) -> dict[str, Any]:
     }
     cleaned: dict[str, Any] = plain(document)
     return cleaned
+
+
+def _profile(profile: Profile) -> dict[str, Any]:
+    return {name: value for name, value in asdict(profile).items() if name != "name"} | {"line95": LINE}
 
 
 _OF_CONFIDENCE: Final = ("score", "calibrated", "meaning")

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.effects import effect_words
+from models.effects import CATALOGUE, effect_words
 from models.files.units import unit_at_end
-from models.identification.finding import STAGES, Finding, ResidualCurve
+from models.identification.finding import STAGES, Disagreement, Finding, ResidualCurve
 from models.rigs.kinds import KINDS
-from models.words.quantities import amount, quantity, scale
+from models.words.quantities import amount, number, quantity, scale
 from models.words.sentences import Sentences, listed
 
 TEXT: Final = Sentences(__file__)
@@ -42,6 +42,16 @@ def column_words(column: str) -> tuple[str, str]:
     """Name and unit of a column: `force_N` is ("force", "N"), `v_m_s` is ("speed", "m/s")."""
     stem, unit = unit_at_end(column)
     return _NAMES.get(stem, stem.replace("_", " ")), unit.replace("s2", "s²").replace("deg", "°")
+
+
+def disagreement_words(found: Disagreement) -> str:
+    """By what a training record disagrees with the others."""
+    effect, _, own = found.by.rpartition(".")
+    by = effect_words(own) if own in CATALOGUE else parameter_words(own)
+    shift, low, high = (quantity(value, found.unit, 4) for value in (found.shift, *found.ci95))
+    by = f"{parameter_words(own)} of {effect_words(effect)}" if effect else by
+    said = number(found.standard_deviations, 2)
+    return TEXT("disagrees", record=found.record, by=by, shift=shift, low=low, high=high, deviations=said)
 
 
 def beyond_words(found: Mapping[str, Mapping[str, Sequence[float]]]) -> str:

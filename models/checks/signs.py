@@ -20,9 +20,10 @@ def check_force_sign(view: View) -> Findings:
     """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
     moved = view.moving_column
     if view.kind.stage:
-        if _stage_reversed(view):
-            line = view.turned_line(view.measured)
-            yield view.stops("force_sign.stage", beside=moved, moved=moved, line=line)
+        column = view.measured if view.kind.imposed else str(view.driven)
+        if _stage_reversed(view, view.record[column]):
+            line = view.turned_line(column)
+            yield view.stops("force_sign.stage", column, beside=moved, moved=moved, line=line)
     elif view.pushing is not None:
         column, force = view.pushing
         mean, n = _along(view, force)
@@ -66,9 +67,9 @@ def _unsigned(view: View, column: str) -> Findings:
         yield view.stops("force_unsigned", column, beside=view.moving_column, moved=view.moving_column, **means)
 
 
-def _stage_reversed(view: View) -> bool:
+def _stage_reversed(view: View, force: Array) -> bool:
     """Whether mass and friction are both negative in a line through the force, and its work is."""
-    x, force, n = view.record[view.moving_column], view.y, max(1, round(0.02 / view.dt))
+    x, n = view.record[view.moving_column], max(1, round(0.02 / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt
     weight = [np.sin(x), np.cos(x)] if view.turns else []

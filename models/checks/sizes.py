@@ -23,7 +23,7 @@ def check_units(view: View) -> Findings:
         return
     travel = float(np.ptp(view.record[column]))
     fastest = float(np.percentile(np.abs(view.speed), 99))
-    if view.kind.of_capsule:
+    if view.kind.of_capsule and not view.kind.stage:
         small = 0 < travel < SET.usual_travel_m[0] and (travel > 20 * view.noise or travel < SET.nothing_m)
         if travel > SET.usual_travel_m[1] or small:
             yield _off_its_size(view, column, "units.usual.travel", travel, SET.usual_travel_m, "m")

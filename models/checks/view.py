@@ -33,8 +33,8 @@ class View:
 
     @property
     def kind(self) -> RigKind:
-        """The rig's kind."""
-        return KINDS[self.rig.kind]
+        """The record's kind."""
+        return KINDS[self.record.kind]
 
     @cached_property
     def timed(self) -> bool:
@@ -91,6 +91,8 @@ class View:
     @cached_property
     def moving_column(self) -> str:
         """The column of the motion: the position of the capsule or stage, else the driven position."""
+        if self.kind.stage:
+            return self.measured if self.kind.drive else str(self.driven)
         return "position_m" if "position_m" in self.record.columns else str(self.driven)
 
     @property

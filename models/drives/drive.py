@@ -53,7 +53,7 @@ class Drive:
     unit; `carried_kg` rides on the body and presses it down. `turning` finds the moment within the step at which the
     body turns or stops, for drives that shake it in every cycle. `held`: the command is a switch, which keeps over a
     step its value at the beginning; else it changes linearly. `by_voltage`: the command is a coil's voltage, and its
-    current a state.
+    current a state. `launched`: a body of inertia that starts with the place and the speed that its record begins with.
     """
 
     name: ClassVar[str] = ""
@@ -65,6 +65,7 @@ class Drive:
     turning: ClassVar[bool] = False
     held: ClassVar[bool] = False
     by_voltage: ClassVar[bool] = False
+    launched: ClassVar[bool] = False
 
     @property
     def command_unit(self) -> float:
@@ -92,6 +93,10 @@ class Drive:
     def unidentifiable(self) -> list[str]:
         """Sentences on what records under this drive cannot identify."""
         return [] if self.imposed else [TEXT("start")]
+
+    def inertia(self, p: Values) -> float:
+        """Inertia in kg (kg m2) that comes with the drive and not with the body."""
+        return 0.0
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         """The command that pushes with `force` in N at `x` in m and `v` in m/s in the steady state: the inverse of

@@ -39,9 +39,12 @@ REFINEMENTS: Final = _declared(refinements)
 
 @dataclass(frozen=True)
 class Catalogue(Mapping[str, type[Effect]]):
-    """Every effect that may take part, by its id: the project's, and its `own` from outside."""
+    """Every effect that may take part, by its id: the project's, and its `own` from outside; `variants` replace them on
+    one rig.
+    """
 
     own: tuple[Origin, ...] = ()
+    variants: tuple[type[Effect], ...] = ()
 
     @classmethod
     def read(cls, paths: Sequence[Path]) -> Catalogue:
@@ -59,7 +62,8 @@ class Catalogue(Mapping[str, type[Effect]]):
 
     @cached_property
     def _by_id(self) -> dict[str, type[Effect]]:
-        return {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS, *(origin.effect for origin in self.own))}
+        own = (origin.effect for origin in self.own)
+        return {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS, *own, *self.variants)}
 
     def __getitem__(self, name: str) -> type[Effect]:
         return self._by_id[name]

@@ -11,8 +11,20 @@ from models.checks.finding import RecordFinding
 from models.effects import effect_words
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
+from models.identification.disagreement import disagreements
 from models.identification.experiment import propose, words_of
-from models.identification.finding import STAGES, CandidateRow, Check, Finding, Fitted, FoundEffect, Proposal
+from models.identification.finding import (
+    STAGES,
+    CandidateRow,
+    Check,
+    Dependence,
+    Finding,
+    Fitted,
+    FoundEffect,
+    Proposal,
+)
+from models.identification.fitting.profile import profiles
+from models.identification.inner_spline import followed_inside
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.residual_dependence import dependence_of
 from models.identification.search.search import Search
@@ -20,6 +32,7 @@ from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record
+from models.theta import Theta
 from models.words.sentences import Sentences, sentence
 
 TEXT: Final = Sentences(__file__)
@@ -72,11 +85,19 @@ def answer(
         cannot_show=prepared.cannot_show,
         reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
-        dependence=dependence_of(kind, train, theta, seed) if verdict == "unknown" else None,
+        dependence=_depends(kind, found, train, theta, seed) if verdict == "unknown" else None,
         declared=prepared.declared,
         leading=_leading(choice),
+        disagreeing=disagreements(kind, found.augmented, found.model, train),
+        profiles=profiles(kind, found.augmented, found.model, train),
         stopped=STOPPED[found.ended],
     )
+
+
+def _depends(kind: AnyKind, found: Search, train: Sequence[Record], theta: Theta, seed: int) -> Dependence | None:
+    """What the residual depends on, with the term of a spline inside the simulation where one gains."""
+    dependence = dependence_of(kind, train, theta, seed)
+    return dependence and followed_inside(kind, found, train, dependence)
 
 
 def _leading(choice: Choice) -> tuple[str, ...]:

@@ -175,6 +175,8 @@ class Tone:
 class Dependence:
     """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves`, the one
     that predicts most first, a `surface` where two variables predict clearly more, a `tone`, and the proposed `term`.
+    `level` is the mean force that moves the body, 0 where the residual is no force. `inside`: the validation cost
+    without and with the spline that the term follows; None where it follows a curve.
     """
 
     quantity: str
@@ -184,6 +186,37 @@ class Dependence:
     surface: ResidualSurface | None = None
     tone: Tone | None = None
     term: Term | None = None
+    level: float = 0.0
+    inside: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The profile likelihood of the parameter `name`, fitted at `value`: by how much the log-likelihood drops (`drops`)
+    at `values` where the others are fitted again. An end is `unshown` ("lower", "upper") where the drop is below that
+    of a 95 % interval up to the bound.
+    """
+
+    name: str
+    value: float
+    unit: str
+    values: tuple[float, ...]
+    drops: tuple[float, ...]
+    unshown: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """A training `record` that the others do not agree with: in it the parameter, or the amplitude of the effect, `by`
+    is off theirs by `shift`.
+    """
+
+    record: str
+    by: str
+    shift: float
+    ci95: tuple[float, float]
+    unit: str
+    standard_deviations: float
 
 
 @dataclass(frozen=True)
@@ -191,7 +224,8 @@ class Finding:
     """The whole answer of `close-loop`: the measured `columns` and their `unit`, the `error` in `error_unit`, which is
     empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
     are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead; `stopped`
-    why no further effect was sought.
+    why no further effect was sought; `disagreeing` the training records that do not agree with the others;
+    `profiles` the likelihood of each fitted parameter.
     """
 
     kind: str
@@ -224,6 +258,8 @@ class Finding:
     declared: Mapping[str, type[Effect]] = field(default_factory=dict)
     leading: tuple[str, ...] = ()
     stopped: str = "noise"
+    disagreeing: tuple[Disagreement, ...] = ()
+    profiles: tuple[Profile, ...] = ()
 
     def effect(self, name: str) -> type[Effect] | None:
         """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""

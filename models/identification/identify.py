@@ -72,7 +72,7 @@ def close(
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
     judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
     progress("the next experiment", 0.97)
-    choice = choice_of(prepared, found, predicted, judged, seed)
+    choice = choice_of(prepared, found, predicted, judged, train, seed)
     finding = answer(prepared, found, predicted, judged, train, seed, choice)
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = _model(prepared.kind, predicted, judged, provenance, choice, ranges_of(prepared.kind, train))
@@ -170,5 +170,5 @@ def _model(
 ) -> Model:
     held_out = {stage: float(error) for stage, error in predicted.error["holdout"].items() if np.isfinite(error)}
     own = own_effects_of({**predicted.thetas, **choice.possible}, kind.catalogue)
-    more = (choice.barred, choice.refuted, choice.possible, validity)
+    more = (choice.barred, choice.refuted, choice.possible, choice.unexplained, validity)
     return Model(kind.name, predicted.thetas, judged.verdict, provenance, held_out, own, judged.worse, *more)

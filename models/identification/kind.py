@@ -36,7 +36,6 @@ class Kind(ABC):
     """
 
     criteria: ClassVar[int] = 1
-    final: ClassVar[int] = 0
     judges: ClassVar[tuple[int, ...]] = (0,)
     least_gain: ClassVar[float] = 0.05
     next_share: ClassVar[float] = 0.05
@@ -86,6 +85,15 @@ class Kind(ABC):
         """The criterion by which models are fitted and compared: the free run, or a kind's only one."""
         return self.criteria - 1
 
+    @property
+    def final(self) -> int:
+        """The criterion of the last fit: the first, the free run, or that computed more exactly."""
+        return 0
+
+    def scale_std(self, p: Parameter) -> float:
+        """Relative standard deviation that `p` has from a scale which no record shows."""
+        return 0.0
+
     def nominal(self) -> Theta:
         """The base parameters as believed."""
         return Theta.declared(self.base)
@@ -93,6 +101,10 @@ class Kind(ABC):
     @abstractmethod
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
+
+    def driven(self, record: Record) -> Record:
+        """`record` with what drives it alone, from which a prediction is made."""
+        return record.without(record.layout.measured)
 
     def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
         """`predict` at several points."""

@@ -27,6 +27,7 @@ from models.identification.record_checks import check_demand
 from models.identification.validity import Ranges, beyond, ranges_of
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
+from models.rigs.kinds import named as named_in_file
 from models.rigs.rig import Rig
 from models.rigs.schema import Table
 from models.theta import Theta, spelled
@@ -48,7 +49,7 @@ def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogu
         raise ValueError(f"{path}: {error}") from None
     if not model.sealed:
         _note_unsealed(path)
-    if model.kind not in (kind, *others):
+    if named_in_file(model.kind) not in map(named_in_file, (kind, *others)):
         raise ValueError(
             f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
         )
@@ -61,6 +62,7 @@ def read_report(path: Path) -> dict[str, Any]:
 
 
 DRAW = "draw_"  # begins the name of a possible model that differs from the last stage by its numbers alone
+CLASS = "class"  # the possible model that is the mean of a class
 FORMAT = 1  # of the model file, which a reader asks for
 CHECKSUM = "checksum"
 SEAL = "'python -m models.identification.seal MODEL.toml'"
@@ -69,6 +71,13 @@ HELD_OUT = "held_out_error"
 
 
 _Stage = Annotated[str, StringConstraints(pattern=f"^({'|'.join(STAGES)})$")]
+
+
+class _Push(Table):
+    """The force that a model leaves unexplained."""
+
+    force_N: Annotated[float, Field(gt=0)]
+    time_s: Annotated[float, Field(gt=0)]
 
 
 class _ModelFile(Table):
@@ -83,6 +92,7 @@ class _ModelFile(Table):
     barred: dict[_Stage, str] = Field(default_factory=dict)
     refuted: dict[_Stage, str] = Field(default_factory=dict)
     possible: dict[str, dict[str, float]] = Field(default_factory=dict)
+    unexplained: dict[str, _Push] = Field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = Field(default_factory=dict)
     validity: dict[str, Annotated[tuple[float, float], Strict(False)]] = Field(default_factory=dict)
     nominal: dict[str, float]
@@ -95,9 +105,9 @@ class Model:
     """`stages` maps nominal, calibrated and augmented to values.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
     empty where none were held out; `cautions` name a stage that errs more there than an earlier one.
-    `possible` are further models that the records leave possible, by name: the effects of a class, then draws from the
-    intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the records
-    exclude it.
+    `possible` are further models that the records leave possible, by name: the effects of a class, their mean, then
+    draws from the intervals. A controller chooses among all; `barred` says why a stage must not lead, `refuted` why the
+    records exclude it, and `unexplained` which random force each lacks: `force_N` rms, alike over `time_s`.
     `validity` has the range of each signal that the training records covered; empty in a file that has none.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is not `sealed` where its file
     has no checksum; `misfit` says what is wrong where the checksum is that of another content.
@@ -113,6 +123,7 @@ class Model:
     barred: Mapping[str, str] = field(default_factory=dict)
     refuted: Mapping[str, str] = field(default_factory=dict)
     possible: Mapping[str, Theta] = field(default_factory=dict)
+    unexplained: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     validity: Ranges = field(default_factory=dict)
     sealed: bool = field(default=True, compare=False)
     misfit: str = field(default="", compare=False)
@@ -133,7 +144,7 @@ class Model:
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
-        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects", "validity")
+        tables = ("provenance", "held_out", "cautions", "barred", "refuted", "own_effects", "validity", "unexplained")
         content: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "verdict": self.verdict}
         text = toml_text(content | {name: getattr(self, name) for name in tables if getattr(self, name)})
         values = {**self.stages, **{f"possible.{name}": one for name, one in self.possible.items()}}
@@ -162,7 +173,9 @@ class Model:
         provenance = {key: str(value) for key, value in file.provenance.items()}
         possible = {name: _values(values, f"possible.{name}", catalogue) for name, values in file.possible.items()}
         known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
-        return cls(*known, file.barred, file.refuted, possible, file.validity, CHECKSUM in raw, _misfit(raw))
+        unexplained = {name: vars(push) for name, push in file.unexplained.items()}
+        more = (file.barred, file.refuted, possible, unexplained, file.validity)
+        return cls(*known, *more, CHECKSUM in raw, _misfit(raw))
 
     def check_whole(self) -> None:
         """Raises ValueError where its file has the checksum of another content."""
@@ -170,14 +183,16 @@ class Model:
             raise ValueError(self.misfit)
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
-        """The measured columns as this model predicts them from the driven columns of `record` alone."""
+        """The measured columns as this model predicts them from the driven columns of `record` alone, and from where it
+        begins where a body of inertia is driven by a force.
+        """
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
         driven = record.without(record.layout.measured)
         check_demand(driven)
         kind = kind_for(rig, [driven])
         with named(record):
-            return kind.columns(driven, kind.predict(driven, self.stages[stage]))
+            return kind.columns(driven, kind.predict(kind.driven(record), self.stages[stage]))
 
     def beyond(self, rig: Rig, record: Record, predicted: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
         """Where `record` with its `predicted` columns leaves what the training records covered."""

@@ -1,18 +1,25 @@
 """What a controller may choose from: models that the records leave possible, stages that must not lead as they are."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
+import scipy
 
 from models.identification.experiment import Candidate, root_of
 from models.identification.finding import STAGES
 from models.identification.fitting.confidence import memory
-from models.identification.model import DRAW
+from models.identification.kind import Array
+from models.identification.kinds.reports import AnyKind
+from models.identification.kinds.series.drive_input import interval
+from models.identification.kinds.series.series import SeriesKind
+from models.identification.model import CLASS, DRAW
 from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.identification.verdict import at_bounds
+from models.parameter import Name
+from models.records.record import Record
 from models.rigs.kinds import KINDS
 from models.theta import Theta
 from models.words.sentences import Quantity, Sentences
@@ -20,20 +27,40 @@ from models.words.sentences import Quantity, Sentences
 TEXT: Final = Sentences(__file__)
 
 
-def choice_of(prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, seed: int) -> Choice:
+def choice_of(
+    prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, train: Sequence[Record], seed: int
+) -> Choice:
     """The choice that a model carries; empty for a rig whose capsule is not driven."""
     rig = KINDS[prepared.kind.name]
-    if not rig.of_capsule or rig.imposed:
+    if not rig.of_capsule or rig.imposed or not isinstance(prepared.kind, SeriesKind):
         return Choice()
     errors = predicted.error["holdout"] or predicted.error["train"]
-    possible = {**dict(_members(prepared, found)), **dict(_draws(prepared, found, seed))}
-    return Choice(possible, barred(prepared, found, judged), refuted(judged.verdict, errors, prepared.kind.error_unit))
+    members, not_to_lead = dict(_members(prepared, found)), barred(prepared, found, judged)
+    able = [*([] if STAGES[-1] in not_to_lead else [predicted.thetas[STAGES[-1]]]), *members.values()]
+    mean = {CLASS: mean_of(prepared.kind, able)} if len(able) > 1 else {}
+    possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
+    excluded = refuted(judged.verdict, errors, not_to_lead, prepared.kind.error_unit)
+    worlds = {**predicted.thetas, **possible}
+    left = {name: left_by(prepared.kind, train, theta) for name, theta in worlds.items() if name not in excluded}
+    return Choice(possible, not_to_lead, excluded, {name: push for name, push in left.items() if push})
 
 
 def _members(prepared: Prepared, found: Search) -> Iterator[tuple[str, Theta]]:
     """The model with each effect that the records do not separate from a found one in its place, as it was fitted."""
     for _, _, rival in found.doubts:
         yield rival.effect, prepared.kind.nominal() | rival.fitted.thetas[0]
+
+
+def mean_of(kind: AnyKind, members: Sequence[Theta]) -> Theta:
+    """The mean of the `members` of a class, an absent effect with size 0: what it lacks in each of their worlds is a
+    part of what they lack in each other's. The numbers of an effect's shape are the mean of those that have it.
+    """
+    values = dict[Name, float]()
+    for name in dict.fromkeys(name for theta in members for name in theta):
+        own = [theta[name] for theta in members if name in theta]
+        size = not isinstance(name, str) and name[1] == kind.declared(name[0]).amplitude().name
+        values[name] = sum(own) / (len(members) if size else len(own))
+    return Theta.of(values)
 
 
 def _draws(prepared: Prepared, found: Search, seed: int) -> Iterator[tuple[str, Theta]]:
@@ -43,6 +70,41 @@ def _draws(prepared: Prepared, found: Search, seed: int) -> Iterator[tuple[str, 
     last = Candidate("", tuple(found.model), kind.nominal() | fit.theta)
     for number in range(1, SET.possible_draws + 1 if root.size else 1):
         yield f"{DRAW}{number}", last.moved(kind, root @ rng.standard_normal(len(root)))
+
+
+def left_by(kind: SeriesKind, records: Sequence[Record], theta: Theta) -> dict[str, float]:
+    """The force that a model at `theta` lacks on `records`: rms in N and correlation time in s. Empty where it errs
+    like the noise, and on a surface without friction.
+    """
+    runs = [(record, kind.predict(record, theta)) for record in records]
+    error, floor = kind.error(records, [run for _, run in runs]), kind.noise_floor(records)
+    slope = _slope(kind, runs, theta) if error >= SET.unexplained * floor else 0.0
+    if slope == 0:
+        return {}
+    times = [interval(record) * _memory(kind.off(record, run)) for record, run in runs]
+    return {"force_N": slope * float(np.sqrt(error**2 - floor**2)), "time_s": float(np.mean(times))}
+
+
+def _slope(kind: SeriesKind, runs: Sequence[tuple[Record, Array]], theta: Theta) -> float:
+    """The force in N that moves free `runs` at `theta` by a metre: that of a magnet there, else a greater friction."""
+    extra = [found[0] for record, _ in runs if (found := kind.extra_force(record, theta))]
+    if extra:
+        return _rms(extra) / _rms([record[kind.quantity] - run for record, run in runs])
+    scale = next((p.name for p in kind.surface.parameters()), "")
+    harder = theta | {scale: SET.harder * theta[scale]} if scale else theta
+    low, high = (sum(kind.surface.hold(SET.pushed_m_s, own.base, kind.drive.carried_kg)) for own in (theta, harder))
+    return float(high - low) / _rms([kind.predict(record, harder) - run for record, run in runs]) if scale else 0.0
+
+
+def _rms(signals: Sequence[Array]) -> float:
+    return float(np.sqrt(np.nanmean(np.concatenate(signals) ** 2)))
+
+
+def _memory(signal: Array) -> int:
+    """Samples after which the autocorrelation of `signal` falls below 1/e."""
+    rest = signal - signal.mean()
+    alike = scipy.signal.correlate(rest, rest, method="fft")[len(rest) - 1 :]
+    return max(1, int(np.argmax(alike < alike[0] / np.e)))
 
 
 def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
@@ -58,11 +120,11 @@ def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
     return said
 
 
-def refuted(verdict: str, errors: Mapping[str, float], unit: str) -> dict[str, str]:
-    """The stages that the records exclude, as their error is far above the least. Where effects are named, the stages
-    without them are excluded.
+def refuted(verdict: str, errors: Mapping[str, float], not_to_lead: Collection[str], unit: str) -> dict[str, str]:
+    """The stages that the records exclude, as their error is far above the least of those that may lead. Where effects
+    are named, the stages without them are excluded.
     """
-    least = min(errors.values(), default=0.0)
+    least = min((error for stage, error in errors.items() if stage not in not_to_lead), default=0.0)
     factor = SET.refuted_unknown if verdict == "unknown" else SET.refuted
     return {
         stage: TEXT("refuted", error=Quantity(error, unit), least=Quantity(least, unit))

@@ -38,12 +38,11 @@ def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int
         best.setdefault(curve.variable, curve)
     curves = tuple(best.values())
     proposed = next((c for c in curves if c.variable in SYMBOLS and c.share >= SET.curve_tells), None)
-    term = None
-    if proposed is not None and kind.extra_force(records[0], theta) is not None:
-        term = term_of(proposed, residual.unit, float(residual.acting.mean()))
+    level = float(residual.acting.mean())
+    term = term_of(proposed, residual.unit, level) if proposed is not None and level else None
     names, surface = tuple(record.name for record in records), _surface(residual, curves, rng)
     tone = _tone(kind, records, theta)
-    return Dependence(residual.quantity, residual.unit, names, curves, surface, tone, term)
+    return Dependence(residual.quantity, residual.unit, names, curves, surface, tone, term, level)
 
 
 @dataclass(frozen=True)

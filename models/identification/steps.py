@@ -56,9 +56,10 @@ class Judged:
 @dataclass(frozen=True)
 class Choice:
     """What a controller may choose from beside the stages of a model: the `possible` models by name, why a stage is
-    `barred` from leading, and why the records have `refuted` one.
+    `barred` from leading, why the records have `refuted` one, and the force that each leaves `unexplained`.
     """
 
     possible: Mapping[str, Theta] = field(default_factory=dict)
     barred: Mapping[str, str] = field(default_factory=dict)
     refuted: Mapping[str, str] = field(default_factory=dict)
+    unexplained: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
+from models.records.direction import directed, kind_of, swings
 from models.records.found_columns import check_header, proposed, to_scale, toml_lines
 from models.rigs.columns import LOADS, TIME, Columns
 from models.rigs.kind import RigKind
@@ -197,11 +198,13 @@ def find_columns(
     Raises ValueError for a missing column, with a table `[columns]` to paste as its note where one is likely.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    kind = KINDS[rig.kind]
+    kind = kind_of(rig, targets)
     optional = kind.columns(targets).measured if driven_only else ()
     sources = rig.columns.sources(where, header, kind.known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
+    if swings(kind, ours):
+        ours += kind.columns(ours).driven[0][:1]
     try:
         check_header(where, kind, ours, with_measured=not driven_only)
         for target, source in sources.items():
@@ -246,9 +249,10 @@ def _record(
     lenient: bool = False,
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
-    kind, rows, raw = KINDS[rig.kind], len(table.lines), dict(zip(table.header, table.values.T, strict=True))
+    rows, raw = len(table.lines), dict(zip(table.header, table.values.T, strict=True))
     ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
     read = {source.column for source in sources.values()}
+    kind = kind_of(rig, {*sources, *(key for key in table.header if key not in read)})
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
     columns = {**ours, **{key: values for key, values in further.items() if key not in ours}}
     if all(source.plain for source in sources.values()):
@@ -257,7 +261,7 @@ def _record(
     strange = [n for n in free if contradiction(n, sources[n], table.units) or not np.all(abs(ours[n]) <= LARGEST_LOAD)]
     columns = {key: values for key, values in columns.items() if key not in strange}
     foreign = [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in read]
-    notes = tuple(TEXT("left_out", where=where, column=name, names=LOADS) for name in (*strange, *foreign))
+    left_out = tuple(TEXT("left_out", where=where, column=name, names=LOADS) for name in (*strange, *foreign))
     _refuse_wrong(where, kind, columns, table.lines, lenient)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum
     if rows < least:
@@ -268,7 +272,8 @@ def _record(
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(rows, rig.velocity_m_s)
-    return Record(name, rig.kind, columns, where, table.lines, notes)
+    columns, notes = directed(kind, columns, rig)
+    return Record(name, kind.id, columns, where, table.lines, (*left_out, *notes))
 
 
 def _refuse_wrong(

@@ -1,13 +1,15 @@
 """Rigs that are no capsule in motion: a machine's axis, a contact, tables of runs or periods, a sample of the wall."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from models.drives.axis_force import AxisForce, AxisTorque
 from models.rigs.capsules import VIBRO
 from models.rigs.columns import LOADS, SLOWEST_PULL, Columns, Range
 from models.rigs.kind import Array, Record, RigKind, Tables
-from models.rigs.rig import Head
+from models.rigs.rig import Head, Rig
+from models.rigs.schema import key
 from models.rigs.tables import Axis, BodyTable, Contact, DriveTable, PaperCapsuleTable, PaperTissueTable, SurfaceTable
 
 
@@ -42,8 +44,25 @@ def _swings(sizes: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
     return t, x, v, a
 
 
+_DRIVES = ("force_N", "torque_N_m", "coil_current_A", "coil_voltage_V")
+
+
+class AxisHead(Head):
+    """`[rig]` of an axis with the column that drives it, where its place is measured and not imposed."""
+
+    driven: Literal["force_N", "torque_N_m", "coil_current_A", "coil_voltage_V"] | None = key(
+        "the column that drives the axis, whose place is then predicted; left out: the place is imposed, and the force"
+        " or torque is measured, if the records have one",
+        None,
+    )
+
+    def parts(self, nested: Any) -> dict[str, Any]:
+        return {"name": self.name, "driven": self.driven or ""}
+
+
 AXIS = RigKind(
     id="axis",
+    head=AxisHead,
     layouts=(
         Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", *LOADS)),
         Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", *LOADS)),
@@ -57,10 +76,35 @@ AXIS = RigKind(
     turning_template=_turning_template,
     wanted="more records, or one of at least four stretches of motion that last more than 0.4 s each",
     stage=True,
+    may_drive=_DRIVES[2:],
     hooks=frozenset({"level", "direction", "force", "measured", "delay", "advance"}),
     signals=frozenset({"t", "x", "v", "direction", "travelled", "load"}),
 )
 """A linear stage, or one that turns: its position is imposed, its force or torque is measured."""
+
+
+def _axis_drive(rig: Rig, by_voltage: bool = False) -> AxisForce:
+    turns = rig.driven == "torque_N_m" or rig.axis.inertia_kg_m2 is not None
+    return AxisTorque() if turns else AxisForce()
+
+
+DRIVEN_AXIS = RigKind(
+    id="driven_axis",
+    turned=AXIS.id,
+    layouts=tuple(
+        Columns(((force, *_DRIVES[2:]),), (place,), optional=own.optional)
+        for own, force, place in zip(AXIS.layouts, _DRIVES, ("position_m", "angle_rad"), strict=False)
+    ),
+    head=AxisHead,
+    ranges={**AXIS.ranges, "position_m": Range(-1e4, 1e4, "between -10000 and 10000 m")},
+    tables=AXIS.tables,
+    drive=_axis_drive,
+    surface=lambda rig: _axis_drive(rig).rail,
+    wanted=AXIS.wanted,
+    stage=True,
+    hooks=AXIS.hooks | {"gain"},
+)
+"""The same axis whose force or torque is driven, and whose place is measured."""
 
 
 def _friction_template(rng: np.random.Generator) -> tuple[Tables, Record]:

@@ -12,6 +12,7 @@ from models.rigs.columns import RANGES, Columns, Range
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import Table
 from models.rigs.tables import CapsuleTable, PaperCapsuleTable, TissueTable
+from models.surfaces.surface import Surface
 
 Tables = Mapping[str, Mapping[str, Any]]
 """Values by table and key."""
@@ -77,6 +78,12 @@ class RigKind:
     """Whether the drive switches, so that it cannot be read between samples."""
     stage: bool = False
     """Whether a machine's axis moves, and no capsule."""
+    surface: Callable[[Rig], Surface] | None = None
+    """What its body lies on, where the rig file does not say."""
+    may_drive: tuple[str, ...] = ()
+    """Columns that drive it, where its records are then of another kind."""
+    turned: str = ""
+    """The kind that a rig file names and that is this one where `[rig] driven` is one of its driven columns."""
     drawn: bool = False
     """Whether a rig draws the capsule along and shows the force that this takes."""
     follows: bool = False
@@ -97,7 +104,7 @@ class RigKind:
     @property
     def imposed(self) -> bool:
         """Whether a motion is imposed and the force is measured."""
-        return self.drawn or self.stage
+        return self.drawn or (self.stage and self.drive is None)
 
     @property
     def led(self) -> bool:
@@ -112,7 +119,7 @@ class RigKind:
     @property
     def known(self) -> tuple[str, ...]:
         """Every name of a column that has a meaning, in any layout."""
-        return tuple(dict.fromkeys(name for one in self.layouts for name in one.known()))
+        return tuple(dict.fromkeys((*(name for one in self.layouts for name in one.known()), *self.may_drive)))
 
     def columns(self, names: Iterable[str]) -> Columns:
         """The layout of a record with the columns `names`: the one that has most of them."""

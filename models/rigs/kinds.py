@@ -1,23 +1,49 @@
 """The kinds of rig by their names in a rig file, and the surface and the drive that `models.assembly` takes."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from models.drives.drive import Drive
-from models.rigs.benches import AXIS, DMA, FRICTION, PERIODS, VIBRO_TABLE
+from models.rigs.benches import AXIS, DMA, DRIVEN_AXIS, FRICTION, PERIODS, VIBRO_TABLE
 from models.rigs.capsules import COIL, MAGNETIC, PULL, VIBRO
 from models.rigs.kind import RigKind
 from models.rigs.rig import Rig
 from models.surfaces.gut import Wall
 from models.surfaces.surface import Air, Plate, Surface
 
-KINDS: Final[dict[str, RigKind]] = {
-    kind.id: kind for kind in (PULL, MAGNETIC, COIL, VIBRO, VIBRO_TABLE, AXIS, PERIODS, FRICTION, DMA)
-}
+_TURNED: Final = {DRIVEN_AXIS.id: DRIVEN_AXIS}
+
+
+class _Kinds(dict[str, RigKind]):
+    """Kinds by name: those that a rig file names, and, without being listed, those that one of them turns to."""
+
+    def __missing__(self, name: str) -> RigKind:
+        return _TURNED[name]
+
+
+KINDS: Final[dict[str, RigKind]] = _Kinds(
+    (kind.id, kind) for kind in (PULL, MAGNETIC, COIL, VIBRO, VIBRO_TABLE, AXIS, PERIODS, FRICTION, DMA)
+)
+
+
+def freely(rig: Rig, turns: bool = False) -> Rig:
+    """`rig` as one that is driven, where a model of its kind serves both directions."""
+    if rig.kind not in (AXIS.id, DRIVEN_AXIS.id):
+        return rig
+    return replace(rig, kind=DRIVEN_AXIS.id, driven="torque_N_m" if turns else "force_N")
+
+
+def named(kind: str) -> str:
+    """The name of a kind in a rig file."""
+    return _TURNED[kind].turned if kind in _TURNED else kind
 
 
 def surface_of(rig: Rig) -> Surface:
     """What the body lies on by `[surface]`; the gut where nothing is stated."""
+    own = KINDS[rig.kind].surface
+    if own is not None:
+        return own(rig)
     kind = "gut" if rig.surface is None else rig.surface.kind
     return SURFACES[kind](rig)
 
@@ -26,7 +52,7 @@ def drive_of(rig: Rig, driven: str = "") -> Drive:
     """The drive of a time-series rig; `driven` is the record's driven column, which for some may be `coil_voltage_V`.
     Raises ValueError for another kind of rig, and for a voltage where the rig file lacks the coil's numbers.
     """
-    drive = KINDS[rig.kind].drive if rig.kind in KINDS else None
+    drive = KINDS[rig.kind].drive if named(rig.kind) in KINDS else None
     if drive is None:
         known = ", ".join(name for name, kind in KINDS.items() if kind.of_capsule)
         raise ValueError(f"rig must be of a kind that gives time series of a capsule; got {rig.kind!r}; known: {known}")

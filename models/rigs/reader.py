@@ -124,7 +124,7 @@ def _kind(raw: Mapping[str, Any], where: str) -> RigKind:
     if not isinstance(kind, str) or kind not in KINDS:
         hint = nearest(kind, KINDS) if isinstance(kind, str) else "known: " + ", ".join(KINDS)
         raise ValueError(f"{where}: [rig] kind must be a known kind of rig; got {kind!r}; {hint}")
-    return KINDS[kind]
+    return KINDS["driven_axis"] if kind == "axis" and head.get("driven") else KINDS[kind]
 
 
 @dataclass

@@ -16,12 +16,14 @@ T = TypeVar("T")
 @dataclass(frozen=True)
 class Rig:
     """A rig of one kind with its nominal values; a part that this kind does not have is None or the default capsule and
-    gut. `own` has the tables that no other kind has, by name. `prior` has the standard deviations with which nominal
+    gut. `driven` is the driven column that an axis' rig file names. `own` has the tables that no other kind has, by
+    name. `prior` has the standard deviations with which nominal
     values of what calibration fits are known, by name. `own_effects` are those from outside
     that may act in it, each as `models.effects.own.Origin`. `differing` are the rigs of records that differ, by name.
     """
 
     kind: str
+    driven: str = ""
     capsule: Capsule = field(default_factory=Capsule)
     tissue: Tissue = field(default_factory=Tissue)
     noise: Noise = field(default_factory=Noise)

@@ -36,6 +36,11 @@ class Noise(Table):
     torque_std_N_m: Annotated[float, Field(ge=1e-9, le=1e4)] | None = key(
         "standard deviation of its torque; left out: estimated", None
     )
+    force_scale_std: Annotated[float, Field(ge=0, le=0.5)] | None = key(
+        "relative standard deviation of the scale of a force or torque from which an axis is run (a motor's constant);"
+        " left out: 0.05, as data sheets state 10 % at most",
+        None,
+    )
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
         "standard deviation of a mean speed; left out: estimated", None
     )
@@ -189,11 +194,26 @@ class Axis(Table):
     viscous_friction_N_m_s_per_rad: NotNegative | None = key("its nominal viscous friction", None)
     coulomb_friction_N_m: NotNegative | None = key("its nominal Coulomb friction", None)
     offset_N_m: Real | None = key("its nominal constant torque", None)
+    force_constant_N_per_A: Real | None = key("force per ampere, where a current drives it", None)
+    force_constant_N_per_V: Real | None = key("force per volt, where an amplifier's command drives it", None)
+    torque_constant_N_m_per_A: Real | None = key("torque per ampere of one that turns", None)
+    torque_constant_N_m_per_V: Real | None = key("its torque per volt", None)
 
     @classmethod
     def of(cls, columns: Collection[str]) -> Sequence[str]:
         keys = list(cls.model_fields)
-        return keys[4:] if "angle_rad" in columns else keys[:4]
+        return (*keys[4:8], *keys[10:]) if "angle_rad" in columns else (*keys[:4], *keys[8:10])
+
+    def constant(self, driven: str) -> float:
+        """Force in N (torque in N m) of 1 in the `driven` column. Raises ValueError where it is not stated."""
+        if driven in ("", "force_N", "torque_N_m"):
+            return 1.0
+        unit = driven.rpartition("_")[2]
+        keys = [name for name in type(self).model_fields if name.endswith(f"_per_{unit}")]
+        stated = [value for name in keys if (value := getattr(self, name)) is not None]
+        if len(stated) != 1:
+            raise ValueError(f"[axis] must have one of {' and '.join(keys)} where {driven} drives; got {len(stated)}")
+        return float(stated[0])
 
 
 class Contact(Table):

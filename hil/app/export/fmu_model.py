@@ -21,11 +21,13 @@ def model_unit(name: str, found: Found) -> FmuUnit:
     assembly, drive = found.assembled(), found.drive
     values = found.numbers
     shown = {name: state for state, name in _STATES.items() if state != "u" or found.surface.dragged}
+    if drive.launched:
+        shown = {f"velocity_{unit_at_end(drive.measured)[1]}_s": "v"}
     command = TEXT("command", held=TEXT("held" if drive.held else "reached"))
     variables = [
         Variable(drive.commanded, "input", _unit(drive.commanded), command),
         Variable(drive.measured, "output", _unit(drive.measured), TEXT("measured")),
-        *(Variable(name, "output", _unit(name), TEXT(f"state.{name}")) for name in shown),
+        *(Variable(name, "output", _unit(name), TEXT(f"state.{state}")) for name, state in shown.items()),
         *(
             Variable(spelled(p.key), "parameter", p.unit or "1", p.source or spelled(p.key), values[p.key])
             for p in assembly.parameters

@@ -11,12 +11,14 @@ from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.files.toml import check_word
 from models.identification.finding import STAGES
+from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
 from models.identification.validity import Ranges
 from models.parameter import nearest
-from models.rigs.kinds import KINDS, drive_of, surface_of
+from models.rigs.kinds import KINDS, drive_of, freely, surface_of
 from models.rigs.rig import Rig
+from models.surfaces.rail import TURN
 from models.surfaces.surface import Surface
 from models.theta import Theta, spelled
 from models.words.sentences import Sentences
@@ -54,12 +56,14 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: 
     """A model that close-loop wrote with its rig; `driven` is the command where not the usual. Raises ValueError."""
     check_word(stage, "--stage", STAGES)
     belief = catalogue.given_to(read_deployed_rig(rig))
-    if not KINDS[belief.kind].of_capsule:
-        known = ", ".join(name for name, kind in KINDS.items() if kind.of_capsule)
-        raise ValueError(f"{rig}: rig.kind must be one of {known} to be exported; got {belief.kind!r}")
+    if not KINDS[freely(belief).kind].of_capsule:
+        able = ", ".join(name for name, kind in KINDS.items() if KINDS[freely(Rig(name)).kind].of_capsule)
+        raise ValueError(f"{rig}: rig.kind must be one of {able} to be exported; got {belief.kind!r}")
     learned = read_model(model, belief.kind, catalogue=catalogue)
     values = learned.stages[stage]
-    effects = tuple(catalogue[name] for name in sorted(values.effects))
+    belief = freely(belief, turns=TURN.names[0] in values)
+    known = kind_for(belief, []).catalogue
+    effects = tuple(known[name] for name in sorted(values.effects))
     found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage, learned.validity)
     _check(found, learned, model)
     return found

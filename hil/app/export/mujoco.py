@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 
 from hil.app.export.found import TEXT, Found
 from hil.app.export.table import friction_table
+from models.drives.axis_force import AxisForce
 from models.drives.coil import Coil
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 
 Array = NDArray[np.float64]
 _STEP_S: Final = 1e-3  # of MuJoCo's integrator
-_KINDS: Final = (Magnetic.name, Pull.name, Coil.name)
+_KINDS: Final = (Magnetic.name, Pull.name, Coil.name, AxisForce.name)
+_ANGLE: Final = "angle_rad"
+_LIGHT_KG: Final = 1e-6  # of a body that turns: its inertia is the joint's armature
 _HARD: Final = 0.9999
 """Impedance of friction, MuJoCo's largest: with its usual 0.9 a body of some grams would creep at centimetres a second
 under forces far below `frictionloss`.
@@ -32,11 +35,12 @@ def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:
     v, force = table.columns["speed_m_s"], table.columns["force_N"]
     damping, loss = _line(v, force)
     off = force - loss - damping * v
+    own, turns = found.drive.inertia(found.numbers.base), found.drive.measured == _ANGLE
     numbers = {
-        "mass_kg": found.surface.body_kg + found.drive.carried_kg,
+        "mass_kg": found.surface.body_kg + found.drive.carried_kg + (_LIGHT_KG if turns else own),
         "frictionloss_N": loss,
         "damping_N_s_per_m": damping,
-        "armature_kg": max(found.values.get(("added_mass", "mass_kg"), 0.0), 0.0),
+        "armature_kg": max(found.values.get(("added_mass", "mass_kg"), 0.0), 0.0) + (own if turns else 0.0),
         "rms_off_N": float(np.sqrt(np.mean(off**2))),
     }
     missing = {name: why for name, why in table.not_mapped.items() if name != "added_mass"}
@@ -64,7 +68,8 @@ def _mjcf(found: Found, numbers: dict[str, float]) -> str:
         "solreffriction": f"{2 * _STEP_S:g} 1",
         "solimpfriction": f"{_HARD} {_HARD} 0.001 0.5 2",
     }
-    SubElement(capsule, "joint", friction, name="lumen", type="slide", axis="1 0 0")
+    turns = found.drive.measured == _ANGLE
+    SubElement(capsule, "joint", friction, name="lumen", type="hinge" if turns else "slide", axis="1 0 0")
     shape = found.rig.capsule
     solid = {
         "size": f"{shape.radius_m:.9g} {0.5 * shape.cylinder_length_m:.9g}",
@@ -74,8 +79,8 @@ def _mjcf(found: Found, numbers: dict[str, float]) -> str:
     SubElement(capsule, "geom", {"name": "capsule", "type": "capsule", **solid, "contype": "0", "conaffinity": "0"})
     _add_actuator(SubElement(root, "actuator"), found)
     sensor = SubElement(root, "sensor")
-    SubElement(sensor, "jointpos", name="position_m", joint="lumen")
-    SubElement(sensor, "jointvel", name="velocity_m_s", joint="lumen")
+    SubElement(sensor, "jointpos", name=found.drive.measured, joint="lumen")
+    SubElement(sensor, "jointvel", name=f"velocity_{'rad' if turns else 'm'}_s", joint="lumen")
     indent(root)
     return tostring(root, "unicode") + "\n"
 
@@ -90,6 +95,5 @@ def _add_actuator(actuator: Element, found: Found) -> None:
         small = 1e-6
         SubElement(actuator, "position", {**own, "kp": f"{float(drive.force(0.0, 0.0, small, p)) / small:.9g}"})
     else:
-        SubElement(
-            actuator, "motor", {**own, "gear": f"{float(drive.force(0.0, 0.0, 1.0 / drive.command_unit, p)):.9g}"}
-        )
+        none, one = (float(drive.force(0.0, 0.0, command / drive.command_unit, p)) for command in (0.0, 1.0))
+        SubElement(actuator, "motor", {**own, "gear": f"{one - none:.9g}"})

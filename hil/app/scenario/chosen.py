@@ -9,7 +9,7 @@ from typing import Any, Final
 from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
 from controller.choice.sight import unfit
 from controller.choice.trial import Mission
-from controller.choice.world import Localisation
+from controller.choice.world import Localisation, Possible, Push
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
@@ -18,12 +18,14 @@ from hil.app.scenario.model_use import CHOSEN, model_for, motion_beyond, values_
 from hil.app.scenario.scenario import TrackScenario
 from models.effects import Catalogue
 from models.identification.finding import STAGES
-from models.identification.model import Model
+from models.identification.model import CLASS, Model
 from models.theta import Theta
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 NOMINAL: Final = STAGES[0]
+SIMPLER: Final = (*STAGES[:2], CLASS)
+"""What leads before others that are as good, in turn. Between two models a rig is more likely near their mean."""
 
 
 class Believed:
@@ -140,7 +142,7 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
             continue
         known.append(values)
         leading = believed(values)
-        rank = 0 if stage == NOMINAL else 1 if stage == STAGES[1] else 2
+        rank = SIMPLER.index(stage) if stage in SIMPLER else len(SIMPLER)
         candidates += [
             Candidate(stage, name, leading, (rank, names.index(name)))
             for name in names
@@ -148,8 +150,8 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
         ]
     numbers = worlds_of(model)
 
-    def world(name: str, before: ControlModel) -> ControlModel:
-        return believed(numbers[name], before)
+    def world(name: str, before: ControlModel) -> Possible:
+        return believed(numbers[name], before), Push(**model.unexplained.get(name, {}))
 
     found = choose(mission, candidates, list(numbers), world, report, model.barred)
     values = model.believed(found.stage)
@@ -177,8 +179,10 @@ def others_of(model: Model, leading: Theta) -> dict[str, Theta]:
 
 
 def worlds_of(model: Model) -> dict[str, Theta]:
-    """The models that the records leave possible, the last stage first; equal ones once."""
-    names = [stage for stage in (*reversed(STAGES), *model.possible) if stage not in model.refuted]
+    """The models that the records leave possible, the last stage first; equal ones once. The mean of a class is none:
+    no record was fitted with it.
+    """
+    names = [name for name in (*reversed(STAGES), *model.possible) if name not in (*model.refuted, CLASS)]
     found: dict[str, Theta] = {}
     for name in names:
         values = model.possible[name] if name in model.possible else model.stages[name]

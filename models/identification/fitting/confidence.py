@@ -31,7 +31,8 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
         value = fit.theta[axis.name]
         p = axis.parameter
         moved = jackknife(value, [(share, theta[axis.name]) for share, theta in parts if axis.name in theta], p.unit)
-        half = float(np.hypot(SET.z95 * max(deviation, moved), SET.accuracy * abs(value)))
+        unsure = np.hypot(max(deviation, moved), kind.scale_std(p) * abs(value))
+        half = float(np.hypot(SET.z95 * unsure, SET.accuracy * abs(value)))
         held = any(near(value, bound, p) for bound in (p.lower, p.upper))
         identifiable = half < SET.vague * max(abs(value), axis.scale) + axis.scale and not held
         out[axis.name] = Fitted(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, identifiable)

@@ -147,6 +147,15 @@ class Fitter:
         own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
         return np.concatenate([rows, own], axis=1)
 
+    def residuals_of(self, points: Sequence[Array]) -> Array:
+        """`residuals` of many points, as many at a time as are evaluated at the price of one."""
+        some = self.kind.lanes
+        return np.concatenate([self.residuals(points[i : i + some]) for i in range(0, len(points), some)])
+
+    def clip(self, x: Array) -> Array:
+        """The point `x` (n,) within the bounds."""
+        return self._solver.clip(x)
+
     @cached_property
     def _solver(self) -> GaussNewton:
         ends = np.array([(a.parameter.lower, a.parameter.upper, a.scale) for a in self.axes]).reshape(-1, 3)

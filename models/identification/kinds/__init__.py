@@ -9,6 +9,7 @@ from models.assembly.model import effect_parameters
 from models.checks.usable import cleaned, resampled
 from models.effects import REFINEMENTS
 from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.axis.driven import DrivenAxisKind
 from models.identification.kinds.axis.zero_phase import evened
 from models.identification.kinds.differing import differing
 from models.identification.kinds.dma import DmaKind
@@ -19,7 +20,7 @@ from models.identification.kinds.series.series import SeriesKind
 from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 from models.parameter import Name, Parameter, nearest
 from models.records.record import USED, Record, named
-from models.rigs.kinds import KINDS
+from models.rigs.benches import AXIS, DRIVEN_AXIS
 from models.rigs.rig import Rig
 
 Known = Mapping[Name, tuple[float, float]]
@@ -27,7 +28,7 @@ Known = Mapping[Name, tuple[float, float]]
 NOTHING_KNOWN: Final[Known] = MappingProxyType({})
 _BY_NAME: Final[Mapping[str, type[AnyKind]]] = {
     kind.name: kind for kind in (AxisKind, DmaKind, FrictionKind, PeriodsKind, VibroTableKind)
-}
+} | {DRIVEN_AXIS.id: DrivenAxisKind}
 
 
 def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) -> AnyKind:
@@ -40,7 +41,9 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
         plain = kind_for(replace(rig, differing={}), records, known)
         own = {name: kind_for(other, records, known) for name, other in rig.differing.items()}
         return cast(AnyKind, differing(plain, own))
-    kind = _BY_NAME.get(rig.kind, SeriesKind).from_rig(rig, records)
+    kind = _BY_NAME.get(records[0].kind if records else rig.kind, SeriesKind).from_rig(rig, records)
+    if isinstance(kind, AxisKind):
+        kind = DrivenAxisKind.behind(kind, rig, records)
     fitted = [p.name for p in kind.base if p.fit]
     strange = next((name for name in rig.prior if name not in fitted), None)
     if strange is not None:
@@ -67,5 +70,5 @@ def ready(record: Record, rig: Rig) -> Record:
     """`record` for its kind: samples that the sensor missed filled in, a stage's at even times; once."""
     with named(record):
         clean = cleaned(record, rig)
-        even = evened(clean, (*clean.layout.known(), USED)) if KINDS[record.kind].stage else clean
+        even = evened(clean, (*clean.layout.known(), USED)) if record.kind == AXIS.id else clean
         return even if even is clean else resampled(even, clean)

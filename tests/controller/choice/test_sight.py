@@ -13,6 +13,7 @@ from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
 from models.theta import Theta
+from tests.bench.bench_localisation import seen
 from tests.controller.loops import model_of
 
 
@@ -50,6 +51,21 @@ def test_what_is_refused_fails_in_the_plant_and_what_is_not_tracks() -> None:
         worth = score(loop, trace)
         good = worth.hard_violations == 0 and not trace.halted and worth.tracking_rmse_m < 1e-3
         assert good == (not unfit(mission_of(loop), model, controller))
+
+
+def test_a_controller_with_a_model_is_tried_too() -> None:
+    """At 1 Hz the LQR lets the magnet pull in vain, feedforward does not."""
+    loop = seen("magnetic", 1.0, 0.008)
+    model = believed_model(loop, Theta())
+    assert "faster or less late for lqr" in unfit(mission_of(loop), model, "lqr")
+    assert not unfit(mission_of(loop), model, "feedforward")
+
+
+def test_a_good_localisation_is_not_blamed_for_what_fails_without_it() -> None:
+    """On a model whose readings are late by themselves the PID swings, with 200 Hz as with 100 Hz."""
+    loop = parse_track_scenario(scenario("magnetic", 200.0, 0.015))
+    late = Theta(effects={"sensor_delay": {"delay_s": 0.1}})
+    assert not unfit(mission_of(loop), believed_model(loop, late), "pid")
 
 
 def test_a_reading_that_ages_beyond_the_limit_and_a_reference_too_fast_are_told() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controller.choice.trial import LONGEST_S, Mission, tried
-from controller.choice.world import Localisation, ModelWorld
+from controller.choice.world import Localisation, ModelWorld, Push
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.reference import by_positions, through
@@ -22,7 +22,11 @@ def readings(
     model: ControlModel, seen: Localisation, seconds: float
 ) -> tuple[list[tuple[float, Measurement]], list[float]]:
     """When each reading came, the carriage moving at 2 mm/s, and where the capsule was after each tick."""
-    world, came, places = ModelWorld(model, seen, 1, 0.0, 0.0, 0.0), list[tuple[float, Measurement]](), list[float]()
+    world, came, places = (
+        ModelWorld((model, Push()), seen, 1, 0.0, 0.0, 0.0),
+        list[tuple[float, Measurement]](),
+        list[float](),
+    )
     for k in range(1, round(seconds / model.tick_s) + 1):
         now = k * model.tick_s
         came += [(now, m) for m in world.advance(2e-3 * now, now) if m.channel == "position_m"]
@@ -62,15 +66,15 @@ def test_a_piece_from_the_middle_tracks_like_the_beginning() -> None:
     """At another place of the lumen, at another time: the loop begins at rest there."""
     mission = Mission(through([20e-3], 2e-3, 0.5, 0.5), 11.0, Limits())
     model = model_of()
-    first, later = (tried(mission, piece, model, "feedforward", model) for piece in ((0.0, 3.0), (6.0, 9.0)))
+    first, later = (tried(mission, piece, model, "feedforward", (model, Push())) for piece in ((0.0, 3.0), (6.0, 9.0)))
     assert later.whole
     assert later.rmse_m < 3 * first.rmse_m
 
 
 def test_a_hopeless_trial_is_given_up() -> None:
     mission, model = Mission(through([4e-3], 2e-3, 0.5, 0.5), 3.0, Limits()), model_of()
-    whole = tried(mission, (0.0, 3.0), model, "feedforward", model)
-    cut = tried(mission, (0.0, 3.0), model, "feedforward", model, whole.rmse_m / 3)
+    whole = tried(mission, (0.0, 3.0), model, "feedforward", (model, Push()))
+    cut = tried(mission, (0.0, 3.0), model, "feedforward", (model, Push()), whole.rmse_m / 3)
     assert not cut.whole
     assert whole.rmse_m / 3 < cut.rmse_m <= whole.rmse_m
 
@@ -78,12 +82,36 @@ def test_a_hopeless_trial_is_given_up() -> None:
 def test_a_limit_that_the_world_breaks_is_a_violation() -> None:
     slow = replace(Limits(), speed_m_s=1e-3)
     mission, model = Mission(through([4e-3], 2e-3, 0.5, 0.5), 3.0, slow), model_of()
-    assert math.isinf(tried(mission, (0.0, 3.0), model, "pid", model).cost)
+    assert math.isinf(tried(mission, (0.0, 3.0), model, "pid", (model, Push())).cost)
 
 
 def test_a_wrong_model_tracks_worse_in_the_world_than_the_right_one() -> None:
     fold = {"depth": 0.3, "wavelength_m": 0.0073, "phase_rad": 0.4}
     folds, plain = control_model(believed(), Theta(effects={"fold_periodic": fold}), 1e-3), model_of()
     mission = Mission(through([12e-3], 3e-3, 0.5, 0.5), 5.0, Limits(), Localisation(std_m=0.1e-3))
-    right, wrong = (tried(mission, (0.0, 5.0), one, "feedforward", folds).rmse_m for one in (folds, plain))
+    right, wrong = (tried(mission, (0.0, 5.0), one, "feedforward", (folds, Push())).rmse_m for one in (folds, plain))
     assert right < 0.7 * wrong
+
+
+def test_a_force_that_the_model_lacks_levels_the_controllers() -> None:
+    """Where the world is the model itself, a PID errs five times as much as the MPC; not where both lack 20 mN."""
+    mission, model = Mission(through([12e-3], 3e-3, 0.5, 0.5), 4.0, Limits(), Localisation(std_m=0.1e-3)), model_of()
+    errors = {
+        (name, force_N): tried(mission, (0.0, 4.0), model, name, (model, Push(force_N, 0.5))).rmse_m
+        for name in ("mpc", "pid")
+        for force_N in (0.0, 20e-3)
+    }
+    assert errors["pid", 0.0] > 5 * errors["mpc", 0.0]
+    assert errors["pid", 20e-3] < 2 * errors["mpc", 20e-3]
+    assert errors["mpc", 20e-3] > 3 * errors["mpc", 0.0]
+
+
+def test_a_push_has_the_stated_size_and_time() -> None:
+    """Behind a magnet at rest a force along +x shows where it exceeds friction, so it is read from the world itself."""
+    world, pushes = ModelWorld((model_of(), Push(5e-3, 0.2)), Localisation(), 1, 0.0, 0.0, 0.0), list[float]()
+    for k in range(1, 40_001):
+        world.advance(0.0, 1e-3 * k)
+        pushes.append(float(world._push_N[0]))
+    p = np.array(pushes)
+    assert float(np.std(p)) == pytest.approx(5e-3, rel=0.15)
+    assert float(np.mean(p[200:] * p[:-200]) / np.mean(p**2)) == pytest.approx(np.exp(-1), abs=0.1)

@@ -160,3 +160,14 @@ def test_a_probe_passes_a_sound_rig_over_folds_and_finds_what_is_told_wrongly() 
         assert "does not answer" in probed(envelope, lambda w: 0.1 * w, dragging(1.0))
         assert "moves against the drive" in probed(envelope, lambda w: -w, dragging(1.0))
     assert "readings" in Probe(MAGNET).reason()
+
+
+@pytest.mark.parametrize(("speed_m_s", "frictions"), [(0.0, math.inf), (0.02, math.inf), (0.15, 1.5), (0.24, 0.6)])
+def test_a_coil_that_pushed_a_capsule_loose_pushes_less(speed_m_s: float, frictions: float) -> None:
+    """Four frictions would take a slipping capsule beyond its speed limit before the next reading shows it."""
+    friction, watch, rng = 0.1, Contradiction(COIL, 1e-4, 0.1), np.random.default_rng(0)
+    for k in range(10):
+        t = 0.01 * k
+        watch.drove(-2 * friction, 0.0, TICK_S)
+        watch.saw(speed_m_s * t + 1e-4 * rng.standard_normal(), -2 * friction, speed_m_s * t, t)
+    assert watch.most == pytest.approx(frictions * friction, abs=0.15 * friction)

@@ -22,7 +22,7 @@ from models.effects import CATALOGUE
 from models.effects.effect import Effect
 from models.effects.equation import equations_of, legend
 from models.formula import Formula, called, equal, named, symbols
-from models.identification.finding import Check, Finding, Fitted
+from models.identification.finding import Check, Disagreement, Finding, Fitted, Profile
 from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, unit_words, with_interval
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
@@ -284,3 +284,24 @@ def test_a_long_equation_may_go_on_in_the_next_line() -> None:
     ElementTree.fromstring(f"<p>{page}</p>".replace("&nbsp;", " "))
     a, b, c, d = symbols("a b c d")
     assert math_html(equal(Y, (a + b) / (c + d))).count("<math ") == 1
+
+
+def test_a_record_that_disagrees_is_told_in_a_sentence_and_in_numbers() -> None:
+    odd = Disagreement("train_2", "friction_coefficient", 0.0113, (0.0112, 0.0114), "1", 31.4)
+    finding = replace(pull_finding(seconds=2.0), disagreeing=(odd,))
+    assert "train_2 disagrees with the other records by friction coefficient" in report_html(finding)
+    (told,) = report_json(finding)["disagreeing_records"]
+    assert told["by"] == "friction_coefficient"
+    assert told["ci95"] == [0.0112, 0.0114]
+    assert report_json(pull_finding(seconds=2.0))["disagreeing_records"] == []
+
+
+def test_profiles_are_drawn_and_a_flat_one_says_so() -> None:
+    values = tuple(0.01 * k for k in range(1, 10))
+    flat = Profile("recovery_time_s", 0.05, "s", values, (0.1,) * 9)
+    open_ended = Profile("fold_periodic.depth", 0.05, "1", values, (0, 0, 0.1, 0.2, 0, 1, 3, 6, 9), ("lower",))
+    finding = replace(pull_finding(seconds=2.0), profiles=(flat, open_ended))
+    page = report_html(finding)
+    assert "recovery time (flat)" in page
+    assert "depth, folds of the gut (no lower end)" in page
+    assert report_json(finding)["profiles"]["fold_periodic.depth"]["unshown"] == ["lower"]

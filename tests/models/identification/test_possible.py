@@ -11,7 +11,8 @@ import pytest
 from models.identification import Model
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
-from models.identification.possible import barred, refuted
+from models.identification.kinds.series.series import SeriesKind
+from models.identification.possible import barred, left_by, mean_of, refuted
 from models.identification.steps import Judged
 from models.records.record import Record, record_of
 from models.rigs.reader import parse_rig
@@ -41,7 +42,9 @@ def model(rig: Rig, record: Record) -> Model:
     possible = {"actuator_lag": base.with_("actuator_lag", LAG), "draw_1": delayed}
     stages = {"nominal": base, "calibrated": base, "augmented": delayed}
     told = {"calibrated": "friction_coefficient is at its bound."}
-    return Model("magnetic", stages, "named", held_out=dict.fromkeys(STAGES, 1e-4), barred=told, possible=possible)
+    lacks = {"calibrated": {"force_N": 3e-3, "time_s": 0.4}}
+    known = {"held_out": dict.fromkeys(STAGES, 1e-4), "barred": told, "possible": possible, "unexplained": lacks}
+    return Model("magnetic", stages, "named", **known)
 
 
 def test_a_choice_is_read_back_as_it_was_written(model: Model) -> None:
@@ -51,9 +54,22 @@ def test_a_choice_is_read_back_as_it_was_written(model: Model) -> None:
     assert again.believed("actuator_lag")["actuator_lag", "time_s"] == 0.1
 
 
+def test_the_mean_of_a_class_has_a_part_of_each_effect(model: Model, rig: Rig, record: Record) -> None:
+    """Sizes are shared among the members, numbers of a shape are not: a narrow place stays where it is."""
+    kind = kind_for(rig, [record])
+    narrow = {"excess": 0.8, "centre_m": 6e-3, "width_m": 3e-3, "tail": 0.1, "skew": 0.2}
+    lagging = model.possible["actuator_lag"] | Theta(effects={"stenosis": narrow}) | {"friction_coefficient": 0.09}
+    mean = mean_of(kind, [model.stages["augmented"], lagging])
+    assert mean["friction_coefficient"] == pytest.approx(0.5 * (0.09 + kind.nominal()["friction_coefficient"]))
+    assert mean["sensor_delay", "delay_s"] == pytest.approx(0.05)
+    assert mean["actuator_lag", "time_s"] == pytest.approx(0.05)
+    assert mean.effects["stenosis"] == pytest.approx(narrow | {"excess": 0.4})
+    replace(model, possible=dict(model.possible) | {"class": mean}).check(rig, record)
+
+
 def test_a_file_without_a_choice_carries_none(model: Model) -> None:
-    text = replace(model, possible={}, barred={}).to_toml()
-    assert not any(word in text for word in ("possible", "barred", "refuted"))
+    text = replace(model, possible={}, barred={}, unexplained={}).to_toml()
+    assert not any(word in text for word in ("possible", "barred", "refuted", "unexplained"))
     assert not Model.from_toml(text).possible
 
 
@@ -79,11 +95,37 @@ def test_a_changed_possible_value_is_damage(model: Model) -> None:
 
 def test_records_refute_a_stage_that_errs_far_more_than_the_best() -> None:
     errors = {"nominal": 1.2e-3, "calibrated": 0.6e-3, "augmented": 0.5e-3}
-    assert set(refuted("none", errors, "m")) == {"nominal"}
-    assert set(refuted("named", errors, "m")) == {"nominal", "calibrated"}
-    assert set(refuted("unknown", errors, "m")) == set()
-    assert "1.2 mm" in refuted("named", errors, "m")["nominal"]
-    assert refuted("none", {}, "m") == {}
+    assert set(refuted("none", errors, (), "m")) == {"nominal"}
+    assert set(refuted("named", errors, (), "m")) == {"nominal", "calibrated"}
+    assert set(refuted("unknown", errors, (), "m")) == set()
+    assert "1.2 mm" in refuted("named", errors, (), "m")["nominal"]
+    assert refuted("none", {}, (), "m") == {}
+
+
+def test_what_must_not_lead_refutes_no_other() -> None:
+    """Parts at their bounds follow the records as nothing else does; the worlds without them are left all the same."""
+    errors = {"nominal": 0.96e-3, "calibrated": 1.08e-3, "augmented": 0.13e-3}
+    assert set(refuted("unknown", errors, (), "m")) == {"nominal", "calibrated"}
+    assert refuted("unknown", errors, ("augmented",), "m") == {}
+
+
+@pytest.mark.parametrize(("kind", "command"), [("magnetic", "carriage_position_m"), ("coil", "coil_current_A")])
+def test_the_force_that_a_model_lacks(kind: str, command: str) -> None:
+    """Records of a rig with a drag of 15 mN at 1 mm/s: the model without it lacks about that, the right one nothing."""
+    own = MAGNETIC if kind == "magnetic" else {"kind": "coil", "force_constant_N_per_A": 0.5}
+    rig = parse_rig({**tomllib.loads(GUT), "rig": own}, "rig file")
+    t = 0.01 * np.arange(2000.0)
+    driven = 8e-3 * np.sin(0.7 * t) if kind == "magnetic" else 0.35 * np.sin(2.0 * t)
+    blank = record_of("led", {"t_s": t, command: driven, "position_m": 1e-6 * np.sin(9 * t)}, rig)
+    series = replace(kind_for(rig, [blank]), noise_std=0.05e-3)
+    assert isinstance(series, SeriesKind)
+    base = series.nominal()
+    true = base.with_("viscous_drag", {"coefficient_N": 15e-3, "exponent": 1.0})
+    record = series.imitate(blank, true, np.random.default_rng(0))
+    assert left_by(series, [record], true) == {}
+    lacks = left_by(series, [record], base)
+    assert 3e-3 < lacks["force_N"] < 60e-3
+    assert 0.1 < lacks["time_s"] < 5.0
 
 
 def judged(verdict: str, worse: dict[str, str]) -> Judged:

@@ -56,6 +56,9 @@ class AxisKind(Kind):
     `delay` is the time by which the position is read late. `force_std` and `position_std` are the noise before the
     filter; without the first it is estimated from repeats of the motion, else from the white part of the force. Rows at
     rest do not count, since friction there takes any value up to its limit.
+
+    Noise of the place in the acceleration draws the inertia down, and all that goes with it; where it may, parameters
+    are fitted to the place, which is `run` from the measured force under an observer.
     """
 
     base: tuple[Parameter, ...]
@@ -65,6 +68,7 @@ class AxisKind(Kind):
     band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
     name: str = AXIS.id
+    run: Kind | None = None
     catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = 2
     next_share: ClassVar[float] = 0.04
@@ -77,31 +81,14 @@ class AxisKind(Kind):
         10 kg, 100 N s/m, 10 N and 0 N (kg m2, N m s/rad and N m). Raises ValueError where the rig file states a stage
         and the records are of an axis that turns, or the other way round.
         """
-        c = coordinates_of(records)
-        stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
-        strange = next((name for name in stated if name not in c.base), None)
-        if strange is not None and records:
-            keys = ", ".join(c.base)
-            raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
-        c = c if records or strange is None else TURN
-        noise, catalogue = rig.noise, Catalogue.of(rig)
-        stds = (noise.torque_std_N_m, noise.angle_std_rad) if c.turns else (noise.force_std_N, noise.position_std_m)
+        c, catalogue = coordinates_for(rig, records), Catalogue.of(rig)
+        stds = stated_noise(rig, c)
         known = [record for record in records if c.force in record.columns]
         band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         loads = c.loads_in([n for n in LOADS if records and all(n in r.columns for r in records)])
         size = size_of(c, known, band) if known else None
-        rows = []
-        for name, unit, (start, lower, upper) in zip(c.base, c.units, _spans(c, size), strict=True):
-            at = stated.get(name, start)
-            rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
-        return cls(
-            tuple(rows),
-            *stds,
-            c,
-            band,
-            candidates(c, size, catalogue, logged_in(known, c, loads, band)),
-            catalogue=catalogue,
-        )
+        effects = candidates(c, size, catalogue, logged_in(known, c, loads, band))
+        return cls(base_of(rig, c, size), *stds, c, band, effects, catalogue=catalogue)
 
     @property
     def quantity(self) -> str:
@@ -153,10 +140,13 @@ class AxisKind(Kind):
         return Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, travelled=of.path, load=load, loads=loads)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """Filtered force error in units of its noise, 100 a second."""
         return np.asarray(self.stacked(record, [theta], criterion)[0])
 
     def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
+        return self.of_force(record, thetas) if self.run is None else self.run.stacked(record, thetas)
+
+    def of_force(self, record: Record, thetas: Sequence[Theta]) -> Array:
+        """Filtered force errors in units of their noise, a row for each of `thetas`, 100 a second."""
         errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
         of = self._moved(record)
         errors[:, ~used(record) | of.still] = 0.0
@@ -200,6 +190,16 @@ class AxisKind(Kind):
         size = self._believed(record) if math.isnan(own) else own
         return AxisNoise(own, speed, inertia if shaken else 0.0, max(float(np.hypot(size, shaken)), 1e-12))
 
+    def scale_std(self, p: Parameter) -> float:
+        return 0.0 if self.run is None else self.run.scale_std(p)
+
+    def shaken(self, record: Record) -> bool:
+        """Whether the place is too noisy for its acceleration in the usual band, and inertia a part of the force."""
+        m = self._moved(record).motion
+        inertial = inertia_of(record[self.quantity], m, self.band) * np.std(decimate(m.a, m.rate, self.band))
+        size = np.std(decimate(record[self.quantity], m.rate, self.band))
+        return bool(self.band < SET.band_hz and inertial > SET.axis_inertial * size)
+
     def _believed(self, record: Record) -> float:
         """The noise assumed for a force whose own is unknown."""
         filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
@@ -215,8 +215,10 @@ class AxisKind(Kind):
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same motion with the model's force and noise of the same size after the filter: the force's own, and that
-        of the position (or the logged speed) through the inertia.
+        of the position (or the logged speed) through the inertia. Where the place is run, the same force.
         """
+        if self.run is not None:
+            return self.run.imitate(record, theta, rng)
         whole = self._carrying(record)
         noise, of = self.noise(whole), self._moved(whole)
         rate = of.motion.rate
@@ -229,15 +231,9 @@ class AxisKind(Kind):
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle."""
-        apart = [([r for r in records if r is not out], [out]) for out in records]
-        if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
-            return apart
-        each = [blocks_of_cycle(self._carrying(record), self.coordinates.position) for record in records]
-        return [
-            ([r for part, _ in row for r in part], [r for _, part in row for r in part])
-            for row in zip(*each, strict=True)
-        ]
+        if self.run is not None:
+            return self.run.splits(records)
+        return splits_of(records, self.coordinates.position, self._carrying)
 
     def _carrying(self, record: Record) -> Record:
         if CARRIED[0] in record.columns:
@@ -262,6 +258,34 @@ class AxisKind(Kind):
         names = ("t_s", self.coordinates.position, self.coordinates.velocity, CARRIED[0])
         key = tuple(id(record.columns.get(name)) for name in names)
         return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
+
+
+def coordinates_for(rig: Rig, records: Sequence[Record]) -> Coordinates:
+    """Those of the `records`, without any those that the rig file states. Raises ValueError where these differ."""
+    c = coordinates_of(records)
+    own = {name for one in (LINE, TURN) for name in one.base}
+    stated = (name for name, value in rig.axis.model_dump().items() if value is not None and name in own)
+    strange = next((name for name in stated if name not in c.base), None)
+    if strange is not None and records:
+        keys = ", ".join(c.base)
+        raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
+    return TURN if not records and (strange is not None or rig.driven == TURN.force) else c
+
+
+def stated_noise(rig: Rig, c: Coordinates) -> tuple[float | None, float | None]:
+    """Standard deviations of force and place that the rig file states."""
+    noise = rig.noise
+    return (noise.torque_std_N_m, noise.angle_std_rad) if c.turns else (noise.force_std_N, noise.position_std_m)
+
+
+def base_of(rig: Rig, c: Coordinates, size: Size | None) -> tuple[Parameter, ...]:
+    """The base parameters as the rig file states them, else as a start."""
+    rows = []
+    for name, unit, (start, lower, upper) in zip(c.base, c.units, _spans(c, size), strict=True):
+        stated = getattr(rig.axis, name)
+        at = start if stated is None else stated
+        rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
+    return tuple(rows)
 
 
 def _spans(c: Coordinates, size: Size | None) -> Sequence[Range]:
@@ -297,6 +321,21 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
         float(x.min()),
         float(x.max()),
     )
+
+
+def splits_of(
+    records: Sequence[Record], position: str, carrying: Callable[[Record], Record] = lambda record: record
+) -> list[Split]:
+    """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle, of the
+    records `carrying` what the whole tells of a part.
+    """
+    apart = [([r for r in records if r is not out], [out]) for out in records]
+    if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
+        return apart
+    each = [blocks_of_cycle(carrying(record), position) for record in records]
+    return [
+        ([r for part, _ in row for r in part], [r for _, part in row for r in part]) for row in zip(*each, strict=True)
+    ]
 
 
 def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:

@@ -5,6 +5,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from models.identification.kinds.axis.axis import AxisKind
+from models.identification.kinds.axis.driven import DrivenAxisKind
 from models.identification.kinds.dma import DmaKind
 from models.identification.kinds.friction import FrictionKind
 from models.identification.kinds.periods import PeriodsKind
@@ -15,6 +16,7 @@ from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
 AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
 _REPORTS: Final[Mapping[type, ModuleType]] = {
     AxisKind: axis,
+    DrivenAxisKind: series,
     DmaKind: dma,
     FrictionKind: friction,
     PeriodsKind: periods,

@@ -78,7 +78,7 @@ def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record], ali
 def _accelerating(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:
     accelerating = total = 0.0
     for record in records:
-        squares = kind.residual(record, theta) ** 2
+        squares = kind.of_force(record, [theta])[0] ** 2
         acceleration = kind.signals(record)[kind.coordinates.names[2]]
         size = np.abs(decimate(acceleration, sampling_rate(record["t_s"]), kind.band))
         accelerating += float(np.sum(squares[size > SET.axis_moves * np.max(size)]))
@@ -112,7 +112,7 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     rate = sampling_rate(record["t_s"])
     c = kind.coordinates
     x = kind.signals(record)[c.names[0]]
-    e = kind.residual(record, theta) * kind.noise(record).weight
+    e = kind.of_force(record, [theta])[0] * kind.noise(record).weight
     e = e - e.mean()
     step = 0.25 / max(float(np.ptp(x)), 1e-6)
     shortest, longest = (SET.pole_min_rad, SET.pole_max_rad) if c.turns else (SET.lead_min_m, SET.lead_max_m)

@@ -24,7 +24,8 @@ def equations(kind: SeriesKind, theta: Theta) -> list[Line]:
     """The model: how the surface holds the capsule, how the drive pushes it, and what each effect adds."""
     p = {**kind.nominal().base, **theta.base}
     lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
-    return [*lines, *lines_of([kind.catalogue[name] for name in sorted(theta.effects)], theta)]
+    effects = [kind.catalogue[name] for name in sorted(theta.effects)]
+    return [*lines, *lines_of(effects, theta, turns=kind.unit == "rad")]
 
 
 def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

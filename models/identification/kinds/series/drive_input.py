@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from models.drives.axis_force import AxisForce
 from models.drives.drive import Drive
 from models.identification.kind import Array
 from models.identification.settings import SET
@@ -25,7 +26,7 @@ KEPT = 64
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
     """The first of a kind's alternative driven columns that all `records` have. Raises ValueError without any."""
-    alternatives = KINDS[kind].layout.driven[0]
+    alternatives = records[0].layout.driven[0] if records else KINDS[kind].layout.driven[0]
     for name in alternatives:
         if all(name in record.columns for record in records):
             return name
@@ -68,6 +69,8 @@ class Feed:
 
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
     """Longest step in s of a model; `rigid`: the motion is imposed; `fine` steps keep the order of slip events."""
+    if drive.launched:
+        return SET.axis_step_s
     if drive.held:  # a body that its drive shakes to and fro
         return 5e-5 if fine else 1e-4
     if rigid:  # samples that are further apart miss when a wall slips
@@ -85,6 +88,9 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
     """
     dt = interval(record)
     pieces = max(1, round(dt / internal_step(drive, rigid, fine)))
+    if isinstance(drive, AxisForce) and drive.stepped:
+        held = np.repeat(record[drive.commanded], pieces)[: (len(record) - 1) * pieces + 1]
+        return Feed(held, dt / pieces, 1, every=pieces)
     if not drive.held:
         return Feed(record[drive.commanded], dt, pieces)
     return Feed(_held(record, drive.commanded, pieces, delay), dt / pieces, 1, 1, pieces)

@@ -67,11 +67,11 @@ class SeriesKind(Kind):
     catalogue: Catalogue = CATALOGUE
     measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
-    final: ClassVar[int] = 2  # the free run at fine steps
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little
     next_share: ClassVar[float] = 0.6
     least_gain: ClassVar[float] = 0.4
     lanes: ClassVar[int] = LANES
+    tail: ClassVar[float] = SET.tail
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
@@ -115,6 +115,10 @@ class SeriesKind(Kind):
         return "N" if self.drive.imposed else "m"
 
     @property
+    def final(self) -> int:
+        return 2  # the free run at fine steps
+
+    @property
     def memory(self) -> float:
         """The observer's time constant in s."""
         return SET.held_s if self.drive.held else SET.memory_s if self.drive.anchored else SET.drifts_s
@@ -155,24 +159,25 @@ class SeriesKind(Kind):
         rows = _rows(record)
         averaged = 1 if len(rows) < 2 * self.averaged else self.averaged
         noise, measured = self.noise_std, record[self.quantity]
-        return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, SET.tail))
+        return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, self.tail))
 
     def slow(self, record: Record, rows: Array) -> Array:
         count = max(1, round(SET.slow_s / (interval(record) * self.averaged)))
         if rows.shape[1] < count:
             return rows
         some = rows[:, : rows.shape[1] // count * count]
-        plain = some * np.sqrt(1 + (some / (2 * SET.tail)) ** 2)  # without the weight in the tail
+        plain = some * np.sqrt(1 + (some / (2 * self.tail)) ** 2)  # without the weight in the tail
         return np.asarray(plain.reshape(len(rows), -1, count).mean(axis=2) * np.sqrt(count))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, over the samples that count, interpolated between them."""
-        parts = []
-        for record, predicted in zip(records, predictions, strict=True):
-            good, t = counted(record), record["t_s"]
-            off = np.interp(t, t[good], (record[self.quantity] - predicted)[good])
-            parts.append(low_passed(off, interval(record))[good])
+        """Rms of the prediction error low-passed at 2 Hz, over the samples that count."""
+        parts = [self.off(r, predicted)[counted(r)] for r, predicted in zip(records, predictions, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+    def off(self, record: Record, predicted: Array) -> Array:
+        """The prediction error low-passed at 2 Hz, interpolated between the samples that count."""
+        good, t = counted(record), record["t_s"]
+        return low_passed(np.interp(t, t[good], (record[self.quantity] - predicted)[good]), interval(record))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """White noise of `noise_std` through the same low-pass."""

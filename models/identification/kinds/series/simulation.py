@@ -21,6 +21,7 @@ from models.identification.kinds.series.drive_input import (
     Feed,
     evenly,
     feed,
+    internal_step,
     interval,
 )
 from models.identification.settings import SET
@@ -39,6 +40,28 @@ def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
     """Delay of the measurement in s by the clock and the `effects`."""
     delays = (float(e().delay(theta.effects[e.id])) for e in effects)
     return theta.get(CLOCK_OFFSET, 0.0) + sum(delays)
+
+
+LAUNCH = ("_start_x", "_start_v")
+"""Columns of a record without its measured column: where a launched body began, and how fast."""
+
+
+@lru_cache(maxsize=KEPT)
+def launch(record: Record, column: str) -> tuple[float, float]:
+    """Place and speed at the start of a record by its first samples; 0 where nothing was measured. A speed within three
+    standard errors is none.
+    """
+    if LAUNCH[0] in record.columns:
+        return float(record[LAUNCH[0]][0]), float(record[LAUNCH[1]][0])
+    if column not in record.columns:
+        return 0.0, 0.0
+    n = min(max(8, round(SET.axis_start_s / interval(record))), len(record))
+    t, x = record["t_s"][:n] - record["t_s"][0], record[column][:n]
+    powers = np.vander(t / t[-1], 3, increasing=True)
+    fitted, *_ = np.linalg.lstsq(powers, x, rcond=None)
+    left = float(np.sum((x - powers @ fitted) ** 2)) / max(n - 3, 1)
+    error = float(np.sqrt(left * np.linalg.inv(powers.T @ powers)[1, 1]))
+    return float(fitted[0]), float(fitted[1] / t[-1]) if abs(fitted[1]) > 3 * error else 0.0
 
 
 @lru_cache(maxsize=KEPT)
@@ -98,7 +121,7 @@ class Runner:
         if memory:
             samples, gain = _observed(even, self.drive.measured), fed.dt / memory
             seen = in_time(samples, late / (fed.every * fed.dt), len(shown), fed.first, fed.every)
-        if not self.drive.anchored and memory:
+        if not (self.drive.anchored or self.drive.launched) and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
@@ -110,7 +133,13 @@ class Runner:
     def _start(self, assembly: Assembly, record: Record, placed: bool) -> Array:
         state = assembly.start()
         first = record[self.drive.commanded][0]
-        if self.drive.imposed or (self.drive.anchored and not placed):
+        if self.drive.launched:
+            x, v = launch(record, self.drive.measured)
+            state[:2] = (
+                x - v * min(internal_step(self.drive, rigid=False), interval(record)),
+                v,
+            )  # a loop's first step ends at the first sample
+        elif self.drive.imposed or (self.drive.anchored and not placed):
             state[0] = first
         elif placed:
             rows = max(1, round(0.02 / interval(record))) if self.drive.anchored else 1

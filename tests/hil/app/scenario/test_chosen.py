@@ -88,6 +88,23 @@ def test_a_class_whose_wrong_member_was_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_mean_of_a_class_leads_where_each_member_loses_in_the_world_of_another(tmp_path: Path) -> None:
+    """In the plant, whose lag has another form, it errs less than the named member, and no more than the other."""
+    scenario = scenario_of(tmp_path, LAG)
+    base = believed_model(scenario, Theta()).theta
+    delay, lag = Theta(effects={"sensor_delay": {"delay_s": 0.1}}), Theta(effects={"actuator_lag": {"time_s": 0.11}})
+    both = Theta(effects={"sensor_delay": {"delay_s": 0.05}, "actuator_lag": {"time_s": 0.055}})
+    told = {"nominal": "it errs ten times as much", "calibrated": "it errs ten times as much"}
+    possible = {"actuator_lag": base | lag, "class": base | both}
+    leading = led(scenario, model_of(scenario, {"augmented": delay}, refuted=told, possible=possible))
+    assert leading.stage == "class"
+    named, other = (min(error_m(scenario, base | one, c) for c in ("feedforward", "mpc")) for one in (delay, lag))
+    reached = error_m(scenario, leading.values, leading.controller)
+    assert reached < 0.8 * named
+    assert reached < WORSE * other
+
+
+@pytest.mark.slow
 def test_a_calibration_that_no_record_prefers_by_far_does_not_lead(tmp_path: Path) -> None:
     """Its friction is 40 % off, and the records leave the nominal model possible."""
     scenario = scenario_of(tmp_path, "")
@@ -117,7 +134,8 @@ def test_worlds_are_what_the_records_leave_possible(tmp_path: Path) -> None:
     scenario = scenario_of(tmp_path, "")
     more = Theta({"friction_coefficient": 0.09})
     model = model_of(scenario, {"augmented": more}, refuted={"calibrated": "-"})
-    model = replace(model, possible={"draw_1": model.stages["augmented"], "draw_2": more})
+    possible = {"class": Theta({"friction_coefficient": 0.085}), "draw_1": model.stages["augmented"], "draw_2": more}
+    model = replace(model, possible=possible)
     assert list(worlds_of(model)) == ["augmented", "nominal", "draw_2"]
 
 

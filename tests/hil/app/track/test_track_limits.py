@@ -24,6 +24,13 @@ def broken(raw: dict[str, Any], controller: str, seed: int) -> int:
     return score(scenario, trace).hard_violations
 
 
+@pytest.mark.parametrize(("name", "controller"), [("coil_folds", "pid"), ("coil_plate", "pid_friction")])
+def test_a_controller_without_a_friction_model_breaks_none(name: str, controller: str) -> None:
+    """It knows the place 20 ms late and pushes ever more; the capsule comes loose and was up to 1.3 times too fast."""
+    raw, _ = read_toml(GUT.with_name(f"track_{name}.toml"), "scenario")
+    assert broken(raw, controller, raw["scenario"]["seed"]) == 0
+
+
 @pytest.mark.parametrize("controller", LEADING["coil"])
 @pytest.mark.parametrize("kind", LEADING)
 def test_a_lag_up_to_a_fifth_of_a_second_breaks_none(kind: str, controller: str) -> None:

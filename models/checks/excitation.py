@@ -72,7 +72,7 @@ class Excitation:
             "rests": self.rests,
             "time": longest > SET.long_s,
             "load": any(high > SET.speeds_range * low for low, high in ends),
-            "logged": any(np.ptp(one) > 0 for one in loads),
+            "logged": any(varied(n, np.concatenate([v.record[n] for v in self.views])) for n in there),
             "turning": all(view.turns for view in self.views),
             "samples": rate > 2 * SET.mains_top,
             "wall": surface is None or surface.is_gut,
@@ -89,6 +89,15 @@ class Excitation:
             for need, met in offered.items()
             if not met
         }
+
+
+def varied(column: str, values: Array) -> bool:
+    """Whether a logged input changes by itself: by a share of its size, a temperature by a few kelvins. Less may follow
+    from the motion.
+    """
+    low, high = np.percentile(values, [5, 95])
+    least = SET.warmer_K if column == "temperature_degC" else SET.load_varied * max(abs(low), abs(high))
+    return bool(high - low > least)
 
 
 def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:

@@ -31,6 +31,8 @@ class CheckSettings:
     start_share: float = setting(0.25, "1", "largest share of the record that counts as its start")
     start_s: float = setting(0.1, "s", "first part of a record, in which rest is checked")
     at_once_s: float = setting(0.02, "s", "first part of a record, in which load is checked")
+    load_varied: float = setting(0.5, "1", "span of a logged input, as a share of its size, that is its own")
+    warmer_K: float = setting(2.0, "K", "span of a logged temperature from which it does")
     loaded: float = setting(0.5, "1", "share of the load in motion, from which a record starts under load")
     both_ways: float = setting(0.2, "1", "least share in each direction of a motion in both")
     clip_share: float = setting(0.002, "1", "share of the samples that are at an end of the range")

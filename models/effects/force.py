@@ -326,8 +326,7 @@ class LoadForce(Effect):
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         total = sum(p[q.name] * s.logged(q.name[4:]) for q in self.parameters() if q.name.startswith("per_"))
-        lever = sum(p[q.name] for q in self.parameters() if q.name.startswith("slope_per_"))
-        return total * (1 + lever * s.x)
+        return total * (1 + p["slope_per_m"] * s.x)
 
 
 class TorqueRipple(Effect):

@@ -278,11 +278,12 @@ class LoadDependentFriction(Effect):
 
 
 _SHORTEST_M = 1e-12
+_SETTLED, _STRAIGHT = 1e-9, 1e-3  # keep powers of the way to go, and of an exponent of 1, finite
 
 
 class Presliding(Effect):
-    """Friction with memory: it follows the stretch z of a spring in place of `sgn(v)`, `z' = (v - |v| z)/d`, and
-    after a reversal reaches its new side over a few break-away distances d.
+    """Friction with memory: it follows the stretch z of a spring in place of `sgn(v)`,
+    `z' = v/d |1 - z sgn(v)|^n`, and after a reversal reaches its new side over a few break-away distances d.
     """
 
     id = "presliding"
@@ -298,20 +299,22 @@ class Presliding(Effect):
     separated_by = "strokes of a few break-away distances, a slow reversal, and rests on either side of one"
 
     distance_m = number(0.0, "m", 0.0, 0.1, symbol="d")
+    exponent = number(1.0, "1", 1.0, 3.0, "Dahl: 1; more where springs of many lengths slip one by one", symbol="n")
 
     def direction(self, s: Signals, p: Values, z: Values) -> Value:
         stretched = np.where(p["distance_m"] > _SHORTEST_M, z["stretch"], s.direction)
         return shown_as(stretched, lambda: z["stretch"])
 
     def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
-        way = np.sign(s.v)
-        return {
-            "stretch": way + (z["stretch"] - way) * np.exp(-np.abs(s.v) * h / at_least(p["distance_m"], _SHORTEST_M))
-        }
+        way, bend = np.sign(s.v), np.maximum(p["exponent"] - 1, _STRAIGHT)
+        path = np.abs(s.v) * h / np.maximum(p["distance_m"], _SHORTEST_M)
+        left = (np.maximum(1 - way * z["stretch"], _SETTLED) ** (-bend) + bend * path) ** (-1 / bend)
+        return {"stretch": np.where(np.abs(s.v) > 0, way * (1 - left), z["stretch"])}
 
     @classmethod
     def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
-        return {"stretch": [equal(Formula("z'"), (s.v - np.abs(s.v) * z["stretch"]) / p["distance_m"])]}
+        left = 1 - z["stretch"] * np.sign(s.v)
+        return {"stretch": [equal(Formula("z'"), s.v / p["distance_m"] * np.abs(left) ** p["exponent"])]}
 
 
 class Warming(Effect):

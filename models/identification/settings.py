@@ -183,7 +183,6 @@ class SearchSettings:
     axis_moves: float = setting(0.1, "1", "share of the greatest acceleration from which an axis accelerates")
     significant: float = setting(0.01, "1", "chance of a ripple, or of a residual that samples share, by itself")
     axis_pushes: float = setting(0.02, "1", "share of what is left that a further logged input must explain")
-    axis_varied: float = setting(0.5, "1", "span of a logged input, as a share of its size, that shows a lever")
     axis_best: float = setting(1e-4, "1", "of the force: what is below is rounding; no sensor is that good")
     quite: float = setting(0.85, "1", "ratio of two orders' noise below which it is not quite white")
     axis_white: float = setting(0.5, "1", "the same below which it is not white at all")

@@ -59,7 +59,7 @@ TEXTBOOK: dict[str, list[Any]] = {
         equal(Formula("q'"), v - abs(v) * q / L),
     ],
     # axes: Dahl 1976; heat of friction; statics; cogging; two masses on a spring
-    "presliding": [equal(Formula("s_F"), z), equal(Formula("z'"), (v - abs(v) * z) / d)],
+    "presliding": [equal(Formula("s_F"), z), equal(Formula("z'"), v / d * abs(1 - z * sgn(v)) ** n)],
     "warming": [equal(LEVEL, 1 - a * (1 - exp(-s / L)))],
     "load_force": [equal(F_EXTRA, c * N * (1 + g * x))],
     "torque_ripple": [

@@ -73,6 +73,7 @@ class AxisKind(Kind):
     lanes: ClassVar[int] = 2
     next_share: ClassVar[float] = 0.04
     _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
+    _wholes: dict[int, Signals] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -114,10 +115,12 @@ class AxisKind(Kind):
         if not m.even:
             even = evened(record, (c.position, c.velocity, *LOADS))
             return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
-        loads = {name: record[column] for name, column in c.loads_in(record.columns).items()}
-        s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, travelled=of.path, loads=loads)
-        s = replace(s, load=next(iter(loads.values()), 0.0))
-        acting = [(e, p, states_along(type(e), p, s, of.came)) for e, p in present(self.effects, theta)]
+        s = self._seen(record)
+        whole, first = s, 0
+        if CARRIED[0] in record.columns:
+            whole, first = self._wholes.get(int(record["_whole"][0]), s), int(record["_row"][0])
+        rows = slice(first, first + len(record)) if whole is not s else slice(None)
+        acting = [(e, p, states_along(type(e), p, whole, rows)) for e, p in present(self.effects, theta)]
         inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
         sign = reduce(lambda way, one: one[0].direction(replace(s, direction=way), *one[1:]), acting, s.direction)
         level: Any = reduce(mul, (e.level(s, p, z) for e, p, z in acting), 1.0)
@@ -129,6 +132,12 @@ class AxisKind(Kind):
         for e, p, z in acting:
             force = e.measured(s, p, z, force)
         return np.asarray(force, dtype=float)
+
+    def _seen(self, record: Record) -> Signals:
+        of, c = self._moved(record), self.coordinates
+        loads = {name: record[column] for name, column in c.loads_in(record.columns).items()}
+        load, m = next(iter(loads.values()), 0.0), of.motion
+        return Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, travelled=of.path, load=load, loads=loads)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         return np.asarray(self.stacked(record, [theta], criterion)[0])
@@ -229,7 +238,9 @@ class AxisKind(Kind):
     def _carrying(self, record: Record) -> Record:
         if CARRIED[0] in record.columns:
             return record
-        return carried(record, self.coordinates, self._moved(record), self.noise(record))
+        number = len(self._wholes)
+        self._wholes[number] = self._seen(record)
+        return carried(record, self.coordinates, self._moved(record), self.noise(record), number)
 
     def signals(self, record: Record) -> dict[str, Array]:
         """Time, position, speed, acceleration, force and logged inputs."""

@@ -16,7 +16,6 @@ from models.effects.sensor import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.axis.logged import Logged
 from models.identification.kinds.ranges import Ranges, ranged
-from models.identification.settings import SET
 from models.parameter import Parameter
 from models.rigs.benches import AXIS
 
@@ -62,6 +61,8 @@ class WarmedBy(Warming):
         return np.exp(-p["fall_per_K"] * (s.logged(TEMPERATURE) - 20.0))
 
 
+_OF_RECORDS: Final = ("load_force", "presliding", "torque_ripple", "warming", "elastic_drive")
+"""Effects whose ranges are those of the records, also along a line."""
 VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 
@@ -102,8 +103,7 @@ def _of_loads(effect: type[Effect], loads: Sequence[Logged], c: Coordinates, for
         replace(own, name=own.name.removesuffix("load") + one.name, unit=unit, lower=low, upper=high)
         for one, unit, low, high in zip(chosen, units, least, most, strict=True)
     ]
-    varied = not pushes or all(one.span > SET.axis_varied * one.size for one in chosen)
-    made = (*rows, *more) if varied else tuple(rows)
+    made = (*rows, *more)
     space = {"__doc__": effect.__doc__, "parameters": classmethod(lambda cls: made), "probe": 0.002 * most[0]}
     return type(effect.__name__, (effect,), space)
 
@@ -116,7 +116,8 @@ def _sized(declared: Sequence[type[Effect]], c: Coordinates, size: Size | None) 
     sized = _ranges(size) if size else {}
     if c.turns:
         return tuple(_about(e, sized.get(e.id, Ranges())) for e in declared)
-    return tuple(ranged(e, _wider(e, sized[e.id])) if e.id in sized else e for e in declared)
+    own = {e.id: sized[e.id] if e.id in _OF_RECORDS else _wider(e, sized[e.id]) for e in declared if e.id in sized}
+    return tuple(ranged(e, own[e.id]) if e.id in own else e for e in declared)
 
 
 def _wider(effect: type[Effect], sized: Ranges) -> Ranges:
@@ -158,7 +159,7 @@ def _ranges(size: Size) -> Mapping[str, Ranges]:
                 "second_sin_N": (0.0, -f, f),
                 "second_cos_N": (0.0, -f, f),
             },
-            {"wavelength_m": waves, "phase_rad": (0.0, 1.5707963)},
+            {"wavelength_m": tuple(s / (1.01 + 0.5 * k) for k in range(31)), "phase_rad": (0.0, 1.5707963)},
             0.02 * f,
         ),
         "warming": Ranges({"length_m": (3 * s, 0.1 * s, 1e3 * s)}, {"length_m": (s, 10 * s, 100 * s)}),

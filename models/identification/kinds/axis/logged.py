@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.checks.excitation import varied
 from models.files.units import unit_of
 from models.identification.kind import Array
 from models.identification.kinds.axis.coordinates import Coordinates
@@ -42,14 +43,16 @@ def logged_in(records: Sequence[Record], c: Coordinates, loads: Mapping[str, str
     base = [joined([getattr(m, part) for m in motions]) for part in parts]
     base += [joined([np.sign(m.v) for m in motions]), np.ones(len(force))]
     pushing = {name: joined([r[column] for r in records]) for name, column in loads.items()}
-    first = _ranked(force, base, pushing)
+    values = {name: np.concatenate([r[column] for r in records]) for name, column in loads.items()}
+    varying = [name for name, column in loads.items() if varied(column, values[name])]
+    first = _ranked(force, base, {name: pushing[name] for name in varying})
     scaling = {
         name: joined([np.sign(m.v) * np.abs(r[column]) for m, r in zip(motions, records, strict=True)])
         for name, column in loads.items()
+        if name in varying
     }
     second = _ranked(force, [*base, *(pushing[name] for name in first)], scaling)
     both = [*first, *(name for name in loads if name not in first)]
-    values = {name: np.concatenate([r[loads[name]] for r in records]) for name in both}
     sizes = {name: float(np.percentile(np.abs(one), 98)) or 1.0 for name, one in values.items()}
     spans = {name: float(np.ptp(np.percentile(one, [2, 98]))) or 1.0 for name, one in values.items()}
     return tuple(Logged(n, units[n], sizes[n], spans[n], n in first, n in second) for n in both)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import casadi as ca
 import numpy as np
@@ -13,7 +13,6 @@ from models.effects.effect import Effect, Signals
 from models.identification.kind import Array
 
 _SEEN: Final = ("t", "x", "v", "direction", "travelled")
-_BEFORE: Final = 64  # steps of the motion that came before a part of a record
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -37,21 +36,14 @@ def _step(effect: Any, loads: tuple[str, ...]) -> int:
     return addresses([Code(step, {0: 0, 1: len(names)}, (0,))])[0]
 
 
-def states_along(effect: type[Effect], p: Mapping[str, float], s: Signals, came: float) -> dict[str, Array]:
-    """The states of `effect` after each sample of the signals `s`, by name, each (n,). Where the axis `came` in a
-    direction it slid once over all its travel before; else the states begin at 0.
-    """
+def states_along(effect: type[Effect], p: Mapping[str, float], s: Signals, rows: slice) -> dict[str, Array]:
+    """The states of `effect` after each of the `rows` of the signals `s`, by name; they begin at 0."""
+    if not effect.states:
+        return {}
     n, dt = len(s.t), float(np.median(np.diff(s.t)))
     v = np.diff(s.x, prepend=s.x[:1]) / dt
     seen = [np.broadcast_to(one, n) for one in (s.t, s.x, v, s.direction, s.travelled, *s.loads.values())]
-    rows = np.column_stack([*seen, np.full(n, dt)])
-    if came:
-        speed = max(float(np.percentile(np.abs(v), 98)), 1e-12)
-        before = np.repeat(rows[:1], _BEFORE, axis=0)
-        before[:, 2:4], before[:, -1] = (came * speed, came), float(np.ptp(s.x)) / speed / _BEFORE
-        rows = np.concatenate([before, rows])
     work = np.concatenate([np.zeros(len(effect.states)), [p[q.name] for q in effect.parameters()], np.zeros(1)])
-    out = np.empty((len(rows), len(effect.states)))
-    step: Any = _step
-    _run(step(effect, (*s.loads,)), work, np.ascontiguousarray(rows), out)
-    return dict(zip(effect.states, out[-n:].T, strict=True))
+    out, step = np.empty((n, len(effect.states))), cast(Any, _step)
+    _run(step(effect, (*s.loads,)), work, np.column_stack([*seen, np.full(n, dt)]), out)
+    return dict(zip(effect.states, out[rows].T, strict=True))

@@ -26,17 +26,17 @@ from models.identification.settings import SET
 from models.records.record import Record
 
 CARRIED = (
-    *("_x", "_v", "_a", "_still", "_place_noise", "_path", "_came"),
+    *("_x", "_v", "_a", "_still", "_place_noise", "_path", "_whole", "_row"),
     *("_force_noise", "_speed_noise", "_shaken_inertia", "_weight"),
 )
-"""Columns of a part of a record: the whole's motion (filtered before the cut), rests, and noise."""
+"""Columns of a part of a record: the whole's motion (filtered before the cut), rests, path, number and row; noise."""
 
 
 @dataclass(frozen=True)
 class Moved:
     """The motion; the sign of its speed where it exceeds the noise of the position (standard deviation
     `position_noise`), less below; where the axis rests, its direction is unsure or a gap is near (`still`); the logged
-    speed where it agrees with the position's; the path in m; the direction in which it came (0: unknown).
+    speed where it agrees with the position's; the path in m.
     """
 
     motion: AxisMotion
@@ -45,16 +45,15 @@ class Moved:
     position_noise: float
     logged: Array | None
     path: Array
-    came: float = 0.0
 
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
     """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
     if CARRIED[0] in record.columns:
-        x, v, a, rests, noise, path, came = (record[name] for name in CARRIED[:7])
+        x, v, a, rests, noise, path = (record[name] for name in CARRIED[:6])
         m, position_noise = AxisMotion(record["t_s"], x, v, a), float(noise[0])
         logged, direction = record.columns.get(c.velocity), _direction(m, position_noise, band)
-        return Moved(m, direction, rests > 0.5, position_noise, logged, path, float(came[0]))
+        return Moved(m, direction, rests > 0.5, position_noise, logged, path)
     position = record[c.position]
     m = motion(record["t_s"], position, band=band)
     logged = record.columns.get(c.velocity)
@@ -69,11 +68,10 @@ def moved(record: Record, c: Coordinates, position_std: float | None, band: floa
     return Moved(m, _direction(m, position_noise, band), still, position_noise, logged, path)
 
 
-def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise) -> Record:
-    """`record` with its motion and noise as columns, for parts of it."""
-    sure = np.maximum.accumulate(np.where(np.abs(of.direction) < 1, -1, np.arange(len(record))))
-    came = np.where(sure < 0, 0.0, np.sign(of.direction)[sure])
-    values = (of.motion.x, of.motion.v, of.motion.a, of.still, of.position_noise, of.path, came, *astuple(noise))
+def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise, number: int) -> Record:
+    """`record` with its motion, its `number` and its noise as columns, for parts of it."""
+    m, row = of.motion, np.arange(len(record))
+    values = (m.x, m.v, m.a, of.still, of.position_noise, of.path, number, row, *astuple(noise))
     columns = {name: np.zeros(len(record)) + value for name, value in zip(CARRIED, values, strict=True)}
     kept = record if of.logged is not None else record.without((c.velocity,))
     return kept.with_columns(columns)

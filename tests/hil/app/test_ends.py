@@ -90,7 +90,7 @@ class Stage:
             node.bench, node.each = bench, lambda now: each(node)
             return node
 
-        self.monkeypatch.setattr(run_module, "_drives_bus", lambda *_, **__: bench.ports["controller"])
+        self.monkeypatch.setattr(run_module, "drives_bus", lambda *_, **__: bench.ports["controller"])
         self.monkeypatch.setattr(run_module, "Clock", partial(Lockstep, bench))
         self.monkeypatch.setattr(run_module, "ControllerNode", node_of)
         log = self.folder / "log" / "run.blf"

@@ -202,7 +202,7 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     one = NEXT_RECORD.run(tmp_path, 4, lambda stage, share: said.append((stage, share)))
     (poor,) = one.before.effects if one.before else ()
     (rich,) = one.finding.effects
-    assert {poor.id, *poor.equivalent} == {"tissue_drying", "lumen_taper", "preconditioning"}
+    assert {poor.id, *poor.equivalent} == {"tissue_drying", "lumen_taper", "preconditioning", "fluid_plug"}
     assert (rich.id, rich.equivalent) == ("tissue_drying", ())
     assert one.hidden == ("tissue_drying",)
     assert one.before

@@ -75,6 +75,8 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
             "faults",
             "ended",
             "led_share",
+            "beyond_records",
+            "switched",
         ),
     ]
     assert (found["scenario"], found["controller"], found["seed"], found["model"]) == (

@@ -53,7 +53,7 @@ def test_a_rival_that_no_round_tried_stands_in_the_class_where_the_records_canno
     assert gain > 2
     rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, gain, screened, [])}
     alike = {name for name, rival in rivals.items() if rival.alike}
-    assert alike == (set() if to_and_fro else {LumenTaper.id})
+    assert alike == (set() if to_and_fro else {LumenTaper.id, "warming"})
     assert SPRING not in rivals
 
 

@@ -157,11 +157,11 @@ def _ranges(size: Size) -> Mapping[str, Ranges]:
         "torque_ripple": Ranges(
             {
                 "force_N": (0.0, -3 * f, 3 * f),
-                "wavelength_m": (s / 5, s / 20, s),
+                "wavelength_m": (s / 5, s / 20, s / 2),
                 "second_sin_N": (0.0, -f, f),
                 "second_cos_N": (0.0, -f, f),
             },
-            {"wavelength_m": tuple(s / (1.01 + 0.5 * k) for k in range(31)), "phase_rad": (0.0, 1.5707963)},
+            {"wavelength_m": tuple(s / (2.01 + 0.5 * k) for k in range(29)), "phase_rad": (0.0, 1.5707963)},
             0.02 * f,
         ),
         "warming": Ranges({"length_m": (3 * s, 0.1 * s, 1e3 * s)}, {"length_m": (s, 10 * s, 100 * s)}),

@@ -114,8 +114,8 @@ def _ratio(one: str, other: str) -> str:
 
 def _sized(declared: Sequence[type[Effect]], c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
     sized = _ranges(size) if size else {}
-    if WarmedBy in declared:
-        sized.pop("warming", None)  # over the way, which a logged temperature replaces
+    if WarmedBy in declared:  # over no way
+        sized = {name: ranges for name, ranges in sized.items() if name != WarmedBy.id}
     if c.turns:
         return tuple(_about(e, sized.get(e.id, Ranges())) for e in declared)
     own = {e.id: sized[e.id] if e.id in _OF_RECORDS else _wider(e, sized[e.id]) for e in declared if e.id in sized}

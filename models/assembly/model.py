@@ -9,7 +9,6 @@ import numpy as np
 
 from models.assembly.effects import Active
 from models.assembly.step import Stepper
-from models.drives.axis_force import AxisForce
 from models.drives.drive import Drive
 from models.effects.effect import Effect
 from models.parameter import Name, Parameter
@@ -81,8 +80,7 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     now: dict[Name, Any] = {name: state[i] for i, name in enumerate(names)}
     active = Active.of(effects, p, now)
     stepper = Stepper(surface, drive, active, active.link(), smoothing)
-    stepped = drive.held or (isinstance(drive, AxisForce) and drive.stepped)
-    unit, last = drive.command_unit, c0 if stepped else c1
+    unit, last = drive.command_unit, c0 if drive.stepped else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
@@ -94,7 +92,7 @@ def _correction(surface: Surface, drive: Drive, names: tuple[Name, ...]) -> ca.F
     state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
     now: dict[Name, Any] = {name: state[i] for i, name in enumerate(names)}
     shift = gain * error
-    if isinstance(drive, AxisForce):  # place and speed, critically damped: the error of a step says as much of either
+    if drive.launched:  # place and speed, critically damped: the error of a step says as much of either
         new = now | {"x": now["x"] + 2 * shift, "v": now["v"] + shift / drive.remembers_s}
     elif not surface.dragged or not drive.anchored:
         new = now | {"x": now["x"] + shift}

@@ -9,9 +9,8 @@ from models.surfaces.rail import LINE, TURN, Rail
 
 @dataclass(frozen=True)
 class AxisForce(Drive):
-    """The force in N along an axis; the axis itself, with its inertia and constant offset, is its `rail`. An observer
-    corrects place and speed within about `remembers_s`. `stepped`: a sample holds until the next, as a controller's
-    command does; else it changes linearly, as a measured force does.
+    """The force in N along an axis; the axis itself, with its inertia and constant offset, is its `rail`. `holds`:
+    a sample holds until the next, as a controller's command does; else it changes linearly, as a measured force does.
     """
 
     name: ClassVar[str] = "driven_axis"
@@ -20,8 +19,12 @@ class AxisForce(Drive):
     rail: ClassVar[Rail] = LINE
     turning: ClassVar[bool] = True
     launched: ClassVar[bool] = True
-    remembers_s: float = 0.2
-    stepped: bool = True
+    remembers_s: ClassVar[float] = 0.2
+    holds: bool = True
+
+    @property
+    def stepped(self) -> bool:
+        return self.holds
 
     def push(self, at: Actuation) -> Push:
         return Push(at.gain * at.command - at.p[self.rail.names[3]], self.inertia(at.p))

@@ -53,7 +53,8 @@ class Drive:
     unit; `carried_kg` rides on the body and presses it down. `turning` finds the moment within the step at which the
     body turns or stops, for drives that shake it in every cycle. `held`: the command is a switch, which keeps over a
     step its value at the beginning; else it changes linearly. `by_voltage`: the command is a coil's voltage, and its
-    current a state. `launched`: a body of inertia that starts with the place and the speed that its record begins with.
+    current a state. `launched`: a body of inertia that starts with the place and the speed that its record begins with;
+    an observer corrects both within about `remembers_s`.
     """
 
     name: ClassVar[str] = ""
@@ -66,6 +67,12 @@ class Drive:
     held: ClassVar[bool] = False
     by_voltage: ClassVar[bool] = False
     launched: ClassVar[bool] = False
+    remembers_s: ClassVar[float] = 0.0
+
+    @property
+    def stepped(self) -> bool:
+        """Whether the command keeps over a step its value at the beginning."""
+        return self.held
 
     @property
     def command_unit(self) -> float:

@@ -48,8 +48,11 @@ def answer(
     train: Sequence[Record],
     seed: int,
     choice: Choice,
+    drawn: bool = True,
 ) -> Finding:
-    """All that is known of the records and the model, but for how long it took."""
+    """All that is known of the records and the model, but for how long it took; without what a report alone shows
+    where none is `drawn`.
+    """
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
     proposal = _proposal(prepared, found, train, seed, unexplained=verdict == "unknown")
@@ -85,11 +88,11 @@ def answer(
         cannot_show=prepared.cannot_show,
         reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
-        dependence=_depends(kind, found, train, theta, seed) if verdict == "unknown" else None,
+        dependence=_depends(kind, found, train, theta, seed) if drawn and verdict == "unknown" else None,
         declared=prepared.declared,
         leading=_leading(choice),
-        disagreeing=disagreements(kind, found.augmented, found.model, train),
-        profiles=profiles(kind, found.augmented, found.model, train),
+        disagreeing=disagreements(kind, found.augmented, found.model, train) if drawn else (),
+        profiles=profiles(kind, found.augmented, found.model, train) if drawn else (),
         stopped=STOPPED[found.ended],
     )
 

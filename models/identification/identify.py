@@ -51,14 +51,15 @@ def close(
     known: Known = NOTHING_KNOWN,
     most: int = SET.most_effects,
     told: Callable[[Mapping[str, Quantity]], None] | None = None,
+    drawn: bool = True,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     only checked for what makes it unusable until the end.
 
     Base parameters that are `known` from elsewhere replace the rig file's and constrain the calibration as its
     `[prior]` does; known effects belong to the base. At most `most` effects are searched for. Before the fit `told`, if
-    given, gets the `smallest` sizes that would show. The same records and `seed` give the same numbers. Raises
-    ValueError for records from which nothing is identifiable.
+    given, gets the `smallest` sizes that would show. What a report alone shows is left out where none is `drawn`. The
+    same records and `seed` give the same numbers. Raises ValueError for records from which nothing is identifiable.
     """
     began = time.monotonic()
     findings = examined(rig, train, holdout)
@@ -73,7 +74,7 @@ def close(
     judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
     progress("the next experiment", 0.97)
     choice = choice_of(prepared, found, predicted, judged, train, seed)
-    finding = answer(prepared, found, predicted, judged, train, seed, choice)
+    finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn)
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = _model(prepared.kind, predicted, judged, provenance, choice, ranges_of(prepared.kind, train))
     progress("done", 1.0)

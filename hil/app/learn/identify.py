@@ -124,7 +124,7 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
     known = _known(kind, before, *((KNOWN, KNOWN) if question.base_holds else (np.inf, np.inf)))
-    finding, model = close(rig, train, held, lambda _what, _share: None, known=known, most=ONE)
+    finding, model = close(rig, train, held, lambda _what, _share: None, known=known, most=ONE, drawn=False)
     effects = tuple(effect.id for effect in finding.effects)
     used = kind.nominal() | question.in_use
     error = kind.error(records, [kind.predict(r, used) for r in records])

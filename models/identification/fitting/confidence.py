@@ -44,13 +44,18 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
     of J'J, widened for a misfit beyond chance and for residuals that are not independent, and the sandwich.
     """
     rows = fit.jacobian * scale
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    inverse = np.asarray((vectors / np.maximum(values, SET.tiny * max(values[-1], SET.tiny))) @ vectors.T)
+    inverse = inverse_of(rows)
     count = min(SET.bootstrap_blocks, len(rows))
     pairs = zip(np.array_split(rows, count), np.array_split(fit.residual, count), strict=True)
     scores = np.array([part.T @ r for part, r in pairs])
     scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
     return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
+
+
+def inverse_of(rows: Array) -> Array:
+    """The inverse of `rows' rows` (p, p), rows (m, p); directions without effect count as little as rounding."""
+    squares, vectors = np.linalg.eigh(rows.T @ rows)
+    return np.asarray((vectors / np.maximum(squares, SET.tiny * max(squares[-1:].sum(), SET.tiny))) @ vectors.T)
 
 
 def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1") -> float:

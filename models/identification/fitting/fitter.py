@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
 from models.workers import each
+
+P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -120,14 +123,12 @@ class Fitter:
 
     def lowest(self, thetas: Sequence[Theta], count: int) -> list[Theta]:
         """The `count` of `thetas` with the lowest cost, lowest first."""
-        groups = [thetas[i : i + self.kind.lanes] for i in range(0, len(thetas), self.kind.lanes)]
-        costs = [cost for some in each(self.costs, groups) for cost in some]
+        costs = [cost for some in each(self.costs, self._together(thetas)) for cost in some]
         return [thetas[k] for k in np.argsort(costs, kind="stable")[:count]]
 
     def costs(self, thetas: Sequence[Theta]) -> list[float]:
         """Sum of squares of the records' residuals at each of `thetas`."""
-        groups = (thetas[i : i + self.kind.lanes] for i in range(0, len(thetas), self.kind.lanes))
-        rows = (evaluate_all(self.kind, self.records, group, self.criterion) for group in groups)
+        rows = (evaluate_all(self.kind, self.records, some, self.criterion) for some in self._together(thetas))
         return [float(cost) for some in rows for cost in np.einsum("ij,ij->i", some, some)]
 
     def theta(self, x: Array) -> Theta:
@@ -148,9 +149,12 @@ class Fitter:
         return np.concatenate([rows, own], axis=1)
 
     def residuals_of(self, points: Sequence[Array]) -> Array:
-        """`residuals` of many points, as many at a time as are evaluated at the price of one."""
-        some = self.kind.lanes
-        return np.concatenate([self.residuals(points[i : i + some]) for i in range(0, len(points), some)])
+        """`residuals` of many points."""
+        return np.concatenate([self.residuals(some) for some in self._together(points)])
+
+    def _together(self, points: Sequence[P]) -> list[Sequence[P]]:
+        """`points` in groups that are evaluated at about the price of one."""
+        return [points[i : i + self.kind.lanes] for i in range(0, len(points), self.kind.lanes)]
 
     def clip(self, x: Array) -> Array:
         """The point `x` (n,) within the bounds."""

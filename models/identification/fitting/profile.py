@@ -6,10 +6,10 @@ import numpy as np
 import scipy
 
 from models.identification.finding import Profile
-from models.identification.fitting.confidence import memory, near
+from models.identification.fitting.confidence import inverse_of, memory, near
 from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter
-from models.identification.kind import Array, Kind
+from models.identification.kind import Kind
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import spelled
@@ -34,12 +34,12 @@ def _profile(fitter: Fitter, fit: Fit, k: int) -> Profile:
     x, wide, axis = fitter.at(fit.theta), max(fit.chi2, 1.0) * memory(fit.residual), fitter.axes[k]
     scale, p, others = np.array([one.scale for one in fitter.axes]), axis.parameter, np.arange(len(x)) != k
     rows = fit.jacobian * scale
-    inverse = _inverse(rows)
+    inverse = inverse_of(rows)
     reach = SET.profile_reach * np.sqrt(wide * inverse[k, k]) * scale[k]
     reach = min(reach, SET.profile_widest * max(abs(x[k]), scale[k]))
     values = np.unique(np.clip(x[k] + np.linspace(-reach, reach, SET.profile_points), p.lower, p.upper))
     along = inverse[:, k] / inverse[k, k] * scale / scale[k]
-    back = _inverse(rows[:, others]) @ rows[:, others].T
+    back = inverse_of(rows[:, others]) @ rows[:, others].T
     moved = [x + (value - x[k]) * along for value in values]
     costs = np.full(len(values), np.inf)
     for _ in range(1 + SET.profile_rounds):
@@ -55,9 +55,3 @@ def _profile(fitter: Fitter, fit: Fit, k: int) -> Profile:
     unshown = tuple(name for value, bound, drop, name in ends if near(value, bound, p) and drop < LINE)
     unit = measured_unit(p.unit, fitter.kind.unit)
     return Profile(spelled(axis.name), float(x[k]), unit, tuple(values.tolist()), tuple(drops.tolist()), unshown)
-
-
-def _inverse(rows: Array) -> Array:
-    """The inverse of `rows' rows` (p, p); directions without effect count as little as rounding."""
-    squares, vectors = np.linalg.eigh(rows.T @ rows)
-    return np.asarray((vectors / np.maximum(squares, SET.tiny * max(squares[-1:].sum(), SET.tiny))) @ vectors.T)

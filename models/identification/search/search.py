@@ -109,9 +109,9 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record]) -> None:
     kind, rows, base, plain = model.kind, sum(map(len, train)), found.calibrated.theta, Fitter.of(model.kind, train, [])
     if kind.searched(train) != train:
         found.calibrated = plain.near(base)
-    if kind.final != kind.free_run and not kind.beginnings_s:
-        found.calibrated = plain.exactly(found.calibrated.theta)
     if found.effects:
+        if kind.final != kind.free_run and not kind.beginnings_s:
+            found.calibrated = plain.exactly(found.calibrated.theta)
         reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
         fitter = Fitter.of(kind, train, found.model)
         fit = fitter.exactly(fitter.far([base | model.thetas[0]], max(SET.near, reached)).theta)

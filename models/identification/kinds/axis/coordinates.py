@@ -7,6 +7,7 @@ from typing import Final
 
 from models.records.record import Record
 from models.rigs.columns import LOADS
+from models.surfaces import rail
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ LINE: Final = Coordinates(
     "force_N",
     "velocity_m_s",
     ("load_N",),
-    ("mass_kg", "viscous_friction_N_s_per_m", "coulomb_friction_N", "offset_N"),
-    ("kg", "N s/m", "N", "N"),
+    rail.LINE.names,
+    rail.LINE.units,
     "m",
     ("x_m", "v_m_s", "a_m_s2", "force"),
 )
@@ -53,8 +54,8 @@ TURN: Final = Coordinates(
     "torque_N_m",
     "velocity_rad_s",
     ("load_N_m", "load_N"),
-    ("inertia_kg_m2", "viscous_friction_N_m_s_per_rad", "coulomb_friction_N_m", "offset_N_m"),
-    ("kg m2", "N m s/rad", "N m", "N m"),
+    rail.TURN.names,
+    rail.TURN.units,
     "rad",
     ("x_rad", "v_rad_s", "a_rad_s2", "torque"),
 )

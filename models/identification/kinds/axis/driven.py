@@ -47,12 +47,12 @@ class DrivenAxisKind(SeriesKind):
     tail: ClassVar[float] = inf
 
     @classmethod
-    def from_rig(cls, rig: Rig, records: Sequence[Record], stepped: bool = True) -> DrivenAxisKind:
+    def from_rig(cls, rig: Rig, records: Sequence[Record], holds: bool = True) -> DrivenAxisKind:
         """The axis that a rig file describes; what it leaves out starts at the size of the `records`."""
         c, catalogue = coordinates_for(rig, records), Catalogue.of(rig)
         known = [r for r in records if {c.force, c.position} <= r.columns.keys()]
         std = stated_noise(rig, c)[1]
-        drive = (AxisTorque if c.turns else AxisForce)(stepped=stepped)
+        drive = (AxisTorque if c.turns else AxisForce)(holds=holds)
         if not known:
             effects = _running(c, None, catalogue)
             catalogue = replace(catalogue, variants=effects)
@@ -84,7 +84,7 @@ class DrivenAxisKind(SeriesKind):
         known = [record for record in records if kind.quantity in record.columns]
         if not known or not any(map(kind.shaken, known)):
             return kind
-        return replace(kind, band=kind.band / 2, run=cls.from_rig(rig, known, stepped=False))
+        return replace(kind, band=kind.band / 2, run=cls.from_rig(rig, known, holds=False))
 
     @property
     def unit(self) -> str:
@@ -92,7 +92,7 @@ class DrivenAxisKind(SeriesKind):
 
     @property
     def memory(self) -> float:
-        return self.drive.remembers_s if isinstance(self.drive, AxisForce) else SET.memory_s
+        return self.drive.remembers_s
 
     @property
     def beginnings_s(self) -> tuple[float, ...]:

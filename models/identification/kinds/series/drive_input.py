@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from models.drives.axis_force import AxisForce
 from models.drives.drive import Drive
 from models.identification.kind import Array
 from models.identification.settings import SET
@@ -88,11 +87,11 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
     """
     dt = interval(record)
     pieces = max(1, round(dt / internal_step(drive, rigid, fine)))
-    if isinstance(drive, AxisForce) and drive.stepped:
-        held = np.repeat(record[drive.commanded], pieces)[: (len(record) - 1) * pieces + 1]
-        return Feed(held, dt / pieces, 1, every=pieces)
-    if not drive.held:
+    if not drive.stepped:
         return Feed(record[drive.commanded], dt, pieces)
+    if not drive.held:
+        kept = np.repeat(record[drive.commanded], pieces)[: (len(record) - 1) * pieces + 1]
+        return Feed(kept, dt / pieces, 1, every=pieces)
     return Feed(_held(record, drive.commanded, pieces, delay), dt / pieces, 1, 1, pieces)
 
 

@@ -135,10 +135,8 @@ class Runner:
         first = record[self.drive.commanded][0]
         if self.drive.launched:
             x, v = launch(record, self.drive.measured)
-            state[:2] = (
-                x - v * min(internal_step(self.drive, rigid=False), interval(record)),
-                v,
-            )  # a loop's first step ends at the first sample
+            step = min(internal_step(self.drive, rigid=False), interval(record))
+            state[:2] = x - v * step, v  # a loop's first step ends at the first sample
         elif self.drive.imposed or (self.drive.anchored and not placed):
             state[0] = first
         elif placed:

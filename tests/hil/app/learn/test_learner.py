@@ -168,7 +168,8 @@ def test_a_model_that_explains_a_part_must_gain_more(
     nominal = kind.nominal()
     seen: dict[str, object] = {}
 
-    def found(*given: object, known: dict[str, tuple[float, float]], most: int) -> tuple[object, Model]:
+    def found(*given: object, known: dict[str, tuple[float, float]], most: int, drawn: bool) -> tuple[object, Model]:
+        assert not drawn
         seen.update(known, most=most)
         held = [ready(record, rig) for record in given[2]]  # type: ignore[attr-defined]
         error = kind.error(held, [kind.predict(record, nominal) for record in held])

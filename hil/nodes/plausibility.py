@@ -119,7 +119,7 @@ class Onlooker:
         """`rests` is `Driven.rests`; `friction` is the command that overcomes friction."""
         self._tick_s, self._placed = tick_s, envelope.placed
         self.contradiction = Contradiction(envelope, noise_m, friction)
-        self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(OLDEST_S / tick_s))
+        self._ticks = deque[tuple[float, float, float]](maxlen=2 + math.ceil(OLDEST_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, rests
         self._astray = 0
@@ -156,17 +156,19 @@ class Onlooker:
         reference: Reference,
         probe: Probe | None,
     ) -> str:
-        """The reason to stop, "" without one. The readings `seen` were true `late_s` before their stamps."""
-        self._ticks.append((drive, wanted_m))
+        """The reason to stop, "" without one. The readings `seen` were true `late_s` before their stamps. The probe
+        gets those during which the node ticked: where the drive was in a gap of the ticks, nobody has seen.
+        """
+        self._ticks.append((now, drive, wanted_m))
         reason = self.contradiction.drove(drive, wanted_m, self._tick_s)
         for m in seen:
             if m.channel != "position_m" or not math.isfinite(m.value + m.stamp_s):
                 continue
             stamp_s = m.stamp_s - late_s
-            back = min(max(round((now - stamp_s) / self._tick_s), 0), len(self._ticks) - 1)
-            then, position_m = self._ticks[-1 - back]
+            latest_s = stamp_s + 0.5 * self._tick_s
+            at_s, then, position_m = next((row for row in reversed(self._ticks) if row[0] <= latest_s), self._ticks[0])
             reason = reason or self.contradiction.saw(m.value, then, position_m, stamp_s)
-            if probe is not None:
+            if probe is not None and stamp_s - at_s <= 2 * self._tick_s:
                 probe.saw(m.value, then, *sampled(reference, stamp_s))
         return reason
 

@@ -7,10 +7,11 @@ from typing import Self
 import numpy as np
 import scipy
 
-from models.checks.estimators import Array
-from models.checks.finding import Findings
+from models.checks.estimators import Array, runs_of
+from models.checks.finding import Findings, Severity
 from models.checks.positions import jumps, without_steps
 from models.checks.settings import SET
+from models.checks.usable import gone
 from models.checks.view import View
 from models.records.record import USED
 from models.rigs.columns import TIME
@@ -31,12 +32,25 @@ def check_interval(view: View) -> Findings:
         yield view.weakens("time_units.short", TIME, span=span, n=len(view.t), step=view.dt, line=line)
 
 
+def check_left_out(view: View) -> Findings:
+    """What the reading left out or restored."""
+    for one in view.record.left_out:
+        if one.why == "outside" and one.share < SET.lost_little:
+            continue
+        case = f"{one.why}.few" if one.why == "stamps_repeated" else one.why
+        severity: Severity = "note" if one.share < SET.lost_much else "weakens"
+        yield view.finding(severity, case, one.column, one.where, sentence=one.sentence)
+
+
 def check_sparse_values(view: View) -> Findings:
-    """Cells of the measured column that the file leaves empty."""
+    """Cells of the measured column that the file leaves empty, and stretches of them."""
     if USED in view.record.columns:
         there = view.record[USED] > 0
         rate = float(there.mean()) / view.dt
         yield view.notes("sparse_values", n=int(there.sum()), total=len(there), rate=rate)
+        if lost := runs_of(gone(view.record)):
+            longest = max(b - a for a, b in lost) * view.dt
+            yield view.weakens("pause.measured", rows=[a for a, _ in lost], n=len(lost), longest=longest)
 
 
 def check_restart(view: View) -> Findings:
@@ -68,7 +82,9 @@ def check_uneven(view: View) -> Findings:
     if len(lost):
         count = int(np.sum(np.round(steps[lost - 1]) - 1))
         share = count / (count + len(view.t))
-        yield view.finding("note" if share < 0.1 else "weakens", "stamps_missing", TIME, lost, n=count, share=share)
+        yield view.finding(
+            "note" if share < SET.lost_much else "weakens", "stamps_missing", TIME, lost, n=count, share=share
+        )
     gaps = np.flatnonzero(steps > SET.stamps_pause) + 1
     if len(gaps):
         longest, line = float(np.max(np.diff(view.t)[gaps - 1])), view.record.line(int(gaps[0]))

@@ -16,6 +16,7 @@ _ORDER: Final = ("stops", "weakens", "note")
 Checks = tuple[Callable[[View], Findings], ...]
 STAMPS: Final[Checks] = (
     clocks.check_interval,
+    clocks.check_left_out,
     clocks.check_sparse_values,
     clocks.check_restart,
     clocks.check_repeats,

@@ -16,6 +16,8 @@ class CheckSettings:
     stamps_pause: float = setting(20.0, "1", "usual intervals, beyond which samples are not lost but the record pauses")
     stamps_back: float = setting(0.9, "1", "share of stamps that go back, where rows are in reverse order")
     stamps_short: float = setting(0.2, "1", "usual intervals, a step below which does not count for the scatter")
+    lost_little: float = setting(0.01, "1", "share of the rows at the ends that clocks of their own do not share")
+    lost_much: float = setting(0.1, "1", "share of the samples that are missing or left out, which weakens a result")
     stroke_s: float = setting(0.1, "s", "shortest stroke that counts as one")
     rest_s: float = setting(0.3, "s", "a rest after which break-away occurs again")
     speeds_range: float = setting(1.5, "1", "ratio of fast to slow, or heavy to light, that shows an influence")

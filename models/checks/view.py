@@ -209,7 +209,7 @@ class View:
     def at(self, rows: Rows, most: int = 3) -> str:
         """Lines and times of `rows` in words: the first few, and how many more."""
         times = [f" ({self.t[row]:.6g} s)" if self.timed else "" for row in rows[:most]]
-        shown = [f"line {self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
+        shown = [f"{self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
         return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
 
 

@@ -64,12 +64,16 @@ def _columns(
 ) -> tuple[dict[str, Array], tuple[str, ...], tuple[LeftOut, ...]]:
     """Our columns in our units, of one length; notes on the resampling, and what was left out."""
     for target, source in choice.sources.items():
-        if source.column not in channels:
+        if source.column and source.column not in channels:
             raise RefusedError(f"channel {source.column} ({target}) must hold numbers, one a sample; it does not")
     ours = {
         target: source.values(channels[source.column].values, choice.units.get(source.column, ""))
         for target, source in choice.sources.items()
+        if source.column
     }
+    for target, source in choice.sources.items():
+        if not source.column:  # a stated rate
+            ours[target] = source.values(next(iter(ours.values())))
     kind = KINDS[choice.rig.kind]
     if not (kind.layout.time and choice.clocked):
         lengths = {target: len(values) for target, values in ours.items()}

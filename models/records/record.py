@@ -16,7 +16,7 @@ from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
 from models.records.clock import LeftOut, are_differences, in_order, left_out
 from models.records.direction import directed, kind_of, swings
-from models.records.found_columns import check_header, proposed, to_scale, toml_lines
+from models.records.found_columns import check_header, nearly, proposed, to_fill_in, to_scale, toml_lines
 from models.rigs.columns import LOADS, TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
@@ -140,7 +140,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
 
     def check(header: list[str], units: Mapping[str, str]) -> list[str]:
         sources.update(find_columns(str(path), rig, header, units, driven_only))
-        return [source.column for target, source in sources.items() if target not in _free(kind)]
+        return [source.column for target, source in sources.items() if source.column and target not in _free(kind)]
 
     sparse = _sparse(kind)
     table = read_table(
@@ -177,9 +177,9 @@ def record_of(
         raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
     sources = find_columns(where, rig, header, units, driven_only)
     for target, source in sources.items():
-        values = columns[source.column]
-        if target in _free(KINDS[rig.kind]):
+        if target in _free(KINDS[rig.kind]) or not source.column:
             continue
+        values = columns[source.column]
         wrong = np.isinf(values) if target in _sparse(KINDS[rig.kind]) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
@@ -239,10 +239,15 @@ def _with_proposal(
         likely.append((proposed(free, missing, units, [name for name in layout.optional if name not in good]), missing))
     found, missing = max(likely, key=lambda one: len(one[0]))
     raw = to_scale(free, missing, units, found)
+    known = {entry.target for entry in found} | {line.split()[1] for line in raw}
+    unknown = [names for names in missing if not known & set(names)]
+    raw += (
+        to_fill_in(free, unknown, clocked=any(TIME in names for names in unknown)) if len(free) >= len(unknown) else []
+    )
     if not (found or raw) or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]
-    words = "reads it, if it is what is meant" if not raw else "is what it would take, with numbers for the dots"
+    words = "reads it, if it is what is meant" if not raw else "is what it would take, with yours for the dots"
     with_table = ValueError(f"{error}; this table in the rig file {words}:")
     with_table.add_note("\n".join([toml_lines(entries), *raw]))
     return with_table
@@ -260,7 +265,10 @@ def _record(
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
     raw = dict(zip(table.header, table.values.T, strict=True))
-    ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
+    ours = {
+        target: s.values(raw[s.column] if s.column else table.lines, table.units.get(s.column, ""))
+        for target, s in sources.items()
+    }
     read = {source.column for source in sources.values()}
     kind = kind_of(rig, {*sources, *(key for key in table.header if key not in read)})
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
@@ -270,8 +278,11 @@ def _record(
     free = [name for name in _free(kind) if name in ours]
     strange = [n for n in free if contradiction(n, sources[n], table.units) or not np.all(abs(ours[n]) <= LARGEST_LOAD)]
     columns = {key: values for key, values in columns.items() if key not in strange}
-    foreign = [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in read]
-    unused = tuple(TEXT("left_out", where=where, column=name, names=LOADS) for name in (*strange, *foreign))
+    layout = kind.columns(ours)
+    optional = [name for name in layout.optional if name not in ours]
+    foreign = [key for key in further if key not in ours and any(nearly(key, name) for name in optional)]
+    foreign += [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in (*read, *foreign)]
+    unused = tuple(TEXT("left_out", where=where, column=name, names=layout.optional) for name in (*strange, *foreign))
     lines, lost = table.lines, tuple[LeftOut, ...]()
     if kind.layout.time:
         columns, lines, lost = _on_rising_stamps(columns, lines, row_name)

@@ -18,6 +18,7 @@ from models.rigs.columns import TIME
 from models.rigs.tables import MOST_DRIFT
 
 _GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit of unseen strokes, over a constant shift
+_BY_CHANCE = 2.0  # strokes that a lag and a drift may explain though nothing drifts
 _SINGULAR = 1e-6  # of the squares of a unit column: what part of a loop the other strokes do not show
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 
@@ -159,7 +160,7 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
     )
     middle, drifted = (float(value) for value in found.x)
     least, most = SET.lag_samples * view.dt, min(SET.lag_most_drifted_s, MOST_DRIFT * length)
-    least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
+    least_gain = max(_GAIN_FOLLOWING, _BY_CHANCE / (len(turns) + 1)) if view.kind.follows else _GAIN_DRIFTING
     if max(SET.lag_drifted_s, least) < abs(drifted) < most and abs(middle - drifted / 2) < SET.lag_longest_s:
         gain = 1 - fine.unseen(middle, drifted, turns) / max(fine.unseen(offset, 0.0, turns), 1e-300)
         if gain > least_gain:

@@ -29,8 +29,18 @@ def check_interval(view: View) -> Findings:
     line = view.unit_line(TIME)
     if usual and not low <= usual <= high:
         yield view.stops("time_units.interval", TIME, step=usual, low=low, high=high, line=line)
+    elif span < SET.record_s and _too_fast(view, span):
+        yield view.stops("time_units.fast", TIME, span=span, step=view.dt, line=line)
     elif span < SET.record_s:
         yield view.weakens("time_units.short", TIME, span=span, n=len(view.t), step=view.dt, line=line)
+
+
+def _too_fast(view: View, span: float) -> bool:
+    """Whether a place goes through its whole travel within the record faster than such rigs move."""
+    usual = SET.usual_m_s if view.kind.of_capsule and not view.kind.stage else SET.usual_stage_m_s
+    usual = SET.usual_rad_s if view.turns else usual
+    there = view.moving_column in view.record.columns
+    return there and float(np.ptp(view.record[view.moving_column])) / max(span, 1e-300) > usual[1]
 
 
 def check_left_out(view: View) -> Findings:

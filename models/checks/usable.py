@@ -10,7 +10,7 @@ import numpy as np
 
 from models.checks.estimators import Mask, runs_of
 from models.checks.finding import Findings
-from models.checks.positions import POSITIONS, without_steps
+from models.checks.positions import POSITIONS, without_slips, without_steps
 from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
 from models.checks.settings import SET
 from models.checks.view import TEXT, View
@@ -77,6 +77,11 @@ def cleaned(record: Record, rig: Rig) -> Record:
     if view.driven and (apart := spikes(view, view.driven)).any():
         record = straight_over(record, view.driven, apart)
         record = treated(record, "straightened", column=view.driven, n=int(np.sum(apart)))
+    if view.kind.stage and view.moving_column in record.columns:
+        place, n = without_slips(view, view.moving_column)
+        if n:
+            record = treated(record.with_column(view.moving_column, place), "stepless", n=n)
+            view = View(record, rig)
     if view.driven in POSITIONS:
         position = without_steps(view, record[view.driven])
         if position is not record[view.driven]:

@@ -225,7 +225,7 @@ class Finding:
     empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
     are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead; `stopped`
     why no further effect was sought; `disagreeing` the training records that do not agree with the others;
-    `profiles` the likelihood of each fitted parameter.
+    `profiles` the likelihood of each fitted parameter; `constant` the error of the best constant by part.
     """
 
     kind: str
@@ -260,6 +260,7 @@ class Finding:
     stopped: str = "noise"
     disagreeing: tuple[Disagreement, ...] = ()
     profiles: tuple[Profile, ...] = ()
+    constant: Mapping[str, float] = field(default_factory=dict)
 
     def effect(self, name: str) -> type[Effect] | None:
         """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""

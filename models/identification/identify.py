@@ -123,13 +123,16 @@ def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]])
     """The `parts` of the data, each of which may be empty, at the stages of what was `found`."""
     nominal = kind.nominal()
     values = [nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta]
-    traces, errors = list[Trace](), dict[str, dict[str, float]]()
+    traces, errors, constant = list[Trace](), dict[str, dict[str, float]](), dict[str, float]()
     for part, records in parts.items():
         outputs = [dict(zip(STAGES, kind.predictions(record, values), strict=True)) for record in records]
         stages = STAGES if records else ()
         errors[part] = {stage: kind.error(records, [one[stage] for one in outputs]) for stage in stages}
+        if records and records[0].layout.time:
+            levels = [np.full(len(record), np.mean(record[kind.quantity])) for record in records]
+            constant[part] = kind.error(records, levels)
         traces += [_trace(kind, record, part, one) for record, one in zip(records, outputs, strict=True)]
-    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), errors)
+    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), errors, constant)
 
 
 def _trace(kind: AnyKind, record: Record, role: str, predicted: dict[str, np.ndarray]) -> Trace:

@@ -32,11 +32,14 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Predicted:
-    """The values of each stage of the model, the records as the stages predict them, and the reported errors."""
+    """The values of each stage of the model, the records as the stages predict them, the reported errors, and that of
+    the best `constant` for each part of time series.
+    """
 
     thetas: dict[str, Theta]
     traces: tuple[Trace, ...]
     error: dict[str, dict[str, float]]
+    constant: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,7 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) ->
         count=len(runs),
         missing=(planned or len(runs)) - len(runs),
         groups={group: runs.summary(which) for group, which in parted.items()},
+        summed=any(which.size > _POINTS for which in parted.values()),
         failures=sorted(runs.failures.values(), key=lambda one: -one.count),
         worst=[(row, value_of(row, metric), _point_words(row["point"])) for row in runs.worst],
         spread=_spread(runs, parted, label, factor),

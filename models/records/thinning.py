@@ -27,18 +27,22 @@ def thinned(records: Sequence[Record], most: float = MOST_ROWS) -> tuple[list[Re
     least `LEAST_HZ`, and 50 samples in the fastest period of its drive. Where that is not enough, records are left out
     evenly; the last one stays.
     """
-    rows = sum(map(len, records))
-    if rows <= most or not all(record.layout.time for record in records):
-        return list(records), ""
-    wanted = math.ceil(rows / most)
-    kept = [_slower(record, min(wanted, longest_step(record))) for record in records]
+    rows, kept = sum(map(len, records)), slower(records, most)
     left = sum(map(len, kept))
+    if left == rows and (rows <= most or not all(record.layout.time for record in records)):
+        return kept, ""
     few = max(_FEWEST, math.floor(len(kept) * most / left))
     chosen = sorted({round(k) for k in np.linspace(0, len(kept) - 1, min(few, len(kept)))})
     kept = [kept[k] for k in chosen]
     said = TEXT("thinned", rows=rows, kept=sum(map(len, kept)))
     fewer = f" {TEXT('fewer', records=len(records), chosen=len(kept))}" if len(kept) < len(records) else ""
     return kept, said + fewer
+
+
+def slower(records: Sequence[Record], most: float = MOST_ROWS) -> list[Record]:
+    """All of the `records`, with so few rows at most that their rates allow."""
+    wanted = math.ceil(sum(map(len, records)) / most)
+    return [_slower(r, min(wanted, longest_step(r)) if wanted > 1 and r.layout.time else 1) for r in records]
 
 
 def longest_step(record: Record) -> int:

@@ -20,7 +20,7 @@ class CheckSettings:
     speed_lag_s: float = setting(4e-3, "s", "time by which it may be later or earlier")
     speed_left: float = setting(0.2, "1", "share of it that may be neither")
     foretold: float = setting(0.02, "1", "share of a force that the motion foretells, from which it responds")
-    jump_far: float = setting(8.0, "1", "times nearly all other steps that a jump of a driven place exceeds")
+    jump_far: float = setting(3.0, "1", "times nearly all other steps that a jump of a driven place exceeds")
     lost_little: float = setting(0.01, "1", "share of the rows at the ends that clocks of their own do not share")
     lost_much: float = setting(0.1, "1", "share of the samples that are missing or left out, which weakens a result")
     stroke_s: float = setting(0.1, "s", "shortest stroke that counts as one")

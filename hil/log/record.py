@@ -119,7 +119,7 @@ class _Reading:
         self.good: dict[str, list[tuple[float, dict[str, float]]]] = {}
         self.refused: dict[str, list[float]] = {}
         self.receivers = {frame.id: Receiver(frame) for frame in self.catalogue.frames.values()}
-        start, heard = None, -inf
+        start, heard, last = None, -inf, dict[int, bytes]()
         for logged in read_frames(path, tell):
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
@@ -128,7 +128,12 @@ class _Reading:
                 continue
             now = logged.time_s - start
             heard = max(heard, now) if now > heard - _SET_BACK_S else now  # a single wrong stamp stales no frame
-            values = receiver.accept(logged.data, heard)
+            if last.get(logged.id) == logged.data:  # a log of two connections to one bus has each frame twice
+                values: dict[str, float] | Refusal = Refusal("repeated")
+                receiver.refused["repeated"] += 1
+            else:
+                values = receiver.accept(logged.data, heard)
+            last[logged.id] = logged.data
             if isinstance(values, Refusal):
                 self.refused.setdefault(receiver.frame.name, []).append(now)
             else:

@@ -10,16 +10,17 @@ from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
 from hil.app.campaign.page import Runs, page_html, value_of
-from hil.app.campaign.running import Results, Workers, run_missing
+from hil.app.campaign.running import Results, run_missing
 from hil.app.campaign.series import find_series
 from hil.app.campaign.series_answers import TEXT, SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
 from hil.app.campaign.series_answers import document as answers_document
 from hil.app.campaign.series_page import page_html as answers_html
 from hil.app.campaign.table import write_table
-from hil.app.campaign.version import program_version
 from hil.app.campaign.worker import Row, run_job
+from hil.app.cluster import Workers
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
-from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
+from hil.app.shared_options import MOST_SEED, Json, OwnEffects, Scheduler, WorkerCount, argument, option
+from hil.app.version import program_version
 from hil.app.write import own_folder, write_files
 from hil.report.words import column_words
 from models.effects import Catalogue
@@ -47,8 +48,8 @@ def campaign(
     out: Annotated[
         Path, option("--out", "DIR", "Folder for results and report; a campaign there is continued.")
     ] = Path("out/campaign"),
-    workers: Annotated[int | None, option("--workers", "N", "Number of processes; else one per core.")] = None,
-    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")] = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     run: Annotated[int | None, option("--run", "N", "Do run N alone and print it.")] = None,
     retry: Annotated[
         bool, typer.Option("--retry", help="Do failed runs again, and those of another version of the program.")
@@ -71,7 +72,7 @@ def campaign(
         plan = None if over_series else load_campaign(paths[0])
         if plan is not None and run is not None:
             return _one(plan, run)
-        on = Workers(workers, scheduler, SERIES_LIMIT_S if plan is None else plan.head.limit_s)
+        on = Workers(workers, scheduler)
         if plan is not None:
             command = shlex.join(["capsule", "campaign", str(paths[0])])
             found, lines, failed = _loops(plan, out, command, on, retry=retry)
@@ -97,7 +98,9 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) 
             write_files({out / PAGE: page, out / NUMBERS: json_text(found)})
             return runs, found
 
-        run_missing(plan.name, range(len(plan)), plan.job, results, plan.head.chunk, on, shown=show)
+        run_missing(
+            plan.name, range(len(plan)), plan.job, results, plan.head.chunk, on, shown=show, limit_s=plan.head.limit_s
+        )
         runs, found = show()
         found["table"] = write_table(out / TABLE, results.rows())
     metric = plan.head.metric
@@ -174,7 +177,7 @@ def _series(
 
         run_missing(
             "campaign", list(jobs), jobs.__getitem__, results, 1, on, _said, show,
-            lambda row: jobs[row["run"]].keep(row["files"]),
+            lambda row: jobs[row["run"]].keep(row["files"]), SERIES_LIMIT_S,
         )  # fmt: skip
         answers, found = show()
         found["table"] = write_table(out / TABLE, results.rows())

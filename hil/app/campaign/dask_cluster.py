@@ -1,18 +1,14 @@
 """The same runs on a Dask cluster: an optional extra."""
 
-import asyncio
-import logging
-import pickle
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from threading import Lock
 from typing import Any, Final
 
-from hil.app.campaign.version import program_version
 from hil.app.campaign.worker import LONGEST_S, Job, Row, lost, overdue, run_jobs
+from hil.app.cluster import ANSWER_S, connected, count_of, packed, same_program
 
-ANSWER_S: Final = 5.0  # in which a scheduler must answer
 LOOK_S: Final = 1.0  # between two looks at the cluster
 TIMEOUT_S: Final = 60.0  # without a worker, after which a campaign ends
 RETRIES: Final = 3  # of a run whose worker is lost
@@ -33,8 +29,8 @@ def scheduled(
     missing, and after `timeout_s` without any worker.
     """
     suspects: list[Job] = []
-    with _connected(address) as client:
-        _same_program(client)
+    with connected(address) as client:
+        same_program(client)
         for part, rows in _answers(client, parts, address, timeout_s, limit_s):
             if isinstance(rows, int):
                 suspects += part
@@ -53,7 +49,7 @@ def _answers(
 
     waiting, more, flying, seen = iter(parts), True, dict[Any, tuple[float, Sequence[Job]]](), time.monotonic()
     while more or flying:
-        workers = _workers(client)
+        workers = count_of(client)
         seen = time.monotonic() if workers else seen
         if time.monotonic() - seen > timeout_s:
             raise ValueError(f"--scheduler must have workers; {address} has named none for {timeout_s:g} s; {_KEPT}")
@@ -62,7 +58,7 @@ def _answers(
                 more = False
                 break
             ends = time.monotonic() + limit_s * len(part) * (1 + AHEAD)
-            flying[client.submit(_packed(run_alone, part), retries=RETRIES, pure=False)] = ends, part
+            flying[client.submit(packed(run_alone, part), retries=RETRIES, pure=False)] = ends, part
         for future in [one for one, (ends, _) in flying.items() if time.monotonic() > ends]:
             future.cancel()
             part = flying.pop(future)[1]
@@ -85,69 +81,6 @@ def run_alone(jobs: Sequence[Job]) -> list[Row]:
     """
     with _ONE:
         return run_jobs(jobs)
-
-
-def _packed(function: Callable[..., Any], *inputs: Any) -> Callable[[], Any]:
-    """A call as a function that is sent by value and unpacked on the worker, so the scheduler need not have this
-    program.
-    """
-    packed = pickle.dumps((function, inputs))
-
-    def work() -> Any:
-        opened, given = pickle.loads(packed)
-        return opened(*given)
-
-    return work
-
-
-def _same_program(client: Any) -> None:
-    """Raises ValueError where a worker has another version of this program, or none."""
-    own = program_version()
-    try:
-        found = client.run(_packed(program_version), on_error="return")
-    except OSError:
-        return
-    for worker, got in found.items():
-        if got != own:
-            other = got if isinstance(got, str) else f"{type(got).__name__}: {got}"
-            raise ValueError(f"--scheduler must have workers with this program, {own}; {worker} answers {other}")
-
-
-def _connected(address: str) -> Any:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ValueError(
-            "--scheduler must stand where Dask is installed; it is not: install the extra 'dask'"
-        ) from None
-    try:
-        kind = asyncio.run(asyncio.wait_for(_kind(address), ANSWER_S))
-    # A wrong address, or another program there, raises many kinds of errors.
-    except Exception as error:  # noqa: BLE001
-        kind = str(error) or f"no answer in {ANSWER_S:g} s"
-    if kind != "Scheduler":
-        raise ValueError(
-            f"--scheduler must be the address of a Dask scheduler, as tcp://HOST:8786; got {address}: {kind}"
-        )
-    for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-    return Client(address, timeout=ANSWER_S)
-
-
-async def _kind(address: str) -> str:
-    """What answers there. `Client` would wait for ever where nothing does."""
-    from distributed import Security, rpc
-
-    async with rpc(address, timeout=ANSWER_S, connection_args=Security().get_connection_args("client")) as peer:
-        return str((await peer.identity()).get("type", "no Dask"))
-
-
-def _workers(client: Any) -> int:
-    """How many workers there are; 0 where the scheduler does not answer."""
-    try:
-        return len(client.sync(client.scheduler.ncores, callback_timeout=ANSWER_S))
-    except (OSError, TimeoutError):
-        return 0
 
 
 def _outcome(future: Any) -> list[Row] | int:

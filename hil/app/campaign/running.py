@@ -8,7 +8,6 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
@@ -16,6 +15,7 @@ from typing import Any, Final, Self, TypeVar
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.series_answers import TEXT
 from hil.app.campaign.worker import LONGEST_S, OUTSIDE, Job, Row, pooled
+from hil.app.cluster import Workers
 from hil.app.console import InterruptionError, note, output_to_notes, progress_bar
 from models.words.quantities import plain
 
@@ -24,34 +24,11 @@ K = TypeVar("K", int, str)
 SHOWN_S: Final = 30.0  # least time between two pages of a campaign that is under way
 
 
-@dataclass(frozen=True)
-class Workers:
-    """The workers: so many processes (None: one a core), or the cluster of a scheduler. A run may last `limit_s`.
-    Raises ValueError.
-    """
-
-    processes: int | None = None
-    scheduler: str | None = None
-    limit_s: float = LONGEST_S
-
-    def __post_init__(self) -> None:
-        if self.processes is not None and not 1 <= self.processes <= 1024:
-            raise ValueError(f"--workers must lie in [1, 1024]; got {self.processes}")
-        if self.processes is not None and self.scheduler is not None:
-            raise ValueError(
-                f"--workers must be left out with --scheduler, whose cluster has its own; got {self.processes}"
-            )
-
-    @property
-    def count(self) -> int:
-        """How many work at once; 0 where only the scheduler knows."""
-        return 0 if self.scheduler is not None else self.processes or os.cpu_count() or 1
-
-    def rows(self, parts: Iterable[Sequence[Job]]) -> Iterator[list[Row]]:
-        """The rows of each chunk as it ends."""
-        if self.scheduler is not None:
-            return scheduled(parts, self.scheduler, limit_s=self.limit_s)
-        return pooled(parts, self.count, self.limit_s)
+def _rows(parts: Iterable[Sequence[Job]], on: Workers, limit_s: float) -> Iterator[list[Row]]:
+    """The rows of each chunk as it ends; a run may last `limit_s`."""
+    if on.scheduler is not None:
+        return scheduled(parts, on.scheduler, limit_s=limit_s)
+    return pooled(parts, on.count, limit_s)
 
 
 def run_missing(
@@ -64,6 +41,7 @@ def run_missing(
     said: Callable[[Row], str] = lambda _: "runs",
     shown: Callable[[], object] = lambda: None,
     keep: Callable[[Row], None] = lambda _: None,
+    limit_s: float = LONGEST_S,
 ) -> None:
     """Do the runs that `results` does not hold, `chunk` at a time. `said` words a new row for the progress, `keep`
     stores the `files` of a row before the row is on file, and `shown` shows what is there so far: it gets a twentieth
@@ -75,7 +53,7 @@ def run_missing(
     parts = (tuple(map(job_of, part)) for part in chunks(missing, chunk))
     try:
         with output_to_notes(), progress_bar(title, even=True, done=over / max(len(numbers), 1)) as report:
-            for rows in workers.rows(parts) if missing else ():
+            for rows in _rows(parts, workers, limit_s) if missing else ():
                 spent += sum(row["seconds"] for row in rows)
                 if over == len(numbers) - len(missing):
                     _estimate(len(missing), spent / len(rows), min(workers.count, len(missing)))

@@ -22,8 +22,9 @@ import dask
 from distributed import Client
 from distributed.cli import dask_scheduler, dask_worker
 
+from hil.app import version
 from hil.app.campaign import running as campaign
-from hil.app.campaign import version, worker
+from hil.app.campaign import worker
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.worker import Loop
 from hil.app.main import run

@@ -11,7 +11,7 @@ import models.effects.own
 from models.files.python_file import installed
 
 _PACKAGES: Final = ("numpy", "scipy", "casadi", "daqp", "numba")
-_ROOT: Final = Path(__file__).parents[3]
+_ROOT: Final = Path(__file__).parents[2]
 _FOLDERS: Final = ("controller", "models", "plant", "hil")
 
 

@@ -247,6 +247,7 @@ class SearchSettings:
     swing_s: float = setting(0.2, "s", "time within which a position changes")
     diverged: float = setting(1e6, "1", "standard deviations, beyond which a prediction is no longer one")
     start_s: float = setting(0.5, "s", "time over which starts are compared where no drive gives the position")
+    start_images: int = setting(10, "1", "images at least that show a start; the noise of one would last")
     table_fewest: int = setting(24, "1", "held-out runs, fewer than which are no cross-validation")
     table_steps: int = setting(4, "1", "Gauss-Newton steps of a part's fit")
     reading_m: float = setting(1.0e-3, "m", "resolution of the displacement that is read off", "the table's source")

@@ -172,8 +172,9 @@ class SeriesKind(Kind):
         column = self.drive.measured
         if self.drive.anchored or column not in record.columns:
             return outputs
-        first = slice(0, max(1, round(SET.start_s / interval(record))))
-        away = record[column][first] - outputs[:, first]
+        shown = np.flatnonzero(used(record))
+        first = shown[: max(int(np.searchsorted(shown, round(SET.start_s / interval(record)))), SET.start_images)]
+        away = record[column][first] - np.take(outputs, first, axis=1)
         return np.asarray(outputs + away.mean(axis=1, keepdims=True))
 
     def predict(self, record: Record, theta: Theta) -> Array:

@@ -2,8 +2,9 @@
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from signal import SIG_DFL, SIGINT, signal
 from threading import Thread
@@ -32,12 +33,33 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if _FORKS else os.cpu_count() or 1
 
 
+Mapper = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
+_WHERE: list[tuple[int, Mapper | None]] = []  # the innermost `working`
+
+
+@contextmanager
+def working(count: int, mapper: Mapper | None = None) -> Iterator[None]:
+    """Within it `each` has so many workers: processes, or those of a `mapper`, which gets what `each` gets."""
+    _WHERE.append((count, mapper))
+    try:
+        yield
+    finally:
+        _WHERE.pop()
+
+
+def worker_count() -> int:
+    """How many workers `each` has."""
+    return _WHERE[-1][0] if _WHERE else cores()
+
+
 def each(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
-    """`function` of every item, in order: in as many workers as there are processors, which inherit all that is in
-    memory and send their results back; in threads where processes cannot be forked. A process that is itself a worker
-    has none: its parent keeps the other processors busy.
+    """`function` of every item, in order: in as many workers as there are processors (or `working` says), which inherit
+    all that is in memory and send their results back; in threads where processes cannot be forked. A process that is
+    itself a worker has none: its parent keeps the other processors busy.
     """
-    count = min(cores(), len(items))
+    if _WHERE and len(items) > 1 and (mapper := _WHERE[-1][1]) is not None:
+        return mapper(function, items)
+    count = min(worker_count(), len(items))
     if count < 2 or parent_process() is not None:
         return [function(item) for item in items]
     if not _FORKS:

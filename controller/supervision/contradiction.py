@@ -10,7 +10,6 @@ from controller.limits import Envelope
 CONTRADICT: Final = "sensor or drive contradict each other"
 _SLACK_M: Final = 2e-3  # margin of the envelope
 _STDS: Final = 6.0  # standard deviations of readings beyond which two contradict each other
-_STILL_M: Final = 1e-3  # distance from which a capsule moves
 _PUSHES: Final = 0.15  # share of the drive's limit that counts as a push
 _AGAINST: Final = (5e-3, 0.5)  # m and share of the envelope that a capsule may move against the push
 _HARD: Final = 0.9  # share of a magnet's gap that counts as a hard pull
@@ -89,14 +88,13 @@ class Contradiction:
     - Envelope: the carriage stays within `Envelope.around_m` of the wanted position and the capsule within twice that;
       without a carriage the capsule alone within `around_m`. A magnet keeps its capsule within its gap, so a drifting
       localisation leads it no farther.
-    - Sign: a capsule moves where it is pushed. While the push exceeds `_PUSHES` of the greatest one, it moves back by
-      less than `_AGAINST`, in m and as a share of the envelope. Waves and recovering walls move it less: the magnet
-      pulls harder.
+    - Sign: a capsule moves where it is pushed. While the push exceeds `_PUSHES` of the greatest one, its readings,
+      smoothed by `_MEAN`, go back by less than `_AGAINST`, in m and as a share of the envelope. Waves and recovering
+      walls move it less: the magnet pulls harder.
     - Answer: a capsule moves by `_MOVED_M` (or four standard deviations of readings smoothed by `_MEAN`) in the
       direction of the push. A magnet may pull by `_HARD` of its gap for `_PULLED_S` before. The push of a coil beyond
       `_IN_VAIN[0]` times the friction, in frictions, may sum up to `_IN_VAIN[1]` seconds before; until then it is at
-      most `_MOST_IN_VAIN` (`most`). With an inner mass it moves by `_STILL_M` and `_STDS` standard deviations within
-      `_ON_S`.
+      most `_MOST_IN_VAIN` (`most`). With an inner mass it moves as far either way within `_ON_S` of swinging.
     - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
       seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
@@ -114,7 +112,7 @@ class Contradiction:
         self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
-        self._moved_m, self._still_m = max(_MOVED_M, _MEAN_STDS * noise_m), _STILL_M + _STDS * noise_m
+        self._moved_m = max(_MOVED_M, _MEAN_STDS * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
         self.begin()
@@ -125,8 +123,8 @@ class Contradiction:
         self._drive = Corridor(around_m, limits.carriage_speed_m_s, slack_m)
         self._capsule = Corridor(around_m * (2 if self._envelope.placed else 1), limits.speed_m_s, slack_m)
         self._jump = JumpCheck(self._noise_m)
-        self.against_m = self._on_s = self._sign = self._vain_s = self._vain_sign = 0.0
-        self._rested_m = self._farthest_m = self._mean_m = self._from_m = math.nan
+        self.against_m = self._sign = self._vain_s = self._vain_sign = 0.0
+        self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
         self._places, self._slip_m_s = deque[tuple[float, float]](maxlen=_PLACES), 0.0
         self._outside, self._way_m, self._wanted_m = 0, 0.0, math.nan
@@ -139,14 +137,12 @@ class Contradiction:
         if len(self._ways) == CONFIRMED and self._way_m - self._ways[0] > self._envelope.around_m:
             far = 1e3 * (self._way_m - self._ways[0])
             return f"the localisation is too slow or late: {CONFIRMED} readings while the reference went {far:.0f} mm"
-        if self._envelope.shaken:
-            self._on_s += dt * (drive > 0)
-            if self._on_s > _ON_S:
-                return f"{CONTRADICT}: the capsule has not moved while the inner mass swung for {_ON_S:g} s"
-        elif self._in_vain(drive, dt):
+        if self._in_vain(drive, dt):
             pushed = f"the coil pushed with {abs(drive) / self._friction:.2g} times its friction"
             if self._envelope.placed:
                 pushed = f"the magnet pulled by {1e3 * self._hard_m:.1f} mm or more for {_PULLED_S:g} s"
+            elif self._envelope.shaken:
+                pushed = f"the inner mass swung for {_ON_S:g} s"
             return f"{CONTRADICT}: the capsule does not answer, it has not moved while {pushed}"
         if self._envelope.placed and self._drive.leaves(drive, wanted_m, dt):
             off = 1e3 * (drive - wanted_m)
@@ -169,16 +165,13 @@ class Contradiction:
             return ""
         push = drive - position_m if self._envelope.placed else self._envelope.sense * drive
         sign = 0.0 if self._envelope.shaken or abs(push) < self._push else math.copysign(1.0, push)
-        if sign != self._sign:
-            self._sign, self._farthest_m = sign, position_m
-        elif sign * (position_m - self._farthest_m) > 0:
-            self._farthest_m = position_m
         self._mean_m = position_m if math.isnan(self._mean_m) else self._mean_m + _MEAN * (position_m - self._mean_m)
-        if not self._vain_sign * (self._mean_m - self._from_m) < self._moved_m:  # it answers: nothing was in vain
+        if sign != self._sign or sign * (self._mean_m - self._farthest_m) > 0:
+            self._sign, self._farthest_m = sign, self._mean_m
+        moved_m = self._mean_m - self._from_m
+        if not (abs(moved_m) if self._envelope.shaken else self._vain_sign * moved_m) < self._moved_m:  # it answers
             self._from_m, self._vain_s = self._mean_m, 0.0
-        self.against_m = sign * (self._farthest_m - position_m)
-        if not abs(position_m - self._rested_m) <= self._still_m:
-            self._rested_m, self._on_s = position_m, 0.0
+        self.against_m = sign * (self._farthest_m - self._mean_m)
         dt = stamp_s - self._seen_at
         self._seen_at = stamp_s
         self._slip_m_s = self._slips(position_m, stamp_s)
@@ -190,12 +183,16 @@ class Contradiction:
         self._outside = self._outside + 1 if outside else 0
         if self._outside >= CONFIRMED:
             off = 1e3 * (position_m - wanted_m)
-            return f"{CONTRADICT}: the localisation shows the capsule {off:+.1f} mm from the wanted position"
+            shown = f"{CONTRADICT}: the localisation shows the capsule {off:+.1f} mm from the wanted position"
+            return shown if self._envelope.placed else f"{shown}, beyond limits.envelope_m"
         return ""
 
     def _in_vain(self, drive: float, dt: float) -> bool:
-        """Whether the drive has pushed hard for too long without an answer."""
+        """Whether the drive has pushed hard, or the inner mass swung, for too long without an answer."""
         placed = self._envelope.placed
+        if self._envelope.shaken:
+            self._vain_s += dt * (drive > 0)
+            return self._vain_s > _ON_S
         push = drive - self._mean_m if placed else self._envelope.sense * drive
         sign = math.copysign(1.0, push) if push else 0.0
         if sign != self._vain_sign:

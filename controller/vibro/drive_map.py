@@ -127,10 +127,10 @@ _WRONG = 0.15  # error of the parameters that a wave must bear
 _LEAST = 0.2  # least share of its speed that a wave keeps with wrong parameters
 _TRIED = 12  # square waves checked per speed
 _SAVES, _IN_VAIN = 0.02, 2  # least saving of a guess; guesses in a row below it
-_FURTHER = 1.2  # ratio of reach from which the plain square gets its own gear
+_FURTHER = 1.1  # ratio of reach from which the plain square gets its own gear
 _LAG_S = (0.03, 0.5)  # shortest and longest lag of the mean speed
 MAPS: Final = TypeAdapter(DriveMap)
-_FORMAT = 12  # of the cached map
+_FORMAT = 13  # of the cached map
 
 
 def wrong_models(model: VibroModel) -> list[VibroModel]:

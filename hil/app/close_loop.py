@@ -1,5 +1,6 @@
 """`capsule close-loop`: measured records in; report, numbers and the better model out."""
 
+import math
 import os
 import signal
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,9 +11,21 @@ from typing import Annotated, Any, Final
 
 from rich.table import Table
 
+from hil.app.cluster import Workers, spread
 from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
 from hil.app.scenario.rig_file import read_deployed_rig
-from hil.app.shared_options import Json, OwnEffects, RigFile, Seed, argument, option, several
+from hil.app.shared_options import (
+    Json,
+    OwnEffects,
+    RigFile,
+    Scheduler,
+    Seed,
+    WorkerCount,
+    argument,
+    option,
+    seconds,
+    several,
+)
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.rig_record import read_rig_record
 from hil.report.closed_loop import report_html
@@ -44,6 +57,11 @@ def close_loop(
         several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch."),
     ],
     *,
+    budget: Annotated[
+        str | None, option("--budget", "TIME", "Longest search, as 90s, 5min, 2h; what it left out is said.")
+    ] = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     json_output: Json = False,
     seed: Seed = 0,
     effects: OwnEffects,
@@ -51,8 +69,9 @@ def close_loop(
     """Find what the model lacks and write report, numbers, model and next experiment, all or none. SIGTERM ends it like
     Ctrl-C.
     """
-    with sole_writer(out, "--out"):
-        finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects))
+    on, budget_s = Workers(workers, scheduler), math.inf if budget is None else seconds(budget, "--budget")
+    with sole_writer(out, "--out"), spread(on):
+        finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects), budget_s)
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
     else:
@@ -60,7 +79,13 @@ def close_loop(
 
 
 def _closed(
-    records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int, effects: Catalogue
+    records: Sequence[Path],
+    rig: Path,
+    out: Path,
+    holdout: Sequence[Path],
+    seed: int,
+    effects: Catalogue,
+    budget_s: float,
 ) -> Finding:
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
     belief = effects.given_to(read_deployed_rig(rig))
@@ -69,7 +94,7 @@ def _closed(
         for record in read:
             notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
     with _termination_interrupts():
-        return find_and_write(belief, train, held, out, "close-loop", seed)
+        return find_and_write(belief, train, held, out, "close-loop", seed, budget_s)
 
 
 @contextmanager
@@ -111,10 +136,12 @@ def noted_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bo
     return record
 
 
-def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:
+def find_and_write(
+    rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int, budget_s: float = math.inf
+) -> Finding:
     """Close the loop and write its files to `out`; a next experiment from before does not stay."""
     with progress_bar(title) as progress, output_to_notes():
-        finding, model = close(rig, train, held, progress, seed=seed, told=_tell)
+        finding, model = close(rig, train, held, progress, seed=seed, told=_tell, budget_s=budget_s)
         files = result_files(finding, model)
     write_files({out / name: content for name, content in files.items()})
     for name in {NEXT_TOML, NEXT_CSV} - set(files):

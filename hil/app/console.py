@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import re
 import sys
 import time
@@ -23,6 +24,7 @@ WIDTH = 110  # characters, where there is no terminal
 QUIET_S = 10.0
 """Off a terminal, a stage that lasts prints a line after this time."""
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_STEPS = 100_000  # of a bar
 _FIRST_SHARE = 0.02  # of the work, before the remaining time is estimated
 
 
@@ -94,35 +96,41 @@ def output_to_notes() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterator[Callable[[str, float], None]]:
     """Progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S`. `even` work
-    also gets its remaining time. Yields `report(stage, fraction)`; what follows a colon in `stage` is a step of it.
+    also gets its remaining time, from the pace since `done` of it. Yields `report(stage, fraction)`; what follows a
+    colon in `stage` is a step of it.
     """
     console = notes()
     if not console.is_terminal:
-        yield stage_lines(console, title, even=even)
+        yield stage_lines(console, title, even=even, done=done)
         return
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
+        TextColumn("{task.fields[percent]:3d} %"),
         TimeElapsedColumn(),
         *([TextColumn("remaining"), TimeRemainingColumn()] if even else []),
     )
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(title, total=1.0)
+        task = progress.add_task(title, total=_STEPS, completed=round(_STEPS * done), percent=math.floor(100 * done))
 
         def report(stage: str, fraction: float) -> None:
-            progress.update(
-                task, description=escape(printable(f"{title}: {stage}")), completed=min(max(fraction, 0.0), 1.0)
-            )
+            part = min(max(fraction, 0.0), 1.0)
+            said = escape(printable(f"{title}: {stage}"))
+            progress.update(task, description=said, completed=_STEPS * part, percent=math.floor(100 * part))
 
         yield report
 
 
 def stage_lines(
-    console: Console, title: str, *, even: bool = False, clock: Callable[[], float] = time.monotonic
+    console: Console,
+    title: str,
+    *,
+    even: bool = False,
+    done: float = 0.0,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Callable[[str, float], None]:
     """The `report(stage, fraction)` of `progress_bar` off a terminal: it prints lines."""
     began = said = clock()
@@ -137,9 +145,9 @@ def stage_lines(
         last, said = head, now
         spent = now - began
         times = TEXT("console.spent", seconds=round(spent)) if spent >= QUIET_S else ""
-        if even and times and _FIRST_SHARE < part < 1.0:
-            times += TEXT("console.remaining", seconds=round(spent * (1 - part) / part))
-        console.print(f"{title}: {100 * part:3.0f} %  {stage}{times}", markup=False)
+        if even and times and (part - done > _FIRST_SHARE * (1 - done)) and part < 1.0:
+            times += TEXT("console.remaining", seconds=math.ceil(spent * (1 - part) / (part - done)))
+        console.print(f"{title}: {math.floor(100 * part):3d} %  {stage}{times}", markup=False)
 
     return report
 

@@ -1,5 +1,7 @@
 """Options and arguments that several commands share, each declared once."""
 
+import math
+import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -21,6 +23,15 @@ def loaded(target: str) -> Callable[..., Any]:
 def option(name: str, metavar: str, words: str) -> Any:
     """The option `--name METAVAR` with its `words` in the help."""
     return typer.Option(name, metavar=metavar, help=words)
+
+
+def seconds(text: str, name: str) -> float:
+    """The time of the option `name`, such as `90s`, `5min` or `2h`, in s. Raises ValueError."""
+    found = re.fullmatch(r"([0-9.]+(?:e[0-9]+)?) ?(s|min|h)", text)
+    value = float(found[1]) * {"s": 1.0, "min": 60.0, "h": 3600.0}[found[2]] if found else math.nan
+    if not 1.0 <= value <= 1e7:
+        raise ValueError(f"{name} must be a number and s, min or h, as 90s or 5min, from 1s on; got {text!r}")
+    return value
 
 
 def several(name: str, metavar: str, words: str, taken_in: str = "") -> Any:
@@ -49,6 +60,8 @@ Seed = Annotated[int, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets ev
 RunSeed = Annotated[
     int | None, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number; else the scenario's.")
 ]
+WorkerCount = Annotated[int | None, option("--workers", "N", "Number of processes; else one per core.")]
+Scheduler = Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")]
 ControllerName = Annotated[str | None, option("--controller", "NAME", "Which controller.")]
 LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.")]
 Stage = Annotated[str, option("--stage", _STAGES, "Which model.")]

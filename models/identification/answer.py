@@ -37,7 +37,7 @@ from models.theta import Theta
 from models.words.sentences import Sentences, sentence
 
 TEXT: Final = Sentences(__file__)
-STOPPED: Final = {"chance": "noise", "form": "no gain", "gain": "no gain", "most": "four effects"}
+STOPPED: Final = {"chance": "noise", "form": "no gain", "gain": "no gain", "most": "four effects", "time": "time"}
 """What a report says of why a search ended (`Search.ended`)."""
 
 
@@ -50,8 +50,10 @@ def answer(
     seed: int,
     choice: Choice,
     drawn: bool = True,
+    left_out: str = "",
 ) -> Finding:
-    """All that is known of the records and the model, but for how long it took; without what a report alone shows
+    """All that is known of the records and the model, but for how long it took; `left_out` of the records are these;
+    without what a report alone shows
     where none is `drawn`.
     """
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
@@ -77,6 +79,7 @@ def answer(
         smallest_detectable=found.detectable,
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
+            *([left_out] if left_out else []),
             *_statements(kind, found, words),
             *_proposed(kind, found, predicted),
             *report.statements(kind, predicted.thetas, train),

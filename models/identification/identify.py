@@ -12,6 +12,7 @@ from models.checks.excitation import cannot_show, inseparable
 from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
 from models.identification.answer import answer
+from models.identification.effort import within_budget
 from models.identification.finding import STAGES, Finding, Trace
 from models.identification.fitting.confidence import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
@@ -38,6 +39,7 @@ from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.words.quantities import measured_unit
 from models.words.sentences import Quantity, Sentences
+from models.workers import worker_count
 
 TEXT: Final = Sentences(__file__)
 
@@ -52,29 +54,33 @@ def close(
     most: int = SET.most_effects,
     told: Callable[[Mapping[str, Quantity]], None] | None = None,
     drawn: bool = True,
+    budget_s: float = np.inf,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     only checked for what makes it unusable until the end.
 
     Base parameters that are `known` from elsewhere replace the rig file's and constrain the calibration as its
     `[prior]` does; known effects belong to the base. At most `most` effects are searched for. Before the fit `told`, if
-    given, gets the `smallest` sizes that would show. What a report alone shows is left out where none is `drawn`. The
-    same records and `seed` give the same numbers. Raises ValueError for records from which nothing is identifiable.
+    given, gets the `smallest` sizes that would show. What a report alone shows is left out where none is `drawn`. A
+    search uses no more rows than it needs, and those that `budget_s` allows. Without one, the same records and `seed`
+    give the same numbers. Raises ValueError for records from which nothing is identifiable.
     """
     began = time.monotonic()
     findings = examined(rig, train, holdout)
     train, holdout = [ready(record, rig) for record in train], [ready(record, rig) for record in holdout]
     prepared = prepare(rig, train, known, findings)
     check_parts(prepared.kind, train, holdout)
+    train, left_out, seconds = within_budget(prepared.kind, train, budget_s)
+    progress(TEXT("estimate", seconds=seconds, rows=sum(map(len, train)), workers=worker_count()), 0.01)
     if told is not None:
         told(smallest(prepared.kind, train))
-    found = search(prepared.kind, train, progress, np.random.default_rng(seed), most)
+    found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
     progress("held-out records", 0.95)
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
     judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
     progress("the next experiment", 0.97)
     choice = choice_of(prepared, found, predicted, judged, train, seed)
-    finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn)
+    finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn, left_out)
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = _model(prepared.kind, predicted, judged, provenance, choice, ranges_of(prepared.kind, train))
     progress("done", 1.0)

@@ -9,26 +9,31 @@ import typer
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
-from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
-from hil.app.campaign.running import Results, Workers, run_missing
+from hil.app.campaign.page import Runs, page_html, value_of
+from hil.app.campaign.running import Results, run_missing
 from hil.app.campaign.series import find_series
 from hil.app.campaign.series_answers import TEXT, SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
 from hil.app.campaign.series_answers import document as answers_document
 from hil.app.campaign.series_page import page_html as answers_html
+from hil.app.campaign.table import write_table
 from hil.app.campaign.worker import Row, run_job
+from hil.app.cluster import Workers
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
-from hil.app.shared_options import MOST_SEED, Json, OwnEffects, argument, option
+from hil.app.shared_options import MOST_SEED, Json, OwnEffects, Scheduler, WorkerCount, argument, option
+from hil.app.version import program_version
 from hil.app.write import own_folder, write_files
 from hil.report.words import column_words
 from models.effects import Catalogue
 from models.words.quantities import quantity
 
-RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
+RESULTS, TABLE, PAGE, NUMBERS = "results.jsonl", "results.parquet", "campaign.html", "campaign.json"
+REPORTS: Final = "series"
+SERIES_LIMIT_S: Final = 6 * 3600.0  # longest close-loop of a series
 _SHOWN: Final = 5  # worst cases that the terminal shows
 _MARK: Final = "close-loop over folders"
 """Marks the results of series; each series has a hash of its own."""
-Outcome = tuple[str, dict[str, Any], Sequence[str | Table], bool]
-"""The page, the numbers, the lines for the terminal, and whether a run failed."""
+Outcome = tuple[dict[str, Any], Sequence[str | Table], bool]
+"""The numbers, the lines for the terminal, and whether a run failed."""
 
 
 def campaign(
@@ -43,9 +48,12 @@ def campaign(
     out: Annotated[
         Path, option("--out", "DIR", "Folder for results and report; a campaign there is continued.")
     ] = Path("out/campaign"),
-    workers: Annotated[int | None, option("--workers", "N", "Number of processes; else one per core.")] = None,
-    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")] = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     run: Annotated[int | None, option("--run", "N", "Do run N alone and print it.")] = None,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Do failed runs again, and those of another version of the program.")
+    ] = False,
     json_output: Json = False,
     seed: Annotated[
         int, typer.Option("--seed", min=0, max=MOST_SEED, help="For folders: sets every random number.")
@@ -66,11 +74,10 @@ def campaign(
             return _one(plan, run)
         on = Workers(workers, scheduler)
         if plan is not None:
-            page, found, lines, failed = _loops(plan, out, shlex.join(["capsule", "campaign", str(paths[0])]), on)
+            command = shlex.join(["capsule", "campaign", str(paths[0])])
+            found, lines, failed = _loops(plan, out, command, on, retry=retry)
         else:
-            page, found, lines, failed = _series(paths, out, own, seed, on)
-        found["report"] = str(out / PAGE)
-        write_files({out / PAGE: page, out / NUMBERS: json_text(found)})
+            found, lines, failed = _series(paths, out, own, seed, on, retry=retry)
     if json_output:
         print_json(found)
     else:
@@ -79,40 +86,60 @@ def campaign(
     return int(failed)
 
 
-def _loops(plan: Campaign, out: Path, repeat: str, on: Workers) -> Outcome:
-    with Results(out / RESULTS, plan.fingerprint) as results:
+def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) -> Outcome:
+    with Results(out / RESULTS, plan.fingerprint, program_version(), retry=retry) as results:
         resumed = len(results.done)
-        jobs = [plan.job(number) for number in range(len(plan))]
-        rows = run_missing(plan.name, jobs, results, plan.head.chunk, on)
+
+        def show() -> tuple[Runs, dict[str, Any]]:
+            """Write what is there so far."""
+            runs = Runs(results.rows(), plan.head.metric, list(plan.draws))
+            found = document(plan, runs, repeat) | {"resumed": resumed, "report": str(out / PAGE)}
+            page = page_html(plan.name, runs, repeat, len(plan))
+            write_files({out / PAGE: page, out / NUMBERS: json_text(found)})
+            return runs, found
+
+        run_missing(
+            plan.name, range(len(plan)), plan.job, results, plan.head.chunk, on, shown=show, limit_s=plan.head.limit_s
+        )
+        runs, found = show()
+        found["table"] = write_table(out / TABLE, results.rows())
     metric = plan.head.metric
-    found = document(plan, rows, repeat) | {"resumed": resumed}
     words, unit = column_words(metric)
     counts, sizes = ("runs", "failed", "unsafe", "hard_violations"), ("median", "p95", "max")
     table = text_table("", ("", *(head.replace("_", " ") for head in counts), *sizes), bare=True)
     for name, numbers in found["groups"].items():
         cells = (quantity(numbers[head], unit) for head in sizes)
         table.add_row(name, *(str(numbers[head]) for head in counts), *cells)
-    worst = [TEXT("worst", value=quantity(one["value"], unit), repeat=one["repeat"]) for one in found["worst"][:_SHOWN]]
+    failed = [TEXT("failed", **one) for one in found["failures"]]
+    worst = [TEXT("worst", value=quantity(one["value"], unit), repeat=one["repeat"]) for one in found["worst"]]
     head = TEXT("head", name=plan.name, runs=len(plan), resumed=resumed, metric=words)
-    page = page_html(plan.name, metric, rows, list(plan.draws), repeat)
-    return page, found, [head, table, *worst], any("error" in row for row in rows)
+    return found, [head, table, *failed, *worst[:_SHOWN]], bool(runs.failures)
 
 
-def document(plan: Campaign, rows: list[Row], repeat: str) -> dict[str, Any]:
-    """The campaign's numbers: all runs, each combination, and the worst cases with the command that repeats each."""
+def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
+    """The campaign's numbers: all runs, each combination, each error, and the worst cases that did not fail; each with
+    the command that repeats it.
+    """
     metric = plan.head.metric
     return {
         "campaign": plan.name,
         "engine": plan.head.engine,
         "metric": metric,
-        "all": summary_of(rows, metric),
-        "groups": {name: summary_of(part, metric) for name, part in groups(rows, list(plan.draws)).items()},
+        "runs": len(plan),
+        "missing": len(plan) - len(runs),
+        "all": runs.summary(),
+        "groups": {name: runs.summary(which) for name, which in runs.groups().items()},
+        "failures": [
+            {"error": one.error, "count": one.count, "runs": one.runs, "repeat": f"{repeat} --run {one.runs[0]}"}
+            for one in runs.failures.values()
+        ],
         "worst": [
             {"run": row["run"], "value": value_of(row, metric), "point": row["point"]}
             | {"repeat": f"{repeat} --run {row['run']}"}
-            for row in worst_of(rows, metric)
+            for row in runs.worst
+            if "error" not in row
         ],
-        "seconds_of_runs": sum(row.get("seconds", 0.0) for row in rows),
+        "seconds_of_runs": runs.seconds,
     }
 
 
@@ -121,24 +148,40 @@ def _one(plan: Campaign, number: int) -> int:
         raise ValueError(f"--run must lie in [0, {len(plan) - 1}]; got {number}")
     with output_to_notes():
         row = run_job(plan.job(number))
+    for name in ("files", "worker"):
+        row.pop(name, None)
     print_json(row)
     return 1 if "error" in row else 0
 
 
-def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers) -> Outcome:
+def _series(
+    paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers, *, retry: bool
+) -> Outcome:
     Catalogue.read(effects)  # before any series begins
-    jobs = find_series(paths, out / REPORTS, effects, seed)
-    with Results(out / RESULTS, _MARK) as results:
-        for job in jobs:
-            if not job.reported and "result" in results.done.get(job.number, {}):
-                del results.done[job.number]
-        resumed = sum(job.number in results.done for job in jobs)
-        rows = run_missing("campaign", jobs, results, 1, on, _said)
-    answers = with_disagreements(
-        [answer_of(job.name, row, f"{REPORTS}/{job.name}") for job, row in zip(jobs, rows, strict=True)]
-    )
-    found = answers_document(answers) | {"resumed": resumed}
-    return answers_html(answers), found, _lines(answers, resumed), any(answer.error for answer in answers)
+    jobs = {job.number: job for job in find_series(paths, out / REPORTS, effects, seed)}
+    with Results(out / RESULTS, _MARK, program_version(), retry=retry) as results:
+        for row in list(results.rows()):
+            if "result" in row and (job := jobs.get(row["run"])) is not None and not job.reported:
+                results.drop(row["run"])
+        resumed = sum(number in results.done for number in jobs)
+
+        def show() -> tuple[list[SeriesAnswer], dict[str, Any]]:
+            """Write what is there so far."""
+            rows = {row["run"]: row for row in results.rows()}
+            answers = with_disagreements(
+                [answer_of(job.name, rows[n], f"{REPORTS}/{job.name}") for n, job in jobs.items() if n in rows]
+            )
+            found = answers_document(answers) | {"resumed": resumed, "report": str(out / PAGE)}
+            write_files({out / PAGE: answers_html(answers), out / NUMBERS: json_text(found)})
+            return answers, found
+
+        run_missing(
+            "campaign", list(jobs), jobs.__getitem__, results, 1, on, _said, show,
+            lambda row: jobs[row["run"]].keep(row["files"]), SERIES_LIMIT_S,
+        )  # fmt: skip
+        answers, found = show()
+        found["table"] = write_table(out / TABLE, results.rows())
+    return found, _lines(answers, resumed), any(answer.error for answer in answers)
 
 
 def _said(row: Row) -> str:

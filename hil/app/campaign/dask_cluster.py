@@ -1,18 +1,14 @@
 """The same runs on a Dask cluster: an optional extra."""
 
-import asyncio
-import logging
-import pickle
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from threading import Lock
 from typing import Any, Final
 
-from hil.app.campaign.worker import Job, Row, lost, run_jobs
+from hil.app.campaign.worker import LONGEST_S, Job, Row, lost, overdue, run_jobs
+from hil.app.cluster import ANSWER_S, connected, count_of, packed, same_program
 
-ANSWER_S: Final = 5.0  # in which a scheduler must answer
 LOOK_S: Final = 1.0  # between two looks at the cluster
 TIMEOUT_S: Final = 60.0  # without a worker, after which a campaign ends
 RETRIES: Final = 3  # of a run whose worker is lost
@@ -21,45 +17,58 @@ _ONE: Final = Lock()
 _KEPT: Final = "finished runs are on file, and the same command goes on from there"
 
 
-def scheduled(parts: Sequence[Sequence[Job]], address: str, timeout_s: float = TIMEOUT_S) -> Iterator[list[Row]]:
+def scheduled(
+    parts: Iterable[Sequence[Job]], address: str, timeout_s: float = TIMEOUT_S, limit_s: float = LONGEST_S
+) -> Iterator[list[Row]]:
     """The rows of each chunk as it ends, computed by workers of the scheduler at `address`, which need this program
-    installed.
+    installed, in this version.
 
     A chunk whose worker dies goes to another worker. A chunk that has cost as many workers as the scheduler allows is
-    done last, one run at a time; a run that still kills its workers becomes a row with `error`. Raises ValueError where
-    Dask, the scheduler or this program on a worker is missing, and after `timeout_s` without any worker.
+    done last, one run at a time; a run that still kills its workers becomes a row with `error`, and so does one whose
+    worker does not answer within `limit_s`. Raises ValueError where Dask, the scheduler or this program on a worker is
+    missing, and after `timeout_s` without any worker.
     """
     suspects: list[Job] = []
-    with _connected(address) as client:
-        for part, rows in _answers(client, parts, address, timeout_s):
+    with connected(address) as client:
+        same_program(client)
+        for part, rows in _answers(client, parts, address, timeout_s, limit_s):
             if isinstance(rows, int):
                 suspects += part
             else:
                 yield rows
         for job in suspects:
-            for _, rows in _answers(client, [[job]], address, timeout_s):
+            for _, rows in _answers(client, [[job]], address, timeout_s, limit_s):
                 yield [lost(job, rows)] if isinstance(rows, int) else rows
 
 
 def _answers(
-    client: Any, parts: Sequence[Sequence[Job]], address: str, timeout_s: float
+    client: Any, parts: Iterable[Sequence[Job]], address: str, timeout_s: float, limit_s: float
 ) -> Iterator[tuple[Sequence[Job], list[Row] | int]]:
     """Each chunk as it ends, with its rows or how many workers it has killed."""
     from distributed import wait
 
-    waiting, flying, seen = deque(parts), dict[Any, Sequence[Job]](), time.monotonic()
-    while waiting or flying:
-        workers = _workers(client)
+    waiting, more, flying, seen = iter(parts), True, dict[Any, tuple[float, Sequence[Job]]](), time.monotonic()
+    while more or flying:
+        workers = count_of(client)
         seen = time.monotonic() if workers else seen
         if time.monotonic() - seen > timeout_s:
             raise ValueError(f"--scheduler must have workers; {address} has named none for {timeout_s:g} s; {_KEPT}")
-        while waiting and len(flying) < AHEAD * max(workers, 1):
-            part = waiting.popleft()
-            flying[client.submit(_packed(part), retries=RETRIES, pure=False)] = part
+        while more and len(flying) < AHEAD * max(workers, 1):
+            if (part := next(waiting, None)) is None:
+                more = False
+                break
+            ends = time.monotonic() + limit_s * len(part) * (1 + AHEAD)
+            flying[client.submit(packed(run_alone, part), retries=RETRIES, pure=False)] = ends, part
+        for future in [one for one, (ends, _) in flying.items() if time.monotonic() > ends]:
+            future.cancel()
+            part = flying.pop(future)[1]
+            yield part, [overdue(job, limit_s) for job in part]
+        if not flying:
+            continue
         try:
             for future in wait(list(flying), timeout=LOOK_S, return_when="FIRST_COMPLETED").done:
                 rows = _outcome(future)
-                yield flying.pop(future), rows
+                yield flying.pop(future)[1], rows
         except TimeoutError:
             continue
         except CancelledError:
@@ -72,56 +81,6 @@ def run_alone(jobs: Sequence[Job]) -> list[Row]:
     """
     with _ONE:
         return run_jobs(jobs)
-
-
-def _packed(jobs: Sequence[Job]) -> Callable[[], list[Row]]:
-    """A chunk as a function that is sent by value and unpacked on the worker, so the scheduler need not have this
-    program.
-    """
-    packed = pickle.dumps((jobs, run_alone))
-
-    def work() -> list[Row]:
-        opened, run = pickle.loads(packed)
-        return list(run(opened))
-
-    return work
-
-
-def _connected(address: str) -> Any:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ValueError(
-            "--scheduler must stand where Dask is installed; it is not: install the extra 'dask'"
-        ) from None
-    try:
-        kind = asyncio.run(asyncio.wait_for(_kind(address), ANSWER_S))
-    # A wrong address, or another program there, raises many kinds of errors.
-    except Exception as error:  # noqa: BLE001
-        kind = str(error) or f"no answer in {ANSWER_S:g} s"
-    if kind != "Scheduler":
-        raise ValueError(
-            f"--scheduler must be the address of a Dask scheduler, as tcp://HOST:8786; got {address}: {kind}"
-        )
-    for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-    return Client(address, timeout=ANSWER_S)
-
-
-async def _kind(address: str) -> str:
-    """What answers there. `Client` would wait for ever where nothing does."""
-    from distributed import Security, rpc
-
-    async with rpc(address, timeout=ANSWER_S, connection_args=Security().get_connection_args("client")) as peer:
-        return str((await peer.identity()).get("type", "no Dask"))
-
-
-def _workers(client: Any) -> int:
-    """How many workers there are; 0 where the scheduler does not answer."""
-    try:
-        return len(client.sync(client.scheduler.ncores, callback_timeout=ANSWER_S))
-    except (OSError, TimeoutError):
-        return 0
 
 
 def _outcome(future: Any) -> list[Row] | int:

@@ -24,7 +24,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from hil.app.campaign.worker import Loop, Table
+from hil.app.campaign.worker import LONGEST_S, Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
@@ -93,6 +93,7 @@ class CampaignTable(NamedTable):
     cases: int = schema.key("cases, each with a seed and draws of its own", 1, 1, MOST_RUNS)
     seed: int = schema.key("sets every random number", 0, 0, LARGEST_INTEGER)
     chunk: int = schema.key("runs that go to a worker at once", 4, 1, 1000)
+    limit_s: float = schema.key("longest time of a run; after it the run counts as failed", 3600.0, 0.1, LONGEST_S)
     metric: Annotated[str, Among(METRICS)] = schema.key(
         "what the report is about, a number of `track`", "tracking_rmse_m"
     )

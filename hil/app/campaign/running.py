@@ -5,83 +5,93 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self, TypeVar
 
 from hil.app.campaign.dask_cluster import scheduled
-from hil.app.campaign.worker import Job, Row, pooled
-from hil.app.console import InterruptionError, output_to_notes, progress_bar
+from hil.app.campaign.series_answers import TEXT
+from hil.app.campaign.worker import LONGEST_S, OUTSIDE, Job, Row, pooled
+from hil.app.cluster import Workers
+from hil.app.console import InterruptionError, note, output_to_notes, progress_bar
 from models.words.quantities import plain
 
 Key = int | str
+K = TypeVar("K", int, str)
+SHOWN_S: Final = 30.0  # least time between two pages of a campaign that is under way
 
 
-@dataclass(frozen=True)
-class Workers:
-    """The workers: so many processes (None: one a core), or the cluster of a scheduler. Raises ValueError."""
-
-    processes: int | None = None
-    scheduler: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.processes is not None and not 1 <= self.processes <= 1024:
-            raise ValueError(f"--workers must lie in [1, 1024]; got {self.processes}")
-        if self.processes is not None and self.scheduler is not None:
-            raise ValueError(
-                f"--workers must be left out with --scheduler, whose cluster has its own; got {self.processes}"
-            )
-
-    def rows(self, parts: Sequence[Sequence[Job]]) -> Iterator[list[Row]]:
-        """The rows of each chunk as it ends."""
-        if not parts:
-            return iter(())
-        if self.scheduler is not None:
-            return scheduled(parts, self.scheduler)
-        return pooled(parts, min(self.processes or os.cpu_count() or 1, len(parts)))
+def _rows(parts: Iterable[Sequence[Job]], on: Workers, limit_s: float) -> Iterator[list[Row]]:
+    """The rows of each chunk as it ends; a run may last `limit_s`."""
+    if on.scheduler is not None:
+        return scheduled(parts, on.scheduler, limit_s=limit_s)
+    return pooled(parts, on.count, limit_s)
 
 
 def run_missing(
     title: str,
-    jobs: Sequence[Job],
+    numbers: Sequence[K],
+    job_of: Callable[[K], Job],
     results: Results,
     chunk: int,
     workers: Workers,
     said: Callable[[Row], str] = lambda _: "runs",
-) -> list[Row]:
-    """Do the jobs that `results` does not hold, `chunk` at a time; the rows of all, in their order. `said` words a new
-    row for the progress. Raises InterruptionError, which says what is on file.
+    shown: Callable[[], object] = lambda: None,
+    keep: Callable[[Row], None] = lambda _: None,
+    limit_s: float = LONGEST_S,
+) -> None:
+    """Do the runs that `results` does not hold, `chunk` at a time. `said` words a new row for the progress, `keep`
+    stores the `files` of a row before the row is on file, and `shown` shows what is there so far: it gets a twentieth
+    of the time. Raises InterruptionError, which says what is on file.
     """
-    missing = [which for which, job in enumerate(jobs) if job.number not in results.done]
-    over = len(jobs) - len(missing)
-    parts = [tuple(jobs[which] for which in part) for part in chunks(missing, chunk)]
+    missing = [number for number in numbers if number not in results.done]
+    over, began, spent = len(numbers) - len(missing), time.monotonic(), 0.0
+    shows = began + SHOWN_S
+    parts = (tuple(map(job_of, part)) for part in chunks(missing, chunk))
     try:
-        with output_to_notes(), progress_bar(title, even=True) as report:
-            for rows in workers.rows(parts):
+        with output_to_notes(), progress_bar(title, even=True, done=over / max(len(numbers), 1)) as report:
+            for rows in _rows(parts, workers, limit_s) if missing else ():
+                spent += sum(row["seconds"] for row in rows)
+                if over == len(numbers) - len(missing):
+                    _estimate(len(missing), spent / len(rows), min(workers.count, len(missing)))
+                for row in rows:
+                    keep({**row, "files": row.pop("files", {})})
                 results.add(rows)
                 over += len(rows)
-                report(said(rows[-1]), over / len(jobs))
+                report(said(rows[-1]), over / len(numbers))
+                if (now := time.monotonic()) >= shows:
+                    shown()
+                    shows = time.monotonic() + max(SHOWN_S, 20 * (time.monotonic() - now))
     except KeyboardInterrupt as error:
-        there = sum(job.number in results.done for job in jobs)
-        kept = f"{there} of {len(jobs)} runs are on file in {results.path}"
+        kept = f"{over} of {len(numbers)} runs are on file in {results.path}"
         raise InterruptionError(f"interrupted: {kept}; the same command goes on from there") from error
-    return [results.done[job.number] for job in jobs]
+
+
+def _estimate(runs: int, each_s: float, workers: int) -> None:
+    """Say how long the missing runs will take, from the first of them."""
+    if not workers:
+        note(TEXT("estimate_cluster", runs=runs, seconds=each_s))
+    elif runs > workers:
+        note(TEXT("estimate", runs=runs, seconds=each_s, workers=workers, total=runs * each_s / workers))
 
 
 class Results:
-    """The file `path`, whose runs are `done`. A line that a kill cut off is removed when the file is opened again.
-
-    The key `run` of a row, a number or a word, identifies the run. One process at a time holds the file. Raises
-    ValueError for the results of another campaign.
+    """The file `path`: a line of JSON for each run, by its key `run`, a number or a word. `done` are the places of the
+    rows in it. A line that a kill cut off is removed when the file is opened again. Rows of runs that failed for a
+    cause outside them do not count, with `retry` neither do those of failed runs and of other programs; `version` is
+    that of this program. One process at a time holds the file. Raises ValueError for the results of another campaign,
+    or of another program.
     """
 
-    def __init__(self, path: Path, fingerprint: str) -> None:
-        self.path = path
+    def __init__(self, path: Path, fingerprint: str, version: str = "", *, retry: bool = False) -> None:
+        self.path, self._version = path, version
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self.done = self._read(fingerprint)
+            self.done = self._read(fingerprint, retry=retry)
         except BlockingIOError:
             os.close(self._file)
             raise ValueError(
@@ -91,38 +101,86 @@ class Results:
             os.close(self._file)
             raise
 
-    def _read(self, fingerprint: str) -> dict[Key, dict[str, Any]]:
-        content = self.path.read_bytes()
-        whole = content.rfind(b"\n") + 1
-        if whole != len(content):
-            os.ftruncate(self._file, whole)
-        lines = content[:whole].splitlines()
-        if not lines:
-            self._append([{"campaign": fingerprint}])
-            return {}
+    def _read(self, fingerprint: str, *, retry: bool) -> dict[Key, int]:
+        self._end = self._cut()
+        done, others = dict[Key, int](), Counter[str]()
         try:
-            head, *rows = [json.loads(line) for line in lines]
-            got = head["campaign"]
-            done = {_key(row): row for row in rows}
-        except (ValueError, KeyError, TypeError):
+            lines = self._lines()
+            first = next(lines, None)
+            if first is None:
+                self._append([{"campaign": fingerprint}])
+                return {}
+            got = first[1]["campaign"]
+            for place, row in lines:
+                done.pop(_key(row), None)
+                of_another = row.get("version", "") != self._version
+                if row.get("cause") == OUTSIDE or (retry and ("error" in row or of_another)):
+                    continue
+                others[row.get("version", "")] += of_another
+                done[_key(row)] = place
+        except (ValueError, KeyError, TypeError, AttributeError):
             raise ValueError(f"{self.path}: results must be lines of JSON that a campaign wrote; got others") from None
         if got != fingerprint:
             raise ValueError(
                 f"{self.path}: results must be those of this campaign ({fingerprint}); got {got}: the campaign or its"
                 " scenario has changed, so take another --out"
             )
+        for version, count in others.most_common(1):
+            if count:
+                by = version or "a program that did not say its version"
+                raise ValueError(
+                    f"{self.path}: results must be those of this program ({self._version}); got {count} runs of {by}:"
+                    " --retry does them again, another --out keeps both"
+                )
         return done
 
-    def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
-        """Append the rows of a chunk in one write, without runs that are there already."""
-        fresh = {_key(row): dict(row) for row in rows if _key(row) not in self.done}
-        self._append(fresh.values())
-        self.done |= fresh
+    def _cut(self) -> int:
+        """The end of the last whole line; what follows it is removed."""
+        with self.path.open("rb") as file:
+            end = sum(len(line) for line in file if line.endswith(b"\n"))
+        if end != self.path.stat().st_size:
+            os.ftruncate(self._file, end)
+        return end
 
-    def _append(self, rows: Iterable[Mapping[str, Any]]) -> None:
-        data = "".join(json.dumps(plain(dict(row)), allow_nan=False) + "\n" for row in rows).encode()
+    def _lines(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        with self.path.open("rb") as file:
+            place = 0
+            for line in file:
+                yield place, json.loads(line)
+                place += len(line)
+
+    def rows(self) -> Iterator[Row]:
+        """The rows that count, one after the other."""
+        lines = self._lines()
+        next(lines)
+        return (row for place, row in lines if self.done.get(_key(row)) == place)
+
+    def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
+        """Append the rows of a chunk in one write, without runs that are there already. Raises ValueError for a worker
+        with another program.
+        """
+        fresh = {_key(row): dict(row) for row in rows if _key(row) not in self.done}
+        for row in fresh.values():
+            if (got := row.get("version", "")) != self._version:
+                where = row.get("worker", "one")
+                raise ValueError(f"workers must have this program ({self._version}); {where} has {got or 'another'}")
+            row.pop("worker", None)
+        for key, place in zip(fresh, self._append(fresh.values()), strict=True):
+            self.done[key] = place
+
+    def drop(self, key: Key) -> None:
+        """Forget a run, which is then done again."""
+        self.done.pop(key, None)
+
+    def _append(self, rows: Iterable[Mapping[str, Any]]) -> list[int]:
+        """Write the rows; their places."""
+        lines = [json.dumps(plain(dict(row)), allow_nan=False).encode() + b"\n" for row in rows]
+        places = list(accumulate(map(len, lines), initial=self._end))
+        data = b"".join(lines)
         while data:
             data = data[os.write(self._file, data) :]
+        self._end = places.pop()
+        return places
 
     def close(self) -> None:
         """Close the file, as the end of a `with` does."""
@@ -142,7 +200,7 @@ def _key(row: Mapping[str, Any]) -> Key:
     return key
 
 
-def chunks(missing: Iterable[int], size: int) -> list[tuple[int, ...]]:
+def chunks(missing: Iterable[K], size: int) -> list[tuple[K, ...]]:
     """Runs in parts of at most `size`, in order."""
     numbers = list(missing)
     return [tuple(numbers[k : k + size]) for k in range(0, len(numbers), size)]

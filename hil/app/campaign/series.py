@@ -1,15 +1,17 @@
 """Folders of series: `rig.toml` and its records; those whose names begin with `holdout` or `held_out` are held out."""
 
 import contextlib
+import errno
 import hashlib
 import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from hil.app.close_loop import read_series, result_files
+from hil.app.console import printable
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.write import write_files
 from hil.formats.reading import format_of, is_log
@@ -48,7 +50,10 @@ class Series:
         return {"series": self.name}
 
     def result(self) -> dict[str, Any]:
-        """`close-loop` on it: the report's three files in `out`, and the numbers in short. Raises ValueError."""
+        """`close-loop` on it: the numbers in short, and the report's three `files`. Raises ValueError, OSError."""
+        for path in (self.folder / RIG, *self.train, *self.holdout, *self.effects):
+            if not path.exists():
+                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
         if not self.train:
             raise ValueError(f"{self.folder}: folder must hold records to fit to beside {RIG}; got none")
         with contextlib.redirect_stderr(io.StringIO()):
@@ -56,10 +61,14 @@ class Series:
             train, held = read_series(self.train, self.holdout, rig)
             finding, model = close(rig, train, held, lambda *_: None, seed=self.seed)
             files = result_files(finding, model)
-        self.out.mkdir(parents=True, exist_ok=True)
-        write_files({self.out / name: content for name, content in files.items()})
         report = report_json(finding)
-        return {key: report[key] for key in KEPT}
+        return {key: report[key] for key in KEPT} | {"files": files}
+
+    def keep(self, files: Mapping[str, str | bytes]) -> None:
+        """Write the report's files into `out`."""
+        if files:
+            self.out.mkdir(parents=True, exist_ok=True)
+            write_files({self.out / name: content for name, content in files.items()})
 
     @property
     def reported(self) -> bool:
@@ -85,15 +94,20 @@ def find_series(folders: Sequence[Path], out: Path, effects: Sequence[Path] = ()
         digest.update(path.read_bytes())
     own = tuple(path.resolve() for path in effects)
     return [
-        _series(folder, folder.relative_to(common).as_posix(), out.resolve(), own, seed, digest.copy())
+        _series(folder, _spoken(folder.relative_to(common)), out.resolve(), own, seed, digest.copy())
         for folder in sorted(found)
     ]
+
+
+def _spoken(path: Path) -> str:
+    """A path as a name that can be printed and written; bytes that are no text, and control characters, as codes."""
+    return printable(os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace"))
 
 
 def _series(folder: Path, name: str, out: Path, effects: tuple[Path, ...], seed: int, digest: Any) -> Series:
     records = list(_records(folder))
     for path in (folder / RIG, *records):
-        digest.update(str(path.relative_to(folder)).encode())
+        digest.update(os.fsencode(path.relative_to(folder)))
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             digest.update(file.read_bytes() if file.is_file() else b"")
     held = tuple(path for path in records if path.relative_to(folder).parts[0].startswith(HELD_OUT))

@@ -2,13 +2,15 @@
 
 import contextlib
 import io
+import os
+import socket
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any, Final, Protocol
 
 from controller.model.control_model import ControlModel
@@ -18,11 +20,16 @@ from hil.app.sil.sil import judged
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
+from hil.app.version import program_version
 from hil.app.write import file_trouble
 from models.theta import Theta
 from models.workers import end_with_parent
 
 TRIES: Final = 3  # workers that a run may cost
+OUTSIDE: Final = "outside"
+"""The `cause` of a run that failed for a cause outside itself: it is done again at the next start."""
+LONGEST_S: Final = 1e6  # that a run may be allowed to last
+_STARTS_S: Final = 60.0  # longest start of a worker
 Row = dict[str, Any]
 Table = Mapping[str, Any]
 _MODELS: dict[Any, ControlModel] = {}
@@ -40,7 +47,9 @@ class Job(Protocol):
     def point(self) -> Mapping[str, Any]: ...
 
     def result(self) -> Row:
-        """Its result as JSON. Raises ValueError where it cannot be done."""
+        """Its result as JSON, with `files` as texts by name where it makes any. Raises ValueError where it cannot be
+        done, OSError for a cause outside it.
+        """
         ...
 
 
@@ -89,46 +98,68 @@ def run_jobs(jobs: Sequence[Job]) -> list[Row]:
 
 
 def run_job(job: Job) -> Row:
-    """One run. One that cannot be done gives a row with `error`."""
+    """One run. One that cannot be done gives a row with `error`, and with `cause` where that lies outside the run."""
     row = _row(job)
     began = time.perf_counter()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             row["result"] = job.result()
+            row["files"] = row["result"].pop("files", {})
     except Exception as error:  # noqa: BLE001 - one run that fails is a result of the campaign, not its end
         words = file_trouble(error) if isinstance(error, OSError) else " ".join(str(error).split())[:300]
         row["error"] = words if isinstance(error, OSError | ValueError) else f"{type(error).__name__}: {words}"
+        row |= {"cause": OUTSIDE} if isinstance(error, OSError | MemoryError | ImportError) else {}
     row["seconds"] = round(time.perf_counter() - began, 3)
     return row
 
 
-def pooled(parts: Sequence[Sequence[Job]], workers: int) -> Iterator[list[Row]]:
-    """The rows of each chunk as it ends, computed by `workers` processes. The runs of chunks that were under way when a
-    worker died are done again at the end, one at a time; one that kills `TRIES` workers becomes a row with `error`.
+def pooled(parts: Iterable[Sequence[Job]], workers: int, limit_s: float = LONGEST_S) -> Iterator[list[Row]]:
+    """The rows of each chunk as it ends, computed by `workers` processes; workers that are silent for longer than
+    `limit_s` a run are killed. The runs of chunks that were under way when a worker died are done again at the end, one
+    at a time: one that kills `TRIES` workers, or is silent again, becomes a row with `error`.
     """
-    waiting, suspects = deque(parts), deque[Job]()
-    while waiting:
-        flying: dict[Future[list[Row]], Sequence[Job]] = {}
+    waiting, suspects, more = iter(parts), deque[Job](), True
+    while more:
+        flying: dict[Future[list[Row]], tuple[float, Sequence[Job]]] = {}
         with _pool(workers) as pool, contextlib.suppress(BrokenProcessPool):
-            while waiting or flying:
-                while waiting and len(flying) <= workers:
-                    flying[pool.submit(run_jobs, waiting[0])] = waiting[0]
-                    waiting.popleft()
-                for future in wait(flying, return_when=FIRST_COMPLETED).done:
+            while more or flying:
+                while more and len(flying) < workers:
+                    if (part := next(waiting, None)) is None:
+                        more = False
+                        break
+                    suspects.extend(part)
+                    flying[pool.submit(run_jobs, part)] = time.monotonic() + _STARTS_S + limit_s * len(part), part
+                    for _ in part:
+                        suspects.pop()
+                for future in _ended(flying) if flying else ():
                     yield future.result()
                     del flying[future]
-        suspects.extend(job for part in flying.values() for job in part)
-    deaths = 0
-    while suspects:
+        suspects.extend(job for _, part in flying.values() for job in part)
+    for job in suspects:
+        yield [_alone(job, limit_s)]
+
+
+def _alone(job: Job, limit_s: float) -> Row:
+    """The row of a run whose worker has died, done by a worker of its own."""
+    for _ in range(TRIES):
         with _pool(1) as pool, contextlib.suppress(BrokenProcessPool):
-            while suspects:
-                yield pool.submit(run_jobs, [suspects[0]]).result()
-                suspects.popleft()
-                deaths = 0
-        deaths += 1
-        if suspects and deaths == TRIES:
-            yield [lost(suspects.popleft(), TRIES)]
-            deaths = 0
+            future, ends = pool.submit(run_jobs, [job]), time.monotonic() + _STARTS_S + limit_s
+            if _ended({future: (ends, [job])}):
+                return future.result()[0]
+            return overdue(job, limit_s)
+    return lost(job, TRIES)
+
+
+def _ended(flying: Mapping[Future[list[Row]], tuple[float, Sequence[Job]]]) -> set[Future[list[Row]]]:
+    """The chunks that end next, each with the time until when it may run. Where one has not ended then, all workers are
+    killed, and none is returned.
+    """
+    left = min(ends for ends, _ in flying.values()) - time.monotonic()
+    done = wait(flying, timeout=max(left, 0.0), return_when=FIRST_COMPLETED).done
+    if not done:
+        for child in active_children():
+            child.kill()
+    return done
 
 
 @contextlib.contextmanager
@@ -144,8 +175,18 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 def lost(job: Job, deaths: int) -> Row:
     """The row of a run that has killed so many workers."""
-    return _row(job) | {"error": f"its worker died {deaths} times", "seconds": 0.0}
+    return _row(job) | {"error": f"its worker died {deaths} times", "cause": OUTSIDE, "seconds": 0.0}
+
+
+def overdue(job: Job, limit_s: float) -> Row:
+    """The row of a run that did not end within its limit."""
+    return _row(job) | {"error": f"it took longer than its limit of {limit_s:g} s", "seconds": limit_s}
 
 
 def _row(job: Job) -> Row:
-    return {"run": job.number, "seed": job.seed, "point": dict(job.point)}
+    """What all rows have; `worker` is not kept."""
+    place = f"{socket.gethostname()} {os.getpid()}"
+    return {"run": job.number, "seed": job.seed, "point": dict(job.point)} | {
+        "version": program_version(),
+        "worker": place,
+    }

@@ -54,6 +54,7 @@ class Search:
     known: Known = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
     last_s: float = field(default_factory=time.monotonic)
+    ends_s: float = np.inf
 
     def note(self, name: str) -> None:
         """The seconds since the last note were spent on `name`."""
@@ -68,16 +69,23 @@ class Search:
 
 
 def search(
-    kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = SET.most_effects
+    kind: Kind,
+    train: Sequence[Record],
+    progress: Progress,
+    rng: np.random.Generator,
+    most: int = SET.most_effects,
+    ends_s: float = np.inf,
 ) -> Search:
-    """Calibrate on `train`, then add at `most` so many effects, one at a time, while they gain beyond chance."""
+    """Calibrate on `train`, then add at `most` so many effects, one at a time, while they gain beyond chance; none is
+    begun after the monotonic time `ends_s`.
+    """
     began = time.monotonic()
     progress("calibrating", 0.02)
     records = kind.searched(train)
     splits = kind.splits(records)
     base = Fitter.of(kind, records, []).far([kind.nominal()])
     model = FittedModel(kind, splits).near([base.theta] * len(splits))
-    found = Search(base, base, last_s=began)
+    found = Search(base, base, last_s=began, ends_s=ends_s)
     found.note("calibration")
     on_all = judged_cost(kind, records, base.theta)
     calibrated, model = model, _named(model, found, on_all, progress, rng, most)
@@ -174,13 +182,15 @@ def _named(
 
 def _ended(kind: Kind, found: Search, most: int) -> str:
     """Why no further effect is sought: what is left is chance, or so little beside what the effects explain that the
-    error of their form may be as large, or there are enough effects; "" where one is. The fourth reason is that no
-    candidate gains enough ("gain").
+    error of their form may be as large, or there are enough effects, or the time is over; "" where one is. The fifth
+    reason is that no candidate gains enough ("gain").
     """
     if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)):
         return "chance"
     if len(found.rounds) >= most:
         return "most"
+    if time.monotonic() > found.ends_s:
+        return "time"
     possible = float(np.log(found.after / found.null_cost))
     return "form" if found.effects and possible <= _wanted(kind, found) else ""
 

@@ -83,6 +83,17 @@ def test_a_capsule_that_does_not_answer_is_stopped() -> None:
     assert "has not moved while the inner mass swung" in said
 
 
+@pytest.mark.parametrize("speed_m_s", [1e-3, 2e-3, -5e-3])
+def test_an_inner_mass_that_moves_its_capsule_slowly_is_left_alone(speed_m_s: float) -> None:
+    """Half of the time on, seen with a noise of 0.5 mm: 2 mm/s are 4 mm within 2 s."""
+
+    def place(t: float) -> float:
+        return speed_m_s * t + 3e-4 * math.sin(40 * math.pi * t)
+
+    found = reason(SHAKEN, lambda t: float(t % 0.05 < 0.025), place, place, 20.0, noise_m=5e-4)
+    assert found == (math.inf, "")
+
+
 def test_a_capsule_on_the_run_is_stopped_before_its_limit() -> None:
     at, said = reason(COIL, lambda t: -0.5, lambda t: 0.5 * t * t, lambda t: 0.5 * t * t)
     assert "mm/s, too near to its limit" in said

@@ -7,10 +7,10 @@ from rich.console import Console
 from hil.app.console import stage_lines
 
 
-def lines(even: bool, told: list[tuple[float, str, float]]) -> list[str]:
+def lines(even: bool, told: list[tuple[float, str, float]], done: float = 0.0) -> list[str]:
     """What is printed where `told` (time in s, stage, share) is reported."""
     out, now = io.StringIO(), [0.0]
-    report = stage_lines(Console(file=out, width=110), "x", even=even, clock=lambda: now[0])
+    report = stage_lines(Console(file=out, width=110), "x", even=even, done=done, clock=lambda: now[0])
     for at, stage, share in told:
         now[0] = at
         report(stage, share)
@@ -32,4 +32,13 @@ def test_even_work_tells_how_long_it_has_to_go() -> None:
         "x:   0 %  mpc",
         "x:  25 %  mpc, 20 s so far, about 60 s to go",
         "x:  25 %  pid, 21 s so far, about 63 s to go",
+    ]
+
+
+def test_work_that_is_resumed_tells_what_is_left_at_the_pace_of_this_start() -> None:
+    told = [(0.0, "runs", 0.996), (20.0, "runs", 0.997), (60.0, "runs", 0.9985)]
+    assert lines(True, told, done=0.996) == [
+        "x:  99 %  runs",
+        "x:  99 %  runs, 20 s so far, about 60 s to go",
+        "x:  99 %  runs, 60 s so far, about 36 s to go",
     ]

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from controller.supervision.acceptance import Acceptance
+from hil.app.campaign.page import Runs
 from hil.app.campaign.page import page_html as campaign_html
 from hil.app.campaign.series_answers import answer_of
 from hil.app.campaign.series_page import page_html as folders_html
@@ -105,9 +106,8 @@ def campaign_page() -> str:
         for name in ("pid_friction_estimated", "mpc")
         for hidden in ("folds and stenosis", "none")
     ]
-    return campaign_html(
-        "friction", "tracking_rmse_m", rows, ["tissue.friction_coefficient"], "capsule campaign c.toml"
-    )
+    runs = Runs(rows, "tracking_rmse_m", ["tissue.friction_coefficient"])
+    return campaign_html("friction", runs, "capsule campaign c.toml")
 
 
 def text(make: Callable[[], str]) -> Callable[[Path], Path]:

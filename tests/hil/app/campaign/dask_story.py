@@ -22,7 +22,9 @@ import dask
 from distributed import Client
 from distributed.cli import dask_scheduler, dask_worker
 
+from hil.app import version
 from hil.app.campaign import running as campaign
+from hil.app.campaign import worker
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.worker import Loop
 from hil.app.main import run
@@ -42,7 +44,7 @@ class Cluster:
         until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
         self.address: str = json.loads(file.read_text())["address"]
 
-    def worker(self, name: str) -> BaseProcess:
+    def worker(self, name: str, main: Callable[..., Any] = dask_worker.main) -> BaseProcess:
         """One more worker."""
         options = [
             "--name",
@@ -54,7 +56,15 @@ class Cluster:
             "--local-directory",
             str(self.folder),
         ]
-        return forked(self.folder / f"{name}.log", dask_worker.main, [self.address, *options])
+        return forked(self.folder / f"{name}.log", main, [self.address, *options])
+
+
+def old_worker(words: list[str]) -> None:
+    """A worker with another version of the program."""
+    version.program_version = lambda: "0.1 of yesterday"  # type: ignore[assignment]
+    worker.program_version = version.program_version
+    version.program_version.__module__, version.program_version.__qualname__ = version.__name__, "program_version"
+    dask_worker.main(words)
 
 
 def _scheduler(file: Path, failures: int) -> None:
@@ -190,10 +200,18 @@ def failing(folder: Path) -> dict[str, Any]:
     poison = told(*begun("poison", poisoned))
     left = [worker.is_alive() for worker in workers].count(True)
 
+    old = cluster.worker("old", old_worker)
+    with Client(cluster.address, timeout=20) as client:
+        until(lambda: len(client.scheduler_info()["workers"]) == left + 1)
+    other = told(*begun_on(cluster.address, "other"))
+    old.kill()
+    with Client(cluster.address, timeout=20) as client:
+        until(lambda: len(client.scheduler_info()["workers"]) == left)
+
     orphan = begun_on(cluster.address, "orphan")
     until(lambda: on_file(out / "orphan") > 0)
     cluster.scheduler.kill()
-    found = {"poison": poison, "left": left, "orphan": told(*orphan), "ignored": told(*ignored)}
+    found = {"poison": poison, "left": left, "other": other, "orphan": told(*orphan), "ignored": told(*ignored)}
     return found | {"address": cluster.address, "nobody": nobody, "on_file": on_file(out / "orphan")}
 
 

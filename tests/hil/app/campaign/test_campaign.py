@@ -17,10 +17,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.app.campaign.file import laid_over, load_campaign, nested
-from hil.app.campaign.page import page_html, summary_of, worst_of
+from hil.app.campaign.page import Runs, page_html
 from hil.app.campaign.running import Results, chunks
 from hil.app.campaign.worker import TRIES, Loop, pooled, run_job
 from hil.app.main import run
+from hil.app.version import program_version
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed
 from tests.places import SCENARIOS
@@ -124,7 +125,7 @@ def test_runs_of_one_case_share_seed_and_draws(campaign: Path) -> None:
 def test_results_of_another_campaign_are_not_mixed(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = campaign.parent / "out"
     out.mkdir()
-    Results(out / "results.jsonl", load_campaign(campaign).fingerprint).close()
+    Results(out / "results.jsonl", load_campaign(campaign).fingerprint, program_version()).close()
     campaign.write_text(CAMPAIGN.replace("seed = 3", "seed = 4"))
     assert run(["campaign", str(campaign), "--out", str(out)]) == 2
     assert "must be those of this campaign" in capsys.readouterr().err
@@ -188,8 +189,9 @@ def test_a_run_that_kills_its_worker_costs_no_other_run() -> None:
 def test_a_run_that_fails_is_a_row_and_the_worst_case() -> None:
     row = run_job(job(7, {"rig": {"kind": "nothing"}}))
     good = {"run": 1, "point": {}, "result": {"tracking_rmse_m": 1.0, "faults": [], "hard_violations": 2}}
-    assert worst_of([good, row], "tracking_rmse_m")[0] is row
-    numbers = summary_of([good, row], "tracking_rmse_m")
+    runs = Runs([good, row], "tracking_rmse_m")
+    assert runs.worst[0] is row
+    numbers = runs.summary()
     assert (numbers["runs"], numbers["failed"], numbers["max"], numbers["hard_violations"]) == (2, 1, 1.0, 2)
 
 
@@ -227,7 +229,7 @@ def test_runs_are_told_apart_by_what_differs_with_whole_seeds() -> None:
         }
         for k, name in enumerate(("pid", "mpc"))
     ]
-    page = page_html("c", "tracking_rmse_m", rows, ["anatomy.seed"], "capsule campaign c.toml")
+    page = page_html("c", Runs(rows, "tracking_rmse_m", ["anatomy.seed"]), "capsule campaign c.toml")
     assert "<td>controller pid</td>" in page.replace(' class="word"', "")
     assert "duration 2 s" in page
     assert "seed 475813" in page

@@ -4,6 +4,7 @@ cluster.
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -112,7 +113,15 @@ def test_a_scheduler_that_dies_is_one_sentence(failing: dict[str, Any]) -> None:
     assert 1 <= failing["on_file"] < RUNS
     *progress, sentence = orphan["said"].splitlines()
     assert sentence.startswith(f"capsule: --scheduler must stay until the last run; {failing['address']} has gone;")
-    assert all(" %  runs" in line for line in progress)
+    assert all(" %  runs" in line or "on the workers of the scheduler" in line for line in progress)
+
+
+@pytest.mark.slow
+def test_a_worker_of_another_program_is_refused_by_name(failing: dict[str, Any]) -> None:
+    other = failing["other"]
+    assert other["status"] == 2
+    assert other["said"].startswith("capsule: --scheduler must have workers with this program, 0.")
+    assert re.search(r"; tcp://127\.0\.0\.1:\d+ answers 0\.1 of yesterday\n$", other["said"])
 
 
 @pytest.mark.slow

@@ -9,11 +9,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from hil.app.sil.loop import run_sil
+from hil.app.scenario.bus_scenario import load_sil_scenario
+from hil.app.sil.loop import DONE, run_sil
+from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
 from models.theta import Theta
 from tests.hil.app.sil.sil_runs import RIGS, Digest, model_of, run, scenario_of
+from tests.places import SCENARIOS
 
 
 @pytest.mark.parametrize("kind", RIGS)
@@ -41,6 +44,14 @@ def test_tracks_over_the_bus_as_without_it() -> None:
     without = score(scenario.loop, run_loop(scenario.loop, believed_model(scenario.loop, Theta()), "feedforward", 1))
     assert with_bus.tracking_rmse_m <= 1.1 * without.tracking_rmse_m + 2e-5
     assert with_bus.hard_violations == 0
+
+
+@pytest.mark.parametrize("name", ["track_vibro_gut", "track_vibro_gut_2", "demo_vibro"])
+def test_an_inner_mass_runs_to_its_end(name: str) -> None:
+    """A slow way, a way back, a model that is off: no contradiction of sensor and drive."""
+    scenario, _ = load_sil_scenario(SCENARIOS / f"{name}.toml")
+    trace = run_sil(scenario, believed_on_bus(scenario, Theta()), "vibro", scenario.loop.seed)
+    assert trace.ended == DONE
 
 
 def test_force_sensor_speaks_where_wanted() -> None:

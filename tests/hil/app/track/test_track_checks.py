@@ -174,8 +174,11 @@ def test_readings_a_second_old_are_refused(short: Path, capsys: pytest.CaptureFi
         ("magnetic_steps", "feedforward"),
         ("magnetic_nan", "feedforward"),
         ("magnetic_nan", "mpc"),
+        ("magnetic_dropout", "feedforward"),
         ("magnetic_dropout", "mpc"),
         ("vibro_dropout", "vibro"),
+        ("vibro_gut_2", "vibro"),
+        ("vibro_gut_20", "vibro"),
     ],
 )
 def test_quick_scenarios_keep_their_checks(name: str, controller: str) -> None:

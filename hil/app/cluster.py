@@ -1,0 +1,131 @@
+"""Other processes for long work: so many here, or a Dask cluster (an optional extra) with the same program."""
+
+import asyncio
+import logging
+import pickle
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final
+
+from hil.app.version import program_version
+from models.workers import Mapper, cores, working
+
+ANSWER_S: Final = 5.0  # in which a scheduler must answer
+OWN: Final = "capsule_own_"  # modules of a user's files, which a worker gets with the work
+
+
+@dataclass(frozen=True)
+class Workers:
+    """The workers: so many processes (None: one a core), or the cluster of a scheduler. Raises ValueError."""
+
+    processes: int | None = None
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.processes is not None and not 1 <= self.processes <= 1024:
+            raise ValueError(f"--workers must lie in [1, 1024]; got {self.processes}")
+        if self.processes is not None and self.scheduler is not None:
+            raise ValueError(
+                f"--workers must be left out with --scheduler, whose cluster has its own; got {self.processes}"
+            )
+
+    @property
+    def count(self) -> int:
+        """How many work at once; 0 where only the scheduler knows."""
+        return 0 if self.scheduler is not None else self.processes or cores()
+
+
+@contextmanager
+def spread(workers: Workers) -> Iterator[None]:
+    """Within it independent fits of an identification are spread over the `workers`."""
+    if workers.scheduler is None:
+        with working(workers.count):
+            yield
+        return
+    with connected(workers.scheduler) as client:
+        same_program(client)
+        with working(max(count_of(client), 1), _mapper(client)):
+            yield
+
+
+def _mapper(client: Any) -> Mapper:
+    import cloudpickle
+
+    def mapped(function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+        for name, module in list(sys.modules.items()):
+            if name.startswith(OWN):
+                cloudpickle.register_pickle_by_value(module)
+        work = client.scatter(cloudpickle.dumps((function, list(items))), hash=False)
+        return list(client.gather([client.submit(_item, work, k, pure=False) for k in range(len(items))]))
+
+    return mapped
+
+
+def _item(packed: bytes, number: int) -> Any:
+    function, items = pickle.loads(packed)
+    return function(items[number])
+
+
+def packed(function: Callable[..., Any], *inputs: Any) -> Callable[[], Any]:
+    """A call as a function that is sent by value and unpacked on the worker, so the scheduler need not have this
+    program.
+    """
+    data = pickle.dumps((function, inputs))
+
+    def work() -> Any:
+        opened, given = pickle.loads(data)
+        return opened(*given)
+
+    return work
+
+
+def same_program(client: Any) -> None:
+    """Raises ValueError where a worker has another version of this program, or none."""
+    own = program_version()
+    try:
+        found = client.run(packed(program_version), on_error="return")
+    except OSError:
+        return
+    for worker, got in found.items():
+        if got != own:
+            other = got if isinstance(got, str) else f"{type(got).__name__}: {got}"
+            raise ValueError(f"--scheduler must have workers with this program, {own}; {worker} answers {other}")
+
+
+def connected(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError(
+            "--scheduler must stand where Dask is installed; it is not: install the extra 'dask'"
+        ) from None
+    try:
+        kind = asyncio.run(asyncio.wait_for(_kind(address), ANSWER_S))
+    # A wrong address, or another program there, raises many kinds of errors.
+    except Exception as error:  # noqa: BLE001
+        kind = str(error) or f"no answer in {ANSWER_S:g} s"
+    if kind != "Scheduler":
+        raise ValueError(
+            f"--scheduler must be the address of a Dask scheduler, as tcp://HOST:8786; got {address}: {kind}"
+        )
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    return Client(address, timeout=ANSWER_S)
+
+
+async def _kind(address: str) -> str:
+    """What answers there. `Client` would wait for ever where nothing does."""
+    from distributed import Security, rpc
+
+    async with rpc(address, timeout=ANSWER_S, connection_args=Security().get_connection_args("client")) as peer:
+        return str((await peer.identity()).get("type", "no Dask"))
+
+
+def count_of(client: Any) -> int:
+    """How many workers there are; 0 where the scheduler does not answer."""
+    try:
+        return len(client.sync(client.scheduler.ncores, callback_timeout=ANSWER_S))
+    except (OSError, TimeoutError):
+        return 0

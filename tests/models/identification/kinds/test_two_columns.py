@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.report.closed_loop import report_html
+from hil.report.numbers import report_json
 from models.effects import CATALOGUE
+from models.identification import close
 from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for, ready
@@ -122,3 +125,22 @@ def test_it_shows_what_images_alone_do_not(damped: tuple[Rig, list[Record], Trut
         costs[name] = judged_cost(both, records, Fitter.of(both, records, [name]).far([start]).theta)
     own = costs.pop("spring_damping")
     assert min(costs.values()) > 5 * own
+
+
+def test_a_loop_reports_both_columns() -> None:
+    """Errors, floor, checks, figures and the prediction, each by column."""
+    rig, records, _ = series(3.0, 3)
+    finding, model = close(rig, records[:2], records[2:], lambda *_: None, most=0, drawn=False)
+    error = report_json(finding)["error"]
+    assert error["quantity"] == "position_m"
+    beside = error["beside"][ACCELERATION]
+    assert beside["error_unit"] == "m/s2"
+    assert beside["error"]["holdout"]["calibrated"] < beside["error"]["holdout"]["nominal"]
+    checks = {check.id for check in finding.checks}
+    assert {"residual_size", f"residual_size.{ACCELERATION}", f"held_out.{ACCELERATION}"} <= checks
+    page = report_html(finding)
+    assert "acceleration in m" in page
+    assert "held out, acceleration" in page
+    predicted = model.predict(rig, records[2], "calibrated")
+    off = records[2][ACCELERATION] - predicted[ACCELERATION]
+    assert float(np.std(off)) == pytest.approx(beside["error"]["holdout"]["calibrated"], rel=1e-6)

@@ -1,13 +1,11 @@
-"""How long a search will take, from the time of one simulation, and what a budget leaves of the records."""
+"""How long a search will take, from the time of one simulation."""
 
-import math
 import time
 from collections.abc import Sequence
 from typing import Final
 
 from models.identification.kinds.reports import AnyKind
 from models.records.record import Record
-from models.records.thinning import MOST_ROWS, thinned
 from models.workers import worker_count
 
 _POINTS: Final = 8  # that a kind simulates at once
@@ -25,14 +23,3 @@ def seconds_of_search(kind: AnyKind, records: Sequence[Record]) -> float:
             kind.predictions(record, values)
         spent.append(time.perf_counter() - began)
     return _BATCHES * min(spent) / worker_count()
-
-
-def within_budget(kind: AnyKind, records: Sequence[Record], budget_s: float) -> tuple[list[Record], str, float]:
-    """The `records` that a search of `budget_s` can use, what was left out in words, and the seconds that it takes."""
-    kept, said = thinned(records)
-    seconds = seconds_of_search(kind, kept)
-    if seconds > budget_s and math.isfinite(budget_s):
-        most = sum(map(len, kept)) * budget_s / seconds
-        kept, said = thinned(records, min(most, MOST_ROWS))
-        seconds = min(seconds_of_search(kind, kept), budget_s)
-    return kept, said, seconds

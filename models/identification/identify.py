@@ -12,7 +12,7 @@ from models.checks.excitation import cannot_show, inseparable
 from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
 from models.identification.answer import answer
-from models.identification.effort import within_budget
+from models.identification.effort import seconds_of_search
 from models.identification.finding import STAGES, Finding, Trace
 from models.identification.fitting.confidence import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
@@ -35,6 +35,7 @@ from models.identification.verdict import (
     verdict_of,
 )
 from models.records.record import Record
+from models.records.thinning import slower, thinned
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.words.quantities import measured_unit
@@ -68,9 +69,12 @@ def close(
     began = time.monotonic()
     findings = examined(rig, train, holdout)
     train, holdout = [ready(record, rig) for record in train], [ready(record, rig) for record in holdout]
+    logged, (train, left_out), holdout = train, thinned(train), slower(holdout)
     prepared = prepare(rig, train, known, findings)
     check_parts(prepared.kind, train, holdout)
-    train, left_out, seconds = within_budget(prepared.kind, train, budget_s)
+    if (seconds := seconds_of_search(prepared.kind, train)) > budget_s:
+        train, left_out = thinned(logged, sum(map(len, train)) * budget_s / seconds)
+        seconds = budget_s
     progress(TEXT("estimate", seconds=seconds, rows=sum(map(len, train)), workers=worker_count()), 0.01)
     if told is not None:
         told(smallest(prepared.kind, train))

@@ -19,6 +19,7 @@ from models.identification.kinds.axis.zero_phase import (
     motion,
     passed,
     quiet_roughness,
+    reduction,
     repeat_lag,
     sampling_rate,
 )
@@ -137,8 +138,14 @@ def filtered_noise(force: Array, position: Array, rate: float, band: float, stat
 @lru_cache(maxsize=64)
 def _shown(rate: float, order: int) -> float:
     """`quiet_roughness` of filtered white noise over its standard deviation."""
-    white = decimate(np.random.default_rng(0).standard_normal(SET.axis_rows), rate)
+    white = decimate(_white(rate, SET.band_hz), rate)
     return quiet_roughness(white, order=order) / float(np.std(white))
+
+
+def _white(rate: float, band: float) -> Array:
+    """White noise at `rate` Hz that is long enough for the filter of the `band`."""
+    least = 4 * round(SET.border / band * rate) + 200 * reduction(rate, band)
+    return np.random.default_rng(0).standard_normal(max(SET.axis_rows, least))
 
 
 def white_part(signal: Array) -> float:
@@ -152,9 +159,9 @@ def white_part(signal: Array) -> float:
 @lru_cache(maxsize=32)
 def through(rate: float, band: float, logged: bool) -> tuple[float, float]:
     """Standard deviations of speed and acceleration under unit white noise on the position (or a `logged` speed)."""
-    white = np.random.default_rng(0).standard_normal(SET.axis_rows)
-    t = np.arange(SET.axis_rows) / rate
-    m = motion(t, np.zeros(SET.axis_rows), white, band) if logged else motion(t, white, band=band)
+    white = _white(rate, band)
+    t = np.arange(white.size) / rate
+    m = motion(t, np.zeros(white.size), white, band) if logged else motion(t, white, band=band)
     return float(np.std(m.v)), float(np.std(decimate(m.a, rate, band)))
 
 

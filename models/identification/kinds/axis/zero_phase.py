@@ -81,12 +81,12 @@ def _unevenness(t: Array) -> float:
 def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> AxisMotion:
     """Butterworth of order 4, both ways, at five times the `band` in Hz, then differences; or the logged `velocity`."""
     rate = sampling_rate(t)
-    b, a = scipy.signal.butter(4, min(5 * band / (rate / 2), 0.8))
-    x = scipy.signal.filtfilt(b, a, position, padlen=min(12, len(position) - 1))
+    sections = scipy.signal.butter(4, min(5 * band / (rate / 2), 0.8), output="sos")
+    x = scipy.signal.sosfiltfilt(sections, position, padlen=min(12, len(position) - 1))
     if velocity is None:
         v = np.gradient(x, 1 / rate)
     else:
-        v = np.asarray(scipy.signal.filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
+        v = np.asarray(scipy.signal.sosfiltfilt(sections, velocity, padlen=min(12, len(position) - 1)))
     return AxisMotion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 

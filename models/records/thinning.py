@@ -25,8 +25,8 @@ def thinned(records: Sequence[Record], most: float = MOST_ROWS) -> tuple[list[Re
     """The `records` with about `most` rows in all, and in words what was left out, "" if nothing.
 
     Of each k rows the last is kept; where few rows have a measured value, the last that has one. A record keeps at
-    least `LEAST_HZ`, and 50 samples in the fastest period of its drive. Where thrice `most` remain, records are left out
-    evenly; the last one stays.
+    least `LEAST_HZ`, and 50 samples in the fastest period of its drive. Where thrice `most` remain, records are left
+    out evenly; the last one stays.
     """
     rows, kept = sum(map(len, records)), slower(records, most)
     left = sum(map(len, kept))
@@ -47,7 +47,9 @@ def slower(records: Sequence[Record], most: float = MOST_ROWS) -> list[Record]:
 
 
 def longest_step(record: Record) -> int:
-    """Of how many rows one may be kept."""
+    """Of how many rows one may be kept; all beside an accelerometer, whose readings are means over their intervals."""
+    if not record.columns.keys().isdisjoint(record.layout.beside):
+        return 1
     t = record[TIME]
     dt = float(np.ptp(t)) / max(len(t) - 1, 1)
     driven = [name for names in record.layout.driven for name in names if name in record.columns]

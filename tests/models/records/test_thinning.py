@@ -54,3 +54,9 @@ def test_many_records_are_chosen_evenly_and_the_last_stays() -> None:
 
 def test_a_vibrating_drive_keeps_its_rate() -> None:
     assert longest_step(record("a", 1_000.0, 20.0, shake_Hz=20.0)) == 1
+
+
+def test_means_of_an_accelerometer_are_not_thinned() -> None:
+    t = np.arange(0.0, 400.0, 2e-3)
+    columns = {"t_s": t, "drive_on": np.zeros(t.size), "position_m": t, "acceleration_m_s2": t}
+    assert longest_step(Record("a", "vibro", columns)) == 1

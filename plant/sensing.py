@@ -46,7 +46,7 @@ class Sensor:
         if h is not None and h[ROW.sensor_lowpass, 0] > 0:
             for share in LAG_SHARES:
                 y = _lowpassed(y, step, share * float(h[ROW.sensor_lowpass, 0]))
-        y = _lowpassed(y, step, self.lowpass_s)
+        y = self.filtered(t, y)
         late = self.delay_s + (0.0 if h is None else float(h[ROW.sensor_delay, 0]))
         when = t[0] + np.arange(math.floor((t[-1] - t[0]) * self.rate_Hz + 1e-9) + 1) / self.rate_Hz
         reading = np.interp(when - late, t, y)
@@ -54,6 +54,10 @@ class Sensor:
             reading = with_hidden_errors(when, reading, h, self.span or float(np.ptp(reading)))
         reading = reading + self.noise_std * rng.standard_normal(when.size)
         return when, np.round(reading / self.quantum) * self.quantum if self.quantum > 0 else reading
+
+    def filtered(self, t: Floats, y: Floats) -> Floats:
+        """The truth `y` over the even grid `t` through the low-pass."""
+        return _lowpassed(y, float(t[1] - t[0]), self.lowpass_s)
 
 
 def _lowpassed(y: Floats, step: float, time: float) -> Floats:

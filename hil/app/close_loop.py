@@ -183,7 +183,7 @@ def print_summary(finding: Finding, out: Path) -> None:
         more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
         say(f"{alike[0].severity}: {alike[0].sentence}{more}")
     say(*map(disagreement_words, finding.disagreeing))
-    console.print(error_table(finding))
+    console.print(*map(error_table, finding.by_column), sep="\n")
     say(*finding.leading[1:])
     say(TEXT("close_loop.report", path=out / REPORT), TEXT("close_loop.model", path=out / MODEL))
     if finding.proposal is not None:

@@ -1,5 +1,6 @@
 """The numbers of a finding: those of `report.json`, and the rows of the page's tables."""
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -7,7 +8,7 @@ from functools import partial
 from typing import Any, Final
 
 from hil.report.mathml import symbol_html
-from hil.report.words import PARTS, error_cells, interpolation, parameter_words
+from hil.report.words import PARTS, column_words, error_cells, interpolation, parameter_words
 from models.effects import effect_words
 from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect, Profile
@@ -39,6 +40,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
             "measure": finding.measure,
             **{part: {s: finding.error.get(part, {}).get(s) for s in STAGES} for part in PARTS},
             "noise_floor": finding.noise_floor,
+            "beside": {name: asdict(column) for name, column in finding.beside.items()},
         },
         "next_experiment": finding.next_experiment,
         "next_experiment_file": proposal and NEXT_TOML,
@@ -93,13 +95,14 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
 def error_rows(finding: Finding) -> list[list[str]]:
     """Errors by part and stage, and the share of the nominal error that is gone."""
     rows = []
-    for part, words in PARTS.items():
-        errors = finding.error.get(part, {})
+    for one, (part, words) in itertools.product(finding.by_column, PARTS.items()):
+        errors = one.error.get(part, {})
         first, last = errors.get("nominal", math.nan), errors.get("augmented", math.nan)
         compared = first and math.isfinite(first) and math.isfinite(last)
         compared = compared and not (part == "train" and interpolation(finding))
-        *shown, floor = error_cells(finding, part)
-        rows.append([words, *shown, percent(1 - last / first) if compared else DASH, floor])
+        *shown, floor = error_cells(one, part)
+        label = f"{words}, {column_words(one.quantity)[0]}" if finding.beside else words
+        rows.append([label, *shown, percent(1 - last / first) if compared else DASH, floor])
     return rows
 
 

@@ -45,11 +45,11 @@ def smooth_speed(x: Array, dt: float) -> tuple[Array, float, int]:
 def spectral_noise(x: Array) -> tuple[float, bool]:
     """Standard deviation of white noise on `x`, from the quietest tenth of its spectrum (Welch, up to 256 samples a
     window), to which motion only adds; and whether the spectrum is flat there. Where it is not, the motion is louder
-    than the noise at every frequency and the value is an upper bound.
+    than the noise at every frequency and the value is an upper bound, as it is of too few samples for a spectrum.
     """
     window = min(SET.spectrum_window, len(x) // 8)
     if window < 16:
-        return white_noise(x), True
+        return white_noise(x), False
     _, power = scipy.signal.welch(x, nperseg=window, detrend="linear")
     quietest, quiet = np.quantile(power[2:-1], [SET.spectrum_quietest, SET.spectrum_quiet])
     degrees = _OVERLAPPED * 2 * (2 * len(x) / window - 1)

@@ -56,6 +56,8 @@ def _run(
             call(step, work, now)
         for lane in range(lanes):
             output[k, lane] = shown[lane]
+        for lane in range(lanes, output.shape[1]):
+            output[k, lane] = work[lane]
         if gain != 0.0:
             for lane in range(lanes):
                 e = measured[k, lane] - shown[lane]
@@ -76,7 +78,8 @@ class Kernel:
     LANES); `one` runs a single set, with the same numbers, on plain vectors.
 
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
-    overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen. `correct` then
+    overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen, and beside it
+    the states from number 1 on, as many as there are columns. `correct` then
     moves the state by `gain` times the prediction's error less its slow part (a mean over about `slow_s`): an observer
     that keeps slip events in step without hiding slow errors of the model. It runs free where `measured` is NaN, and
     throughout at a gain of 0. Compiled when first run and kept on disk. Running raises ValueError for operations that

@@ -50,6 +50,21 @@ def sampled(shown: Array, clock: Array, times: Array, late: Array, same: bool, r
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def lagging(signal: Array, steps: float) -> Any:
+    """`signal` (n,) through a first-order low-pass with a time constant of so many `steps`, straight between them; from
+    rest at its first value.
+    """
+    out = signal.copy()
+    if steps <= 1e-3:
+        return out
+    kept = math.exp(-1 / steps)
+    share = steps * (1 - kept)
+    for k in range(1, len(out)):
+        out[k] = kept * out[k - 1] + (1 - share) * signal[k] + (share - kept) * signal[k - 1]
+    return out
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def weighed(
     predicted: Array, measured: Array, counted: Rows, averaged: int, noise_std: float, most: float, tail: float
 ) -> Any:

@@ -17,6 +17,7 @@ from models.identification.finding import (
     STAGES,
     CandidateRow,
     Check,
+    Column,
     Dependence,
     Finding,
     Fitted,
@@ -71,6 +72,7 @@ def answer(
         calibration={name: estimate for name, estimate in judged.fitted.items() if isinstance(name, str)},
         nominal=dict(predicted.thetas["nominal"].base),
         error=predicted.error,
+        beside=_beside(kind, predicted, train),
         noise_floor=judged.floor,
         checks=judged.checks,
         candidates=tuple(_rows(found, words)),
@@ -101,6 +103,15 @@ def answer(
     )
 
 
+def _beside(kind: AnyKind, predicted: Predicted, train: Sequence[Record]) -> dict[str, Column]:
+    """Errors and noise floor of each further measured column."""
+    found = {}
+    for name in kind.channels[1:]:
+        one = kind.alone(name)
+        found[name] = Column(one.measure, one.unit, predicted.beside[name], one.noise_floor(train))
+    return found
+
+
 def _depends(kind: AnyKind, found: Search, train: Sequence[Record], theta: Theta, seed: int) -> Dependence | None:
     """What the residual depends on, with the term of a spline inside the simulation where one gains."""
     dependence = dependence_of(kind, train, theta, seed)
@@ -129,11 +140,11 @@ def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFin
     """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
     if verdict != "unknown":
         return ()
-    failed = (
-        TEXT(".".join(("check", check.id, "failed")), value=check.value, limit=check.limit, n=round(check.value))
-        for check in checks
-        if not check.ok
-    )
+    failed = []
+    for check in (check for check in checks if not check.ok):
+        name, _, column = check.id.partition(".")
+        said = TEXT(f"check.{name}.failed", value=check.value, limit=check.limit, n=round(check.value))
+        failed.append(f"{column}: {said}" if column else said)
     return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
 
 

@@ -95,7 +95,7 @@ class Question:
 
     def _expected(self, motion: Record) -> tuple[Record, float]:
         """`motion` with the output that the truth predicts, and the variance of a difference from it."""
-        seen = motion.with_column(self.kind.quantity, self.kind.predict(motion, self.truth.theta))
+        seen = self.kind.made(motion, self.truth.theta)
         unsure = self.kind.stacked(seen, self.likely, self.kind.free_run)
         return seen, self.variance + float(np.mean(np.square(unsure)))
 

@@ -1,7 +1,9 @@
 """The result of a closed loop as plain records: everything the report shows and nothing it has to compute."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from models.checks.finding import RecordFinding
 from models.effects import CATALOGUE
@@ -81,6 +83,16 @@ class Trace:
     predicted: dict[str, Array]
     signals: dict[str, Array] = field(default_factory=dict)
     treated: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Column:
+    """A further measured column: what its error is, in which unit, the errors by part and stage, the noise floor."""
+
+    measure: str
+    error_unit: str
+    error: dict[str, dict[str, float]]
+    noise_floor: float
 
 
 @dataclass(frozen=True)
@@ -225,7 +237,8 @@ class Finding:
     empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
     are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead; `stopped`
     why no further effect was sought; `disagreeing` the training records that do not agree with the others;
-    `profiles` the likelihood of each fitted parameter; `constant` the error of the best constant by part.
+    `profiles` the likelihood of each fitted parameter; `beside` has the errors of each further measured column;
+    `constant` is the error of the best constant by part.
     """
 
     kind: str
@@ -261,6 +274,12 @@ class Finding:
     disagreeing: tuple[Disagreement, ...] = ()
     profiles: tuple[Profile, ...] = ()
     constant: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, Column] = field(default_factory=dict)
+
+    @property
+    def by_column(self) -> list[Finding]:
+        """The same with the errors of each measured column in turn."""
+        return [self, *(replace(self, quantity=name, **vars(column)) for name, column in self.beside.items())]
 
     def effect(self, name: str) -> type[Effect] | None:
         """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""

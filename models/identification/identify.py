@@ -133,22 +133,35 @@ def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]])
     """The `parts` of the data, each of which may be empty, at the stages of what was `found`."""
     nominal = kind.nominal()
     values = [nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta]
-    traces, errors, constant = list[Trace](), dict[str, dict[str, float]](), dict[str, float]()
+    kinds = [kind.alone(column) for column in kind.channels]
+    traces, errors = list[Trace](), [dict[str, dict[str, float]]() for _ in kinds]
+    constant = dict[str, float]()
     for part, records in parts.items():
-        outputs = [dict(zip(STAGES, kind.predictions(record, values), strict=True)) for record in records]
-        stages = STAGES if records else ()
-        errors[part] = {stage: kind.error(records, [one[stage] for one in outputs]) for stage in stages}
+        outputs = [[one.predictions(record, values) for one in kinds] for record in records]
+        for k, (one, error) in enumerate(zip(kinds, errors, strict=True)):
+            column = kind.channels[k]
+            logged = [(r, own[k]) for r, own in zip(records, outputs, strict=True) if not k or column in r.columns]
+            rows = zip(STAGES, *(own for _, own in logged), strict=True) if logged else ()
+            error[part] = {stage: one.error([r for r, _ in logged], own) for stage, *own in rows}
         if records and records[0].layout.time:
             levels = [np.full(len(record), np.mean(record[kind.quantity])) for record in records]
-            constant[part] = kind.error(records, levels)
-        traces += [_trace(kind, record, part, one) for record, one in zip(records, outputs, strict=True)]
-    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), errors, constant)
+            constant[part] = kinds[0].error(records, levels)
+        traces += [_trace(kinds, record, part, own) for record, own in zip(records, outputs, strict=True)]
+    first, *further = errors
+    beside = dict(zip(kind.channels[1:], further, strict=True))
+    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), first, beside, constant)
 
 
-def _trace(kind: AnyKind, record: Record, role: str, predicted: dict[str, np.ndarray]) -> Trace:
+def _trace(kinds: Sequence[AnyKind], record: Record, role: str, outputs: Sequence[Sequence[np.ndarray]]) -> Trace:
+    kind, *further = kinds
     axes = ("t_s", "frequency_Hz", "period_s")
     axis = next((name for name in axes if name in record.columns), next(iter(record.columns)))
-    measured = np.asarray(kind.measured(record))
+    measured, stages = np.asarray(kind.measured(record)), [*zip(*outputs, strict=True)]
+    if further:
+        none = np.full(len(record), np.nan)
+        measured = np.column_stack([measured, *(record.columns.get(one.quantity, none) for one in further)])
+        stages = [[np.column_stack(columns)] for columns in stages]
+    predicted = {stage: own[0] for stage, own in zip(STAGES, stages, strict=True)}
     return Trace(record.name, role, axis, record[axis], measured, predicted, kind.signals(record), record.treated or ())
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from models.effects import Catalogue, shapes
+from models.effects import shapes
 from models.effects.effect import Effect, Signals, Values, number
 from models.effects.own import Origin
 from models.identification.finding import Dependence, ResidualCurve
@@ -67,7 +67,7 @@ class _Inner:
         against = curve.along == "-v"
         most = 1.0 if against else 5 * level
         effect = _effect(kind.name, curve, places, most)
-        catalogue = Catalogue((*kind.catalogue.own, Origin(effect, "", ID)))
+        catalogue = replace(kind.catalogue, own=(*kind.catalogue.own, Origin(effect, "", ID)))
         wide: AnyKind = replace(kind, effects=(*kind.effects, effect), catalogue=catalogue)
         return cls(wide, (*named, ID), curve, places, level if against else 1.0)
 

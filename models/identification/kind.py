@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,15 @@ class Kind(ABC):
         return (self.quantity,)
 
     @property
+    def channels(self) -> tuple[str, ...]:
+        """The measured columns with a noise, an error and checks of their own."""
+        return (self.quantity,)
+
+    def alone(self, column: str) -> Self:
+        """This kind with the one of its `channels` alone."""
+        return self
+
+    @property
     @abstractmethod
     def unit(self) -> str:
         """Its unit."""
@@ -104,7 +113,7 @@ class Kind(ABC):
 
     def driven(self, record: Record) -> Record:
         """`record` with what drives it alone, from which a prediction is made."""
-        return record.without(record.layout.measured)
+        return record.driven
 
     def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
         """`predict` at several points."""
@@ -129,6 +138,10 @@ class Kind(ABC):
     def noise_floor(self, records: Sequence[Record]) -> float:
         """The `error` of a perfect model: the noise (the scatter of repeats) in the same measure."""
 
+    def made(self, record: Record, theta: Theta) -> Record:
+        """`record` with what the model at `theta` predicts as measured."""
+        return record.with_columns({c: self.alone(c).predict(record, theta) for c in self.channels})
+
     @abstractmethod
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """A record like `record`, simulated by the model at `theta` with the believed noise."""
@@ -151,8 +164,8 @@ class Kind(ABC):
         """
         return None
 
-    def slow(self, record: Record, rows: Array) -> Array:
-        """What is slow in residuals `rows` (k, m) of records like `record`; all of them where no row is in time."""
+    def slow(self, records: Sequence[Record], rows: Array) -> Array:
+        """What is slow in residuals `rows` (k, m) of `records`; all of them where no row is in time."""
         return rows
 
     def searched(self, records: Sequence[Record]) -> list[Record]:

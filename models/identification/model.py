@@ -188,11 +188,13 @@ class Model:
         """
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-        driven = record.without(record.layout.measured)
-        check_demand(driven)
-        kind = kind_for(rig, [driven])
+        shown = record.without(record.layout.measured)
+        check_demand(shown)
+        kind, columns = kind_for(rig, [shown]), dict[str, NDArray[np.float64]]()
         with named(record):
-            return kind.columns(driven, kind.predict(kind.driven(record), self.stages[stage]))
+            for one in map(kind.alone, kind.channels):
+                columns |= one.columns(shown, one.predict(one.driven(record), self.stages[stage]))
+        return columns
 
     def beyond(self, rig: Rig, record: Record, predicted: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
         """Where `record` with its `predicted` columns leaves what the training records covered."""

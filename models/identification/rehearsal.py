@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from models.theta import Theta
 
 @dataclass(frozen=True)
 class Left:
-    """What a fit leaves, in units of the noise: mean square and rms autocorrelation of its residuals, validation cost,
-    mean square of the residuals on held-out records, not a number without any. A field is the id of a check. Mean
-    squares are those of the middle one of forty stretches: a slip event out of step is no wrong law.
+    """What a fit leaves of a measured column, in units of the noise: mean square and rms autocorrelation of its
+    residuals, validation cost (of all columns, with the first), mean square of the residuals on held-out records, not a
+    number without any. A field is the id of a check. Mean squares are those of the middle one of forty stretches: a
+    slip event out of step is no wrong law.
     """
 
     residual_size: float
@@ -31,11 +32,14 @@ class Left:
 
 def left_by(
     kind: Kind, train: Sequence[Record], holdout: Sequence[Record], theta: Theta, validation: float, criterion: int
-) -> Left:
-    """What the fit `theta` to `train` leaves under a `criterion`; `validation` is known."""
-    residual = evaluate(kind, train, theta, criterion)
-    held = _size(evaluate(kind, holdout, theta, criterion)) if holdout else np.nan
-    return Left(_size(residual), _autocorrelation(residual), validation, held)
+) -> tuple[Left, ...]:
+    """What the fit `theta` to `train` leaves of each measured column under a `criterion`; `validation` is known."""
+    found = list[Left]()
+    for one in map(kind.alone, kind.channels):
+        residual = evaluate(one, train, theta, criterion)
+        held = _size(evaluate(one, holdout, theta, criterion)) if holdout else np.nan
+        found.append(Left(_size(residual), _autocorrelation(residual), np.nan if found else validation, held))
+    return tuple(found)
 
 
 def rehearsed(
@@ -45,10 +49,10 @@ def rehearsed(
     theta: Theta,
     effects: Sequence[str],
     rng: np.random.Generator,
-) -> Iterator[Left]:
-    """What fits leave of imitations of the records by the model at `theta` with `effects`: up to `SET.rehearsals` times
-    more and more, the most so far. The training parts of the splits are fitted from close by, where fits end: from
-    numbers off by `SET.numerics`. Raises ValueError where no imitation can be read.
+) -> Iterator[tuple[Left, ...]]:
+    """What fits leave of each column of imitations of the records by the model at `theta` with `effects`: up to
+    `SET.rehearsals` times more and more, the most so far. The training parts of the splits are fitted from close by,
+    where fits end: from numbers off by `SET.numerics`. Raises ValueError where no imitation can be read.
     """
     splits = kind.splits(kind.searched(train))
 
@@ -62,10 +66,12 @@ def rehearsed(
             for part, held in splits:
                 made, kept, unseen = imitated(part), imitated(held), imitated(holdout)
                 fit = Fitter.of(kind, made, effects).near(_off(kind, effects, theta, rng)).theta
-                parts.append(left_by(kind, made, unseen, fit, judged_cost(kind, kept, fit), kind.free_run))
-            most = Left(*np.max([astuple(left) for left in parts], axis=0).tolist())
-            rows.append(astuple(replace(most, validation=float(np.mean([left.validation for left in parts])))))
-            yield Left(*np.max(rows, axis=0).tolist())
+                left = left_by(kind, made, unseen, fit, judged_cost(kind, kept, fit), kind.free_run)
+                parts.append([*map(astuple, left)])
+            most, mean = np.max(parts, axis=0), np.mean(parts, axis=0)
+            most[:, 2] = mean[:, 2]  # the validation cost
+            rows.append(most)
+            yield tuple(Left(*row) for row in np.max(rows, axis=0).tolist())
     if not rows:
         raise ValueError("records must be such that the fitted model can imitate them; it gives none that can be read")
 

@@ -238,6 +238,9 @@ class SearchSettings:
     held_s: float = setting(1.0, "s", "the same of a shaken body")
     drifts_s: float = setting(5.0, "s", "the same of a body that nothing holds")
     no_noise: float = setting(1e-12, "1", "noise of a column that shows none, in its unit")
+    accelerometer: float = setting(
+        0.01, "1", "of an accelerometer's rms, beside its noise: its scale, mounting and filter (data sheets: 1 %)"
+    )
     fine_force_N: float = setting(1e-3, "N", "noise of a good sensor")
     fine_place_m: float = setting(5e-5, "m", "noise of a good sensor")
     noisy: float = setting(1.2, "1", "times that, from which samples are averaged")
@@ -245,6 +248,7 @@ class SearchSettings:
     swing_s: float = setting(0.2, "s", "time within which a position changes")
     diverged: float = setting(1e6, "1", "standard deviations, beyond which a prediction is no longer one")
     start_s: float = setting(0.5, "s", "time over which starts are compared where no drive gives the position")
+    start_images: int = setting(10, "1", "images at least that show a start; the noise of one would last")
     table_fewest: int = setting(24, "1", "held-out runs, fewer than which are no cross-validation")
     table_steps: int = setting(4, "1", "Gauss-Newton steps of a part's fit")
     reading_m: float = setting(1.0e-3, "m", "resolution of the displacement that is read off", "the table's source")

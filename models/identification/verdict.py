@@ -29,9 +29,10 @@ def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
     return "named" if effects else "none"
 
 
-def _check(name: str, value: float, limit: float) -> Check:
-    """The check `name` with its texts."""
+def _check(name: str, value: float, limit: float, column: str = "") -> Check:
+    """The check `name` with its texts, of a further measured `column` where one is named."""
     said, meaning = (TEXT(f"check.{name}.{key}", lags=SET.lags, stretches=SET.blocks) for key in ("name", "meaning"))
+    said, name = (f"{said}, {column}", f"{name}.{column}") if column else (said, name)
     return Check(name, said, float(value), float(limit), bool(value <= limit), meaning)
 
 
@@ -47,19 +48,25 @@ def checks_of_rest(
     if found.effects:
         form = float(np.clip(SET.form_left * found.calibrated.chi2, form, SET.form_most))
     theta, whole = found.augmented.theta, found.augmented.chi2
-    left = left_by(kind, train, holdout, theta, found.after, kind.final)
-    checks: tuple[Check, ...] = ()
-    for null in rehearsed(kind, train, holdout, theta, found.model, rng):
+    first, *further = left_by(kind, train, holdout, theta, found.after, kind.final)
+    names, checks = ("", *kind.channels[1:]), tuple[Check, ...]()
+    for null, *nulls in rehearsed(kind, train, holdout, theta, found.model, rng):
         if not found.effects:
             null = replace(null, validation=min(null.validation, SET.near))
-        unseen = next((check.ok for check in within(left, null, form) if check.id == "held_out"), not found.effects)
-        checks = within(replace(left, validation=min(found.after, whole)) if unseen else left, null, form)
+
+        def compared(left: Left, nulls: Sequence[Left] = (null, *nulls)) -> tuple[Check, ...]:
+            rows = zip((left, *further), nulls, names, strict=True)
+            return tuple(check for left, null, name in rows for check in within(left, null, form, name))
+
+        unseen = [check.ok for check in compared(first) if check.id.startswith("held_out")]
+        itself = all(unseen) if unseen else not found.effects
+        checks = compared(replace(first, validation=min(found.after, whole)) if itself else first)
         if all(check.ok for check in checks):
             break
     return checks
 
 
-def within(left: Left, null: Left, form: float = SET.unseen) -> tuple[Check, ...]:
+def within(left: Left, null: Left, form: float = SET.unseen, column: str = "") -> tuple[Check, ...]:
     """Whether a model that is `left` with so much is within 1.5 times `null`, the most that fits leave of records that
     it made, and what the `form` of its law may miss, a share of the noise's power: of autocorrelations the squares add.
     Residuals far below the noise have no structure that counts.
@@ -67,7 +74,7 @@ def within(left: Left, null: Left, form: float = SET.unseen) -> tuple[Check, ...
     limits = {name: SET.clean * most + form for name, most in asdict(null).items()}
     white = float(np.hypot(SET.clean * null.whiteness, form / (1 + form)))
     limits["whiteness"] = white if left.residual_size >= SET.unseen else 1.0
-    return tuple(_check(name, value, limits[name]) for name, value in asdict(left).items() if np.isfinite(value))
+    return tuple(_check(name, v, limits[name], column) for name, v in asdict(left).items() if np.isfinite(v))
 
 
 def checks_of_model(

@@ -77,6 +77,11 @@ class Record:
         """The same record with `columns` replaced or added."""
         return replace(self, columns={**self.columns, **columns})
 
+    @property
+    def driven(self) -> Record:
+        """The same record without what was measured."""
+        return self.without((*self.layout.measured, *self.layout.beside))
+
     def without(self, columns: Sequence[str]) -> Record:
         return replace(self, columns={key: column for key, column in self.columns.items() if key not in columns})
 
@@ -197,7 +202,13 @@ def _sparse(kind: RigKind) -> tuple[str, ...]:
 
 def _free(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that are left out where they hold anything but usable numbers."""
-    return LOADS if kind.stage else ()
+    return LOADS if kind.stage else kind.layout.beside
+
+
+def _usable(kind: RigKind, values: Array) -> bool:
+    """Whether an input has a usable number in every row; a second measured column in as many as a record needs."""
+    good = np.abs(values) <= LARGEST_LOAD
+    return bool(good.all() if kind.stage else np.all(good | np.isnan(values)) and good.sum() >= kind.layout.minimum)
 
 
 def find_columns(
@@ -276,13 +287,14 @@ def _record(
     if all(source.plain for source in sources.values()):
         columns = {key: columns[key] for key in table.header if key in columns}
     free = [name for name in _free(kind) if name in ours]
-    strange = [n for n in free if contradiction(n, sources[n], table.units) or not np.all(abs(ours[n]) <= LARGEST_LOAD)]
+    strange = [n for n in free if contradiction(n, sources[n], table.units) or not _usable(kind, ours[n])]
     columns = {key: values for key, values in columns.items() if key not in strange}
     layout = kind.columns(ours)
     optional = [name for name in layout.optional if name not in ours]
     foreign = [key for key in further if key not in ours and any(nearly(key, name) for name in optional)]
     foreign += [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in (*read, *foreign)]
-    unused = tuple(TEXT("left_out", where=where, column=name, names=layout.optional) for name in (*strange, *foreign))
+    names = list(dict.fromkeys((*optional, *_free(kind))))
+    unused = tuple(TEXT("left_out", where=where, column=name, names=names) for name in (*strange, *foreign))
     lines, lost = table.lines, tuple[LeftOut, ...]()
     if kind.layout.time:
         columns, lines, lost = _on_rising_stamps(columns, lines, row_name)
@@ -292,7 +304,8 @@ def _record(
     if rows < least:
         raise ValueError(f"{where}: record of kind {kind.id} must have at least {least} rows; got {rows}")
     for key in (key for key in _sparse(kind) if key in ours):
-        columns |= kept_between(where, key, columns[key], least)
+        alone = not columns.keys() & {*kind.layout.beside}  # an accelerometer shows what lies between rare images
+        columns |= kept_between(where, key, columns[key], least if alone else 2)
     if "velocity_m_s" in kind.layout.given_by_rig and "velocity_m_s" not in columns:
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")

@@ -17,21 +17,22 @@ LEAST_HZ: Final = 100.0  # rate that a record keeps: a slip event shows
 _A_PERIOD: Final = 50  # samples that remain of the fastest period of the driven column
 _POWER: Final = 0.9999  # share of its power that lies below that frequency
 _MOST_USED: Final = 0.5  # share of rows with a measured value, from which any row will do
+_TOO_MANY: Final = 3.0  # times the most rows, up to which every record remains
 _FEWEST: Final = 3  # records that remain
 
 
 def thinned(records: Sequence[Record], most: float = MOST_ROWS) -> tuple[list[Record], str]:
-    """The `records` with at most about `most` rows in all, and in words what was left out, "" if nothing.
+    """The `records` with about `most` rows in all, and in words what was left out, "" if nothing.
 
     Of each k rows the last is kept; where few rows have a measured value, the last that has one. A record keeps at
-    least `LEAST_HZ`, and 50 samples in the fastest period of its drive. Where that is not enough, records are left out
-    evenly; the last one stays.
+    least `LEAST_HZ`, and 50 samples in the fastest period of its drive. Where thrice `most` remain, records are left
+    out evenly; the last one stays.
     """
     rows, kept = sum(map(len, records)), slower(records, most)
     left = sum(map(len, kept))
-    if left == rows and (rows <= most or not all(record.layout.time for record in records)):
+    if (left == rows and rows <= _TOO_MANY * most) or not all(record.layout.time for record in records):
         return kept, ""
-    few = max(_FEWEST, math.floor(len(kept) * most / left))
+    few = max(_FEWEST, math.floor(len(kept) * min(_TOO_MANY * most / left, 1.0)))
     chosen = sorted({round(k) for k in np.linspace(0, len(kept) - 1, min(few, len(kept)))})
     kept = [kept[k] for k in chosen]
     said = TEXT("thinned", rows=rows, kept=sum(map(len, kept)))
@@ -46,7 +47,9 @@ def slower(records: Sequence[Record], most: float = MOST_ROWS) -> list[Record]:
 
 
 def longest_step(record: Record) -> int:
-    """Of how many rows one may be kept."""
+    """Of how many rows one may be kept; all beside an accelerometer, whose readings are means over their intervals."""
+    if not record.columns.keys().isdisjoint(record.layout.beside):
+        return 1
     t = record[TIME]
     dt = float(np.ptp(t)) / max(len(t) - 1, 1)
     driven = [name for names in record.layout.driven for name in names if name in record.columns]

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 TIME = "t_s"
+ACCELERATION = "acceleration_m_s2"
+"""Of a body along its path: a second measured column."""
 LOADS = ("load_N", "load_N_m", *(f"load_{k}" for k in range(1, 10)), "pressure_Pa", "temperature_degC")
 """Logged inputs of a machine's axis: each may push, scale the friction, or do nothing."""
 TIME_SERIES_ROWS = 2_000_000  # most rows of a record: half an hour at 1 kHz
@@ -18,7 +20,7 @@ TABLE_ROWS = 100_000  # most rows of a table
 @dataclass(frozen=True)
 class Columns:
     """Columns of a kind's record. `driven` lists the required ones, each with its alternatives; those of `given_by_rig`
-    may stand in the rig file instead; `optional` ones are used if present.
+    may stand in the rig file instead; `optional` ones are used if present, as are those `beside` the measured ones.
     """
 
     driven: tuple[tuple[str, ...], ...]
@@ -27,6 +29,7 @@ class Columns:
     minimum: int = 100
     given_by_rig: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
     @property
     def limit(self) -> int:
@@ -52,6 +55,7 @@ class Columns:
             *(name for alternatives in self.required() for name in alternatives),
             *self.given_by_rig,
             *self.optional,
+            *self.beside,
         )
 
 
@@ -100,6 +104,7 @@ RANGES = MappingProxyType(  # what a value of a column may be, by column
         "velocity_rad_s": Range(-1e5, 1e5, "between -1e5 and 1e5 rad/s"),
         "load_N": Range(-1e9, 1e9, "between -1e9 and 1e9 N"),
         "friction_coefficient": Range(0.0, 100.0, "not negative, at most 100"),
+        ACCELERATION: Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"),
         "load_N_m": Range(-1e9, 1e9, "between -1e9 and 1e9 N m"),
     }
 )

@@ -41,6 +41,9 @@ class Noise(Table):
         " left out: 0.05, as data sheets state 10 % at most",
         None,
     )
+    acceleration_std_m_s2: Annotated[float, Field(ge=1e-6, le=1e4)] | None = key(
+        "standard deviation of an accelerometer on the capsule; left out: estimated", None
+    )
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
         "standard deviation of a mean speed; left out: estimated", None
     )
@@ -75,6 +78,9 @@ class ClockTable(Table):
     )
     offset_std_s: Annotated[float, Field(ge=1e-9, le=0.2)] = key(
         "how well that is known: a calibration looks for it within four of these", 1e-3
+    )
+    acceleration_offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = key(
+        "the same of an accelerometer, for which a calibration looks within 20 ms", 0.0
     )
     drift: Annotated[float, Field(ge=-MOST_DRIFT, le=MOST_DRIFT)] = key(
         "growth of that offset per second of a record, s/s; removed before any fit where the drive is a"

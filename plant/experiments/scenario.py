@@ -35,13 +35,13 @@ from plant.experiments.profile import PROFILES, Profile, Pwm, Recorded
 from plant.hidden.registry import hidden
 from plant.hidden.table import effect_table
 from plant.rig import STEP_S, Plant, TruePlate, Truth
-from plant.sensing import Sensor
+from plant.sensing import FASTEST_HZ, Sensor
 from plant.tables import Floats
 
 Table = Mapping[str, Any]
 TABLES: Final = (
     *("scenario", "capsule", "tissue", "rig", "drive", "surface"),
-    *("profile", "sensor", "noise", "anatomy", "effects"),
+    *("profile", "sensor", "accelerometer", "noise", "anatomy", "effects"),
 )
 MOST_STEPS: Final = 50_000_000  # of a simulation: a thousand seconds at the usual step
 SHORTEST_STEP_S: Final = 1e-6  # of the compiled step
@@ -83,14 +83,39 @@ class Sampling:
 
 
 @dataclass(frozen=True)
+class Accelerometer:
+    """An accelerometer on a free capsule, whose clock is then the record's; table `[accelerometer]`. Speeds twice
+    through its low-pass, differences over each interval, with white noise `std_m_s2` and the zero `bias_m_s2`.
+    """
+
+    rate_Hz: float = 500.0
+    std_m_s2: float = 0.05
+    bias_m_s2: float = 0.1
+    delay_s: float = 0.0
+    lowpass_s: float = 3e-4
+
+    def columns(self, rows: Floats, place: tuple[Floats, Floats], rng: np.random.Generator) -> dict[str, Floats]:
+        """Stamps, readings, and the readings of `place` (stamps, values) at the nearest stamp, else NaN; `rows` are the
+        truth.
+        """
+        seen, times = Sensor(self.rate_Hz, 0.0, 0.0, self.delay_s, self.lowpass_s), rows[:, at.O_T]
+        t, v = seen.measure(times, seen.filtered(times, rows[:, at.O_V]), rng)
+        a = np.diff(v, prepend=v[0]) * self.rate_Hz + self.bias_m_s2 + self.std_m_s2 * rng.standard_normal(len(t))
+        sparse = np.full(len(t), np.nan)
+        sparse[np.clip(np.round(place[0] * self.rate_Hz).astype(int), 0, len(t) - 1)] = place[1]
+        return {"t_s": t, "reading": sparse, "acceleration_m_s2": a}
+
+
+@dataclass(frozen=True)
 class Scenario:
-    """A simulated experiment: rig, command, sensor."""
+    """A simulated experiment: rig, command, sensors."""
 
     run: RunTable
     kind: str
     rig: Truth
     profile: Profile
     sensor: Sensor
+    accelerometer: Accelerometer | None = None
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -108,7 +133,15 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
         if not isinstance(table, Mapping):
             raise ValueError(f"{name} must be a table; got {shown(table)}")
     run, kind, rig = parse_truth(raw)
-    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
+    beside = None
+    if "accelerometer" in raw:
+        beside = from_table(Accelerometer, raw["accelerometer"], "accelerometer")
+        if not rig.drive.free or not 0 < beside.rate_Hz <= FASTEST_HZ:
+            raise ValueError(
+                f"[accelerometer] must be that of a free capsule, its rate_Hz positive and at most {FASTEST_HZ:g}; got"
+                f" a {kind} rig and {beside.rate_Hz:g}"
+            )
+    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind), beside)
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
@@ -238,10 +271,16 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     switched = isinstance(scenario.profile, Pwm)
     plant = Plant(scenario.rig)
     finest = 1 if rng is None else _FASTEST_ROWS
-    every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), finest, _FASTEST_ROWS))
+    beside = scenario.accelerometer
+    rate = max(scenario.sensor.rate_Hz, beside.rate_Hz if beside else 0.0)
+    every = int(np.clip(0.25 / (rate * dt), finest, _FASTEST_ROWS))
     rows = plant.advance(drive * truth.command_scale if switched else drive, every)
     measured = rows[:, truth.measured]
     t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
+    more = dict[str, Floats]()
+    if beside:
+        more = beside.columns(rows, (t, reading), second)
+        t, reading = more.pop("t_s"), more.pop("reading")
     times = dt * np.arange(drive.size)
     sums = np.interp(t, times, np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
     taken = {
@@ -253,14 +292,14 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     columns = {name: taken[what] for name, what in truth.columns().items()}
     if "drive_on" in columns and not switched:
         columns = {"drive_force_N" if name == "drive_on" else name: values for name, values in columns.items()}
-    return {"t_s": t, **columns}
+    return {"t_s": t, **columns, **more}
 
 
 def write_record(path: Path, columns: Mapping[str, Floats]) -> None:
     """Write columns as CSV (gzipped for `.gz`), complete or not at all."""
     table, rows = io.StringIO(), np.column_stack(list(columns.values()))
     np.savetxt(table, rows, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
-    data = table.getvalue().encode()
+    data = table.getvalue().replace("nan", "").encode()
     made = draft(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
     try:
         made.replace(path)

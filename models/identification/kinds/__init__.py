@@ -10,6 +10,7 @@ from models.checks.usable import cleaned, resampled
 from models.effects import REFINEMENTS
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.driven import DrivenAxisKind
+from models.identification.kinds.axis.noisy import NoisyAxisKind
 from models.identification.kinds.axis.zero_phase import evened
 from models.identification.kinds.differing import differing
 from models.identification.kinds.dma import DmaKind
@@ -43,7 +44,7 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
         return cast(AnyKind, differing(plain, own))
     kind = _BY_NAME.get(records[0].kind if records else rig.kind, SeriesKind).from_rig(rig, records)
     if isinstance(kind, AxisKind):
-        kind = DrivenAxisKind.behind(kind, rig, records)
+        kind = NoisyAxisKind.where_shaken(kind, rig, records)
     fitted = [p.name for p in kind.base if p.fit]
     strange = next((name for name in rig.prior if name not in fitted), None)
     if strange is not None:

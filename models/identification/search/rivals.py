@@ -48,8 +48,7 @@ def rivals_of(
     starts = {row.effect: row.starts for row in screened}
     made = [part for part, _ in model.splits]
     if kind.beginnings_s:  # as the model predicts them
-        both = ([(r, kind.predict(r, theta)) for r in part] for part, theta in model.parts)
-        made = [[record.with_column(kind.quantity, own) for record, own in rows] for rows in both]
+        made = [[kind.made(record, theta) for record in part] for part, theta in model.parts]
 
     def rival(name: str) -> tuple[float, bool, Sequence[Theta], Sequence[str]]:
         bases = zip(made, (theta.without(*own) for theta in model.thetas), strict=True)

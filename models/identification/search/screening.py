@@ -80,11 +80,11 @@ def screen(
     shows of each sample and of what is slow, in its best shape, with the starts of the best few shapes at each view.
     """
     fitter, taken = Fitter.of(kind, records, effects), {*effects, *dropped}
-    x, first, share = fitter.at(theta), records[0], attrgetter("share")
+    x, share = fitter.at(theta), attrgetter("share")
     n, steps = len(x), SET.screened_secant * np.diag([axis.scale for axis in fitter.axes])
     around = fitter.residuals([fitter.at(fitter.theta(point)) for point in (x, *(x + steps), *(x - steps))])
     here, changes = around[0], (around[1 : n + 1] - around[n + 1 :]) / 2
-    seen = (np.asarray, partial(kind.slow, first)) if kind.beginnings_s else (np.asarray,)
+    seen = (np.asarray, partial(kind.slow, records)) if kind.beginnings_s else (np.asarray,)
     views = [_View.of(one, here, changes) for one in seen]
 
     def tried(effect: type[Effect]) -> Screened:

@@ -36,8 +36,9 @@ def judged(lagging: Lagging, effect: str) -> dict[str, Check]:
     """The checks of the records' fit with `effect`, beside all rehearsals."""
     kind, base, records, held = lagging
     theta = Fitter.of(kind, records, [effect]).near(base.with_(effect, {"time_s": 0.085})).theta
-    *_, null = rehearsed(kind, records, held, theta, [effect], np.random.default_rng(0))
-    return {check.id: check for check in within(left_by(kind, records, held, theta, 1.0, kind.final), null)}
+    *_, (null,) = rehearsed(kind, records, held, theta, [effect], np.random.default_rng(0))
+    (left,) = left_by(kind, records, held, theta, 1.0, kind.final)
+    return {check.id: check for check in within(left, null)}
 
 
 def test_a_right_model_passes(lagging: Lagging) -> None:
@@ -59,7 +60,7 @@ def test_a_slow_sensor_in_place_of_a_lag_fails_by_far(lagging: Lagging) -> None:
 def test_the_limits_grow_with_every_rehearsal(lagging: Lagging) -> None:
     kind, base, records, held = lagging
     theta = base.with_("actuator_lag", {"time_s": 0.09})
-    rows = list(rehearsed(kind, records, held, theta, ["actuator_lag"], np.random.default_rng(2)))
+    rows = [row for (row,) in rehearsed(kind, records, held, theta, ["actuator_lag"], np.random.default_rng(2))]
     assert len(rows) == SET.rehearsals
     for name in ("residual_size", "whiteness", "validation", "held_out"):
         values = [getattr(row, name) for row in rows]

@@ -43,6 +43,12 @@ VIBRO = "[drive]\ninner_mass_kg = 0.002\nspring_stiffness_N_per_m = 60.0\nforce_
         (
             "vibro",
             PWM,
+            VIBRO + "[accelerometer]\nrate_Hz = 500\n",
+            ["t_s", "drive_on", "position_m", "acceleration_m_s2"],
+        ),
+        (
+            "vibro",
+            PWM,
             VIBRO + "[drive.coil]\ngain_N_per_A = 0.3\n",
             ["t_s", "coil_voltage_V", "position_m", "coil_current_A"],
         ),

@@ -56,9 +56,6 @@ class AxisKind(Kind):
     `delay` is the time by which the position is read late. `force_std` and `position_std` are the noise before the
     filter; without the first it is estimated from repeats of the motion, else from the white part of the force. Rows at
     rest do not count, since friction there takes any value up to its limit.
-
-    Noise of the place in the acceleration draws the inertia down, and all that goes with it; where it may, parameters
-    are fitted to the place, which is `run` from the measured force under an observer.
     """
 
     base: tuple[Parameter, ...]
@@ -68,7 +65,6 @@ class AxisKind(Kind):
     band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
     name: str = AXIS.id
-    run: Kind | None = None
     catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = 2
     next_share: ClassVar[float] = 0.04
@@ -143,7 +139,7 @@ class AxisKind(Kind):
         return np.asarray(self.stacked(record, [theta], criterion)[0])
 
     def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
-        return self.of_force(record, thetas) if self.run is None else self.run.stacked(record, thetas)
+        return self.of_force(record, thetas)
 
     def of_force(self, record: Record, thetas: Sequence[Theta]) -> Array:
         """Filtered force errors in units of their noise, a row for each of `thetas`, 100 a second."""
@@ -190,9 +186,6 @@ class AxisKind(Kind):
         size = self._believed(record) if math.isnan(own) else own
         return AxisNoise(own, speed, inertia if shaken else 0.0, max(float(np.hypot(size, shaken)), 1e-12))
 
-    def scale_std(self, p: Parameter) -> float:
-        return 0.0 if self.run is None else self.run.scale_std(p)
-
     def shaken(self, record: Record) -> bool:
         """Whether the place is too noisy for its acceleration in the usual band, and inertia a part of the force."""
         m = self._moved(record).motion
@@ -215,10 +208,8 @@ class AxisKind(Kind):
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same motion with the model's force and noise of the same size after the filter: the force's own, and that
-        of the position (or the logged speed) through the inertia. Where the place is run, the same force.
+        of the position (or the logged speed) through the inertia.
         """
-        if self.run is not None:
-            return self.run.imitate(record, theta, rng)
         whole = self._carrying(record)
         noise, of = self.noise(whole), self._moved(whole)
         rate = of.motion.rate
@@ -231,8 +222,6 @@ class AxisKind(Kind):
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        if self.run is not None:
-            return self.run.splits(records)
         return splits_of(records, self.coordinates.position, self._carrying)
 
     def _carrying(self, record: Record) -> Record:

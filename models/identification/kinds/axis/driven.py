@@ -16,7 +16,7 @@ from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Split
-from models.identification.kinds.axis.axis import AxisKind, base_of, coordinates_for, size_of, splits_of, stated_noise
+from models.identification.kinds.axis.axis import base_of, coordinates_for, size_of, splits_of, stated_noise
 from models.identification.kinds.axis.coordinates import LINE, Coordinates
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import band_of
@@ -75,16 +75,6 @@ class DrivenAxisKind(SeriesKind):
         off = kind.error(known, [kind.predict(r, near) for r in known])
         moved = np.std(np.concatenate([r[c.position] for r in known]))
         return replace(kind, follows=bool(off < SET.axis_follows * moved), force_scale_std=scale)
-
-    @classmethod
-    def behind(cls, kind: AxisKind, rig: Rig, records: Sequence[Record]) -> AxisKind:
-        """`kind`, fitted to the place where that is too noisy for a fit to the force; its error is told in half the
-        band, where the force that it computes from this place has less of that noise.
-        """
-        known = [record for record in records if kind.quantity in record.columns]
-        if not known or not any(map(kind.shaken, known)):
-            return kind
-        return replace(kind, band=kind.band / 2, run=cls.from_rig(rig, known, holds=False))
 
     @property
     def unit(self) -> str:

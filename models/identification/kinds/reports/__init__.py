@@ -31,4 +31,4 @@ def report_of(kind: AnyKind) -> Any:
     `next_experiment(kind, theta, records, alike)` that would separate each effect from those that the records do not
     separate from it (`alike`), None where none is needed.
     """
-    return _REPORTS[type(kind)]
+    return next(_REPORTS[one] for one in type(kind).__mro__ if one in _REPORTS)

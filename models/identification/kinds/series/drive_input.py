@@ -17,7 +17,9 @@ from models.rigs.tables import ClockTable
 
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
-OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
+ACCELERATION_CLOCK = "acceleration_clock_s"
+ACCELERATION_LOWPASS = "acceleration_lowpass_s"
+OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET, ACCELERATION_CLOCK, ACCELERATION_LOWPASS)
 """Parameters of the logging, not of the rig that a controller drives."""
 KEPT = 64
 """Records whose inputs are kept: a fit runs over the same ones thousands of times."""
@@ -156,3 +158,12 @@ def clock_offset(clock: ClockTable | None) -> tuple[Parameter, ...]:
         return ()
     value, std, source = clock.offset_s, clock.offset_std_s, "[clock] of the rig file"
     return (Parameter(CLOCK_OFFSET, value, "s", value - 4 * std, value + 4 * std, source, fit=True, spread=std),)
+
+
+def accelerometer(clock: ClockTable | None) -> tuple[Parameter, ...]:
+    """The time by which an accelerometer is stamped late, and the time constant of its filter (first order)."""
+    at, source = clock.acceleration_offset_s if clock else 0.0, "[clock] of the rig file; within 20 ms"
+    return (
+        Parameter(ACCELERATION_CLOCK, at, "s", at - 0.02, at + 0.02, source, fit=True),
+        Parameter(ACCELERATION_LOWPASS, 0.0, "s", 0.0, 0.02, "a sensor without a filter", fit=True),
+    )

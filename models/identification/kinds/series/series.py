@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from models.checks.estimators import estimated_noise, grid_step
 from models.checks.noise import noise_used
-from models.checks.usable import counted, filled, from_row, used
+from models.checks.usable import RUN_IN, counted, filled, from_row, used
 from models.compiled.kernel import LANES
 from models.compiled.residuals import weighed
 from models.drives.drive import Drive
@@ -22,11 +22,19 @@ from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.series.drive_input import KEPT, clock_offset, driven_column, interval, switch_delay
+from models.identification.kinds.series.drive_input import (
+    KEPT,
+    accelerometer,
+    clock_offset,
+    driven_column,
+    interval,
+    switch_delay,
+)
 from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
+from models.rigs.columns import ACCELERATION
 from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
@@ -44,16 +52,19 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 
 @lru_cache(maxsize=KEPT)
-def _rows(record: Record) -> NDArray[np.int64]:
-    """The rows whose residuals count."""
-    return np.flatnonzero(counted(record))
+def _rows(record: Record, column: str) -> NDArray[np.int64]:
+    """The rows whose residuals in `column` count."""
+    if column != ACCELERATION:
+        return np.flatnonzero(counted(record))
+    return np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
 
 
 @dataclass(frozen=True)
 class SeriesKind(Kind):
     """A rig whose records are time series of a capsule. `noise_std` is the sensor's; residuals of `averaged` neighbours
     count as one, their mean in units of its own noise, which shows structure below the noise of a sample. `resolution`
-    is the step of a coarse sensor, else 0.
+    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column: of an accelerometer,
+    whose zero is unknown, so that means do not count. Of a kind with a `column` only that one counts.
     """
 
     surface: Surface
@@ -64,6 +75,8 @@ class SeriesKind(Kind):
     averaged: int = 1
     resolution: float = 0.0
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    column: str = ""
     catalogue: Catalogue = CATALOGUE
     measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
@@ -82,8 +95,15 @@ class SeriesKind(Kind):
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
         noise = series_noise(records, drive.measured, stated)
         made = cls.build(surface_of(rig), drive, noise, records, Catalogue.of(rig))
-        step = resolution(records, drive.measured)
-        return replace(made, base=made.base + clock_offset(rig.clock), resolution=step)
+        step, base = resolution(records, drive.measured), made.base + clock_offset(rig.clock)
+        logged = [record for record in records if ACCELERATION in record.columns]
+        if logged:
+            noise = series_noise(logged, ACCELERATION, rig.noise.acceleration_std_m_s2)
+            moved = np.median([np.nanstd(record[ACCELERATION]) for record in logged])
+            noise = float(np.hypot(noise, SET.accelerometer * moved))
+            made = replace(made, beside=MappingProxyType({ACCELERATION: noise}))
+            base = (*base, *accelerometer(rig.clock))
+        return replace(made, base=base, resolution=step)
 
     @classmethod
     def build(
@@ -108,11 +128,27 @@ class SeriesKind(Kind):
 
     @property
     def quantity(self) -> str:
-        return self.drive.measured
+        return self.column or self.drive.measured
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        return self.channels
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return (self.column,) if self.column else (self.drive.measured, *self.beside)
+
+    def alone(self, column: str) -> Self:
+        own = column in self.beside
+        measure = "rms error of the free-running prediction about its mean" if own else self.measure
+        return replace(self, column=column, measure=measure) if self.beside else self
+
+    def _std(self, column: str) -> float:
+        return self.beside.get(column, self.noise_std)
 
     @property
     def unit(self) -> str:
-        return "N" if self.drive.imposed else "m"
+        return "m/s2" if self.column in self.beside else "N" if self.drive.imposed else "m"
 
     @property
     def final(self) -> int:
@@ -133,10 +169,12 @@ class SeriesKind(Kind):
 
     def _from_the_start(self, record: Record, outputs: Array) -> Array:
         """`outputs` (k, n) moved to where the record starts: the noise of one sample there would last to the end."""
-        if self.drive.anchored or self.quantity not in record.columns:
+        column = self.drive.measured
+        if self.drive.anchored or column not in record.columns:
             return outputs
-        first = slice(0, max(1, round(SET.start_s / interval(record))))
-        away = record[self.quantity][first] - outputs[:, first]
+        shown = np.flatnonzero(used(record))
+        first = shown[: max(int(np.searchsorted(shown, round(SET.start_s / interval(record)))), SET.start_images)]
+        away = record[column][first] - np.take(outputs, first, axis=1)
         return np.asarray(outputs + away.mean(axis=1, keepdims=True))
 
     def predict(self, record: Record, theta: Theta) -> Array:
@@ -144,25 +182,58 @@ class SeriesKind(Kind):
         return self.predictions(record, [theta])[0]
 
     def predictions(self, record: Record, thetas: Sequence[Theta]) -> list[Array]:
-        placed = not self.drive.anchored and self.quantity in record.columns
-        return list(self._from_the_start(record, self._runs(record, thetas, None, placed)))
+        placed = not self.drive.anchored and self.drive.measured in record.columns
+        return list(self._outputs(record, thetas, None, placed)[self.quantity])
+
+    def _outputs(
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, placed: bool = True, fine: bool = True
+    ) -> dict[str, Array]:
+        """What the sensors show at each of `thetas`, (k, n) by column; under an observer where there is a `memory`."""
+        if ACCELERATION not in self.channels:
+            outputs, more = self._runs(record, thetas, memory, placed, fine), dict[str, Array]()
+        else:
+            more = {ACCELERATION: np.empty((len(thetas), len(record)))}
+            outputs = self._runs(record, thetas, memory, placed, fine, more[ACCELERATION])
+        return {self.drive.measured: outputs if memory else self._from_the_start(record, outputs), **more}
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Differences in units of the noise, with less weight in the jump of a slip event; see `Kind.residual`."""
         return np.asarray(self.stacked(record, [theta], criterion)[0])
 
     def stacked(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> Array:
-        memory = None if criterion else self.memory
-        outputs = self._runs(record, thetas, memory, fine=criterion == self.final)
-        if not memory:
-            outputs = self._from_the_start(record, outputs)
-        rows = _rows(record)
-        averaged = 1 if len(rows) < 2 * self.averaged else self.averaged
-        noise, measured = self.noise_std, record[self.quantity]
-        return np.asarray(weighed(outputs, measured, rows, averaged, noise, SET.diverged, self.tail))
+        outputs = self._outputs(record, thetas, None if criterion else self.memory, fine=criterion == self.final)
+        parts = [self._weighed(record, column, outputs[column]) for column in self._logged(record)]
+        return np.asarray(parts[0] if len(parts) == 1 else np.hstack(parts))
 
-    def slow(self, record: Record, rows: Array) -> Array:
-        count = max(1, round(SET.slow_s / (interval(record) * self.averaged)))
+    def _logged(self, record: Record) -> list[str]:
+        """The channels that a record has."""
+        return [column for column in self.channels if column in record.columns]
+
+    def _weighed(self, record: Record, column: str, outputs: Array) -> Array:
+        rows, averaged = _rows(record, column), self._averaged(record, column)
+        if column == ACCELERATION:
+            outputs = outputs + (record[column] - outputs)[:, rows].mean(axis=1, keepdims=True)
+        weight = (SET.diverged, self.tail)
+        return np.asarray(weighed(outputs, record[column], rows, averaged, self._std(column), *weight))
+
+    def _averaged(self, record: Record, column: str) -> int:
+        return 1 if column in self.beside or len(_rows(record, column)) < 2 * self.averaged else self.averaged
+
+    def slow(self, records: Sequence[Record], rows: Array) -> Array:
+        if not self.beside:
+            return self._slow(rows, SET.slow_s / (interval(records[0]) * self.averaged))
+        parts, end = list[Array](), 0
+        for record in records:
+            for column in self._logged(record):
+                size = len(_rows(record, column)) // self._averaged(record, column)
+                seconds = interval(record) * len(record)
+                parts.append(self._slow(rows[:, end : end + size], SET.slow_s * size / seconds))
+                end += size
+        return np.hstack(parts)
+
+    def _slow(self, rows: Array, count: float) -> Array:
+        """Means of `count` neighbours of `rows`."""
+        count = max(1, round(count))
         if rows.shape[1] < count:
             return rows
         some = rows[:, : rows.shape[1] // count * count]
@@ -171,28 +242,38 @@ class SeriesKind(Kind):
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, over the samples that count."""
-        parts = [self.off(r, predicted)[counted(r)] for r, predicted in zip(records, predictions, strict=True)]
+        parts = [
+            self.off(r, predicted)[_rows(r, self.quantity)] for r, predicted in zip(records, predictions, strict=True)
+        ]
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
     def off(self, record: Record, predicted: Array) -> Array:
-        """The prediction error low-passed at 2 Hz, interpolated between the samples that count."""
+        """The prediction error low-passed at 2 Hz, interpolated between the samples that count; of an accelerometer, as
+        it is about its mean.
+        """
+        if self.column in self.beside:
+            off = record[self.column] - predicted
+            return np.asarray(off - off[_rows(record, self.column)].mean())
         good, t = counted(record), record["t_s"]
         return low_passed(np.interp(t, t[good], (record[self.quantity] - predicted)[good]), interval(record))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """White noise of `noise_std` through the same low-pass."""
         rng = np.random.default_rng(0)
-        made = [(r, r[self.quantity] + self.noise_std * rng.standard_normal(len(r))) for r in records]
+        std, column = self._std(self.quantity), self.quantity
+        made = [(r, r[column] + std * rng.standard_normal(len(r))) for r in records]
         return self.error([r for r, _ in made], [p for _, p in made])
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same drive with the model's output and white noise of the stated size, in the sensor's steps."""
         steps = self.resolution / np.sqrt(12)
         white = np.sqrt(max(self.noise_std**2 - steps**2, 0.0)) * rng.standard_normal(len(record))
-        output = self.predict(record, theta) + white
+        made, place = self.made(record, theta), self.drive.measured
+        output = made[place] + white
         if self.resolution:
             output = self.resolution * np.round(output / self.resolution)
-        return filled(record.with_column(self.quantity, output), self.quantity)
+        more = {c: made[c] + std * rng.standard_normal(len(record)) for c, std in self.beside.items()}
+        return filled(made.with_columns({place: output, **more}), place)
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """The beginnings of a shaken body, which strikes in every period of its drive; all of others."""
@@ -212,7 +293,7 @@ class SeriesKind(Kind):
         return [(first, [from_row(r, half) for r, half in zip(records, halves, strict=True)])]
 
     def signals(self, record: Record) -> dict[str, Array]:
-        t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.quantity]
+        t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.drive.measured]
         step = interval(record)
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(low_passed(x, step))))])
         out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step), "travelled_m": path}
@@ -258,12 +339,13 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
     """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
-    values = [record[column][used(record)] for record in measured]
+    own = column == ACCELERATION  # which alone has gaps of its own
+    values = [r[column][np.isfinite(r[column]) if own else used(r)] for r in measured]
     if not values:
         return stated or SET.no_noise
     vibrates = KINDS[measured[0].kind].vibrates
     estimated = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
-    span, step = float(np.ptp(np.concatenate(values))), resolution(records, column)
+    span, step = float(np.ptp(np.concatenate(values))), float(np.median([grid_step(y) for y in values]))
     return max(noise_used(stated, estimated, span, step), SET.no_noise)
 
 

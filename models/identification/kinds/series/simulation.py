@@ -9,12 +9,14 @@ import numpy as np
 from models.assembly.model import Assembly, assemble, followed_by
 from models.checks.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel
-from models.compiled.residuals import in_time, sampled
+from models.compiled.residuals import in_time, lagging, sampled
 from models.drives.drive import Drive
 from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
+    ACCELERATION_CLOCK,
+    ACCELERATION_LOWPASS,
     CLOCK_OFFSET,
     KEPT,
     SWITCH_DELAY,
@@ -79,10 +81,17 @@ class Runner:
     catalogue: Catalogue
 
     def runs(
-        self, record: Record, thetas: Sequence[Theta], memory: float | None, placed: bool = True, fine: bool = True
+        self,
+        record: Record,
+        thetas: Sequence[Theta],
+        memory: float | None,
+        placed: bool = True,
+        fine: bool = True,
+        accelerations: Array | None = None,
     ) -> Array:
         """The output (len(thetas), samples) at each of `thetas`; those with the same effects and switch delay run side
-        by side. Where `placed`, the body starts where it was measured.
+        by side. Where `placed`, the body starts where it was measured. `accelerations` of the same shape, if given, get
+        the mean ones in m/s2 over the interval before each sample.
         """
         alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
         for i, theta in enumerate(thetas):
@@ -96,9 +105,18 @@ class Runner:
             for k in range(0, len(members), LANES):
                 some = members[k : k + LANES]
                 at = [thetas[i] for i in some]
-                shown, late = self._side_by_side(even, fed, active, at, memory, placed)
-                clock, same = even["t_s"], even is record
-                sampled(fed.samples(shown), clock, record["t_s"], late, same, np.array(some), outputs)
+                wide = accelerations is not None
+                shown, late = self._side_by_side(even, fed, active, at, memory, placed, wide)
+                clock, same, rows = even["t_s"], even is record, np.array(some)
+                sampled(fed.samples(shown[:, :LANES]), clock, record["t_s"], late, same, rows, outputs)
+                if accelerations is not None:
+                    passed = [theta.get(ACCELERATION_LOWPASS, 0.0) / fed.dt for theta in at]
+                    for lane, steps in enumerate(passed):
+                        shown[:, LANES + lane] = lagging(shown[:, LANES + lane], steps)
+                    v = fed.samples(shown[:, LANES:])
+                    mean = np.diff(v, axis=0, prepend=v[:1]) / (fed.every * fed.dt)
+                    late = np.array([theta.get(ACCELERATION_CLOCK, 0.0) for theta in at])
+                    sampled(mean, clock, record["t_s"], late, same, rows, accelerations)
         return outputs
 
     def _side_by_side(
@@ -109,14 +127,17 @@ class Runner:
         thetas: Sequence[Theta],
         memory: float | None,
         placed: bool,
+        wide: bool,
     ) -> tuple[Array, Array]:
-        """The loop's outputs, a column each of `thetas` and the last repeated, and each one's delay in s."""
+        """The loop's outputs, a column each of `thetas` and the last repeated, and each one's delay in s; where `wide`,
+        the speeds beside them.
+        """
         assembly, kernel = _model(self.surface, self.drive, active)
         lanes = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
         parameters = np.array([assembly.vector(theta) for theta in lanes]).T.copy()
         late = np.array([_late(active, theta) for theta in lanes])
         states = np.repeat(self._start(assembly, even, placed)[:, None], LANES, axis=1)
-        shown = np.empty((len(fed.commands), LANES))
+        shown = np.empty((len(fed.commands), (1 + wide) * LANES))
         seen, gain = shown, 0.0
         if memory:
             samples, gain = _observed(even, self.drive.measured), fed.dt / memory
@@ -126,7 +147,7 @@ class Runner:
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
             if there.any():  # the noise of one sample's position would last
-                states[0] += np.mean((seen[:n] - shown[:n])[there], axis=0)
+                states[0] += np.mean((seen[:n] - shown[:n, :LANES])[there], axis=0)
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         return shown, late
 

@@ -1,11 +1,16 @@
 """An axis under feedback: its force holds the noise of its place; the intervals must hold the truth all the same."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from models.effects.effect import Effect, Signals, Value, Values, number
+from models.effects.own import Origin
 from models.identification import close
+from models.identification.kinds import kind_for, ready
+from models.identification.kinds.axis.noisy import NoisyAxisKind
 from models.records.record import record_of
 from models.rigs.reader import parse_rig
 
@@ -49,3 +54,28 @@ def test_feedback_does_not_bias_an_axis_beyond_its_intervals(driven: dict[str, s
             widths.append((high - low) / truth)
     assert float(np.median(widths)) < 0.1
     assert min(held.values()) >= LEAST, held
+
+
+class Bend(Effect):
+    """A force that grows as the cube of the place."""
+
+    id = "bend"
+    kinds = frozenset({"axis"})
+    probe = 1.0
+    stiffness_N_per_m3 = number(0.0, "N/m3", -1e6, 1e6)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        return -p["stiffness_N_per_m3"] * s.x**3
+
+
+def test_an_effect_from_outside_runs_where_the_place_is_too_noisy() -> None:
+    """As the spline inside the simulation does: it was looked up in the project's catalogue alone."""
+    rig = parse_rig({"rig": {"kind": "axis"}})
+    record = ready(record_of("loop", loop(1, 2e-4), rig), rig)
+    kind = kind_for(rig, [record])
+    assert isinstance(kind, NoisyAxisKind)
+    own = replace(kind.catalogue, own=(Origin(Bend, "", "bend"),))
+    wide = replace(kind, effects=(*kind.effects, Bend), catalogue=own)
+    plain = wide.residual(record, kind.nominal())
+    bent = wide.residual(record, kind.nominal().with_("bend", {"stiffness_N_per_m3": 1e6}))
+    assert float(np.max(np.abs(bent - plain))) > 1

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from models.checks.usable import counted, gone
+from models.checks.usable import counted, gone, used
 from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import evenly, feed, interval
 from models.identification.kinds.series.series import SeriesKind
@@ -63,7 +63,7 @@ def plain(kind: SeriesKind, record: Record, theta: Theta, criterion: int) -> Arr
     output = np.interp(t - late, even["t_s"], shown) if late or even is not record else shown
     if not kind.drive.anchored:
         n = round(SET.start_s / interval(record))
-        output = output + np.mean(y[:n] - output[:n])
+        output = output + np.mean((y[:n] - output[:n])[used(record)[:n]])
     return weight(kind, record, output)
 
 
@@ -123,9 +123,9 @@ def test_what_is_slow_of_residuals_are_their_means_over_time_as_if_none_counted_
     kind, rng = kind_of("pull", record), np.random.default_rng(2)
     far = 100.0 * (np.arange(60_000) > 30_000)
     r = far + rng.standard_normal(60_000)
-    slow = kind.slow(record, np.array([r * np.sqrt(2 / (1 + np.sqrt(1 + (r / SET.tail) ** 2)))]))[0]
+    slow = kind.slow([record], np.array([r * np.sqrt(2 / (1 + np.sqrt(1 + (r / SET.tail) ** 2)))]))[0]
     count = round(SET.slow_s / (interval(record) * kind.averaged))
     assert len(slow) == 60_000 // count
     assert slow == pytest.approx(r[: len(slow) * count].reshape(-1, count).mean(axis=1) * np.sqrt(count))
     assert np.std(slow[: len(slow) // 2 - 1]) == pytest.approx(1.0, abs=0.1)
-    assert kind.slow(record, np.ones((2, count - 1))).shape == (2, count - 1)
+    assert kind.slow([record], np.ones((2, count - 1))).shape == (2, count - 1)

@@ -188,7 +188,7 @@ def record_of(
         wrong = np.isinf(values) if target in _sparse(KINDS[rig.kind]) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise ValueError(f"{where}, sample {row + 1}: {source.column} must be a finite number; got {values[row]}")
+            raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
     table = CsvTable(header, units, values, np.arange(1, len(values) + 1))
     made = _record(name, where, rig, table, sources, driven_only, lenient, "sample")

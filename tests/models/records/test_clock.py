@@ -72,6 +72,9 @@ def test_a_doubled_stamp_costs_its_row_and_differences_become_times() -> None:
     columns = {"carriage_position_m": X, "position_m": np.cos(T)}
     record = record_of("one", {"t_s": doubled, **columns}, Rig("magnetic"))
     assert (len(record), record.left_out[0].why) == (2999, "stamps_repeated")
+    ahead = T.copy()
+    ahead[700] += 1.0  # on another stamp
+    assert record_of("one", {"t_s": ahead, **columns}, Rig("magnetic")).left_out[0].why == "stamps_astray"
     steps = np.diff(T, prepend=0.0)
     assert are_differences(steps)
     summed = record_of("one", {"t_s": steps, **columns}, Rig("magnetic"))

@@ -20,6 +20,7 @@ _MOST_IN_VAIN: Final = 4.0  # times friction, greatest push counted
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
 _MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
+_SHAKEN_STDS: Final = 2.4  # the same for the difference of two smoothed ones
 _SLIPS_M_S: Final = 0.2  # speed of a slip between two readings
 _FASTEST_M_S: Final = 1.0  # speed above every real motion
 CONFIRMED: Final = 3  # readings in a row that confirm a jump
@@ -112,7 +113,7 @@ class Contradiction:
         self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
-        self._moved_m = max(_MOVED_M, _MEAN_STDS * noise_m)
+        self._moved_m = max(_MOVED_M, (_SHAKEN_STDS if envelope.shaken else _MEAN_STDS) * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
         self.begin()

@@ -22,8 +22,8 @@ LONGEST_S: Final = 60.0
 _GRID_S: Final = 0.01
 
 
-def unfit(mission: Mission, model: ControlModel, controller: str) -> str:
-    """Why `controller` must not lead `mission` with its localisation, "" if it may.
+def unfit(mission: Mission, model: ControlModel, controller: str, loops: bool = True) -> str:
+    """Why `controller` must not lead `mission` with its localisation, "" if it may. Without `loops` nothing is run.
 
     - Age: a reading is up to `1/rate + latency` old before the next one; the drive stops at `limits.age_s`.
     - Way: that a capsule leaves the envelope shows in `CONFIRMED` readings. The reference must stay within the envelope
@@ -44,7 +44,7 @@ def unfit(mission: Mission, model: ControlModel, controller: str) -> str:
         most = around_m / (CONFIRMED / seen.rate_Hz + seen.latency_s)
         return TEXT("sight.way", speed_mm_s=1e3 * fastest, most_mm_s=1e3 * most, **stated)
     good = replace(seen, rate_Hz=max(seen.rate_Hz, TUNED.rate_Hz), latency_s=min(seen.latency_s, TUNED.latency_s))
-    for seed in range(TRIALS) if good != seen else ():
+    for seed in range(TRIALS) if loops and good != seen else ():
         why = _ends(mission, model, controller, seed)
         if why and not _ends(replace(mission, seen=good), model, controller, seed):
             return TEXT("sight.loop", why=why, **stated)

@@ -1,6 +1,7 @@
 """What leads a run with a model that carries a choice: the stage and the controller, expected to track best."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -118,11 +119,11 @@ def mission_of(scenario: TrackScenario) -> Mission:
     return Mission(scenario.reference, scenario.duration_s, scenario.limits, localisation, control.estimator)
 
 
-def seeing(mission: Mission, model: ControlModel, names: Sequence[str]) -> list[str]:
-    """The controllers among `names` that may lead with the localisation of `mission`; a note on the others. Raises
-    ValueError where none may.
+def seeing(mission: Mission, model: ControlModel, names: Sequence[str], tried: Collection[str] = ()) -> list[str]:
+    """The controllers among `names` that may lead with the localisation of `mission`; a note on the others. Of those
+    `tried` elsewhere no loop is run. Raises ValueError where none may.
     """
-    why = {name: unfit(mission, model, name) for name in names}
+    why = {name: unfit(mission, model, name, name not in tried) for name in names}
     able = [name for name in names if not why[name]]
     if not able:
         raise ValueError(why[names[-1]])
@@ -134,7 +135,8 @@ def seeing(mission: Mission, model: ControlModel, names: Sequence[str]) -> list[
 def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequence[str], report: Progress) -> Leading:
     """The stage or possible model, and the controller among `names`, that lead `mission`."""
     stages = [stage for stage in (*STAGES, *model.members) if stage not in model.barred]
-    names = seeing(mission, believed(model.believed(NOMINAL)), names)
+    compared = {*names} - {PLAIN} if len(names) > 1 else ()
+    names = seeing(mission, believed(model.believed(NOMINAL)), names, compared)
     candidates, known = list[Candidate](), list[Theta]()
     for stage in stages:
         values = model.believed(stage)
@@ -155,6 +157,8 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
 
     found = choose(mission, candidates, list(numbers), world, report, model.barred)
     values = model.believed(found.stage)
+    if math.isinf(found.expected[found.stage]):
+        seeing(mission, believed(values), [found.controller])
     return Leading(values, found.stage, found.controller, found, others_of(model, values))
 
 

@@ -61,6 +61,14 @@ def test_a_controller_with_a_model_is_tried_too() -> None:
     assert not unfit(mission_of(loop), model, "feedforward")
 
 
+def test_an_inner_mass_follows_late_readings_five_times_a_second() -> None:
+    """40 mm at 10 mm/s forth and back: no rule takes it for a capsule that does not move."""
+    loop = seen("vibro", 5.0, 0.2)
+    trace = run_loop(loop, believed_model(loop, Theta()), "vibro", 0)
+    assert not trace.halted
+    assert score(loop, trace).tracking_rmse_m < 6e-3
+
+
 def test_a_good_localisation_is_not_blamed_for_what_fails_without_it() -> None:
     """On a model whose readings are late by themselves the PID swings, with 200 Hz as with 100 Hz."""
     loop = parse_track_scenario(scenario("magnetic", 200.0, 0.015))

@@ -192,7 +192,7 @@ def test_a_model_that_explains_a_part_must_gain_more(
     assert seen["friction_coefficient"] == (0.09, pytest.approx(9e-4))
     assert seen["actuator_lag", "time_s"] == (0.1, pytest.approx(1e-3))
     assert seen["most"] == 1
-    wanted = "with the model in use" if offered else "at most 0.5 of the current model's"
+    wanted = "not compared in control before" if offered else "at most 0.5 of the current model's"
     assert wanted in answered.sentence
 
 

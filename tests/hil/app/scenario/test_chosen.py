@@ -25,6 +25,7 @@ from models.effects import CATALOGUE
 from models.identification import Model
 from models.rigs.rig import Rig
 from models.theta import Theta
+from tests.bench.bench_localisation import seen
 
 WORSE = 1.05
 SCENARIO = """
@@ -160,22 +161,31 @@ def test_track_says_what_was_chosen(files: tuple[Path, Path], capsys: pytest.Cap
 def test_each_model_is_built_and_each_controller_asked_once(
     files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The choice's models are those that lead and stand beside them; what was chosen may lead."""
-    built, asked = list[Theta](), list[str]()
+    """The choice's models are those that lead and stand beside them; what was chosen may lead. The choice has tried
+    feedforward and MPC with the stated localisation, so no other loop of them is run for that.
+    """
+    built, asked = list[Theta](), list[tuple[str, bool]]()
 
     def control_model_counted(rig: Rig, values: Theta, *more: Any, **named: Any) -> ControlModel:
         built.append(values)
         return control_model(rig, values, *more, **named)
 
-    def unfit_counted(mission: Mission, model: ControlModel, controller: str) -> str:
-        asked.append(controller)
-        return unfit(mission, model, controller)
+    def unfit_counted(mission: Mission, model: ControlModel, controller: str, loops: bool) -> str:
+        asked.append((controller, loops))
+        return unfit(mission, model, controller, loops)
 
     monkeypatch.setattr(hil.app.track.loop, "control_model", control_model_counted)
     monkeypatch.setattr(hil.app.scenario.chosen, "unfit", unfit_counted)
     assert run(["track", str(files[0]), "--model", str(files[1])]) == 0
     assert [values for values in built if built.count(values) > 1] == []
-    assert sorted(asked) == ["feedforward", "mpc", "pid"]
+    assert sorted(asked) == [("feedforward", False), ("mpc", False), ("pid", True)]
+
+
+def test_a_controller_given_by_hand_is_refused_for_late_readings() -> None:
+    """A PID behind a coil whose readings are 0.1 s late."""
+    scenario = seen("coil", 100.0, 0.1)
+    with pytest.raises(ValueError, match="faster or less late for pid"):
+        led(scenario, model_of(scenario, {}), ["pid"])
 
 
 def test_a_stage_given_by_hand_stands(files: tuple[Path, Path]) -> None:

@@ -16,6 +16,7 @@ from models.checks.finding import RecordFinding
 from models.effects import Catalogue
 from models.identification.identify import narrowed, smallest
 from models.identification.kinds import kind_for, ready
+from models.identification.record_checks import check_records
 from models.records.record import Record
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
@@ -29,6 +30,8 @@ def check(records: Records, rig: RigFile, *, json_output: Json = False, effects:
     belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
     read, _ = read_series(records, (), belief, lenient=True)
     findings = examine(belief, read)
+    if stopping(findings) is None:
+        findings = (*_refused(belief, read), *findings)
     stops = stopping(findings) is not None
     hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
     sizes = {} if stops else _smallest(catalogue.given_to(belief), read)
@@ -43,6 +46,18 @@ def check(records: Records, rig: RigFile, *, json_output: Json = False, effects:
         if sizes:
             summary().print(sizes_table(sizes))
     return STOPPED if stopping(findings) else 0
+
+
+def _refused(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
+    """What close-loop would refuse before its fit, as a finding."""
+    try:
+        check_records(records, ())
+    except ValueError as error:
+        at = next((record for record in records if str(error).startswith(f"{record.name}: ")), records[0])
+        said = str(error).removeprefix(f"{at.name}: ")
+        how, remedy = TEXT("check.refused_how"), TEXT("check.refused_remedy")
+        return (RecordFinding("refused", "stops", at.source or at.name, "throughout", said, how, remedy),)
+    return ()
 
 
 def _smallest(rig: Rig, records: Sequence[Record]) -> dict[str, Quantity]:

@@ -131,7 +131,7 @@ def read_series(
 def noted_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
     """A record of `rig`, as `read_rig_record` reads it; its notes are printed on standard error."""
     record = read_rig_record(path, rig, driven_only=driven_only, lenient=lenient)
-    for said in record.notes:
+    for said in record.said:
         note(f"{record.name}: {said}")
     return record
 

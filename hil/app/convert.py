@@ -105,7 +105,7 @@ def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
         return Converted(path, out, channels, tuple(notes))
     record = read_rig_record(path, rig)
     channels = [Channel(Heading(name, unit_of(name)), values) for name, values in as_measured(record).items()]
-    return Converted(path, out, channels, record.notes)
+    return Converted(path, out, channels, record.said)
 
 
 def _content(one: Converted) -> bytes:

@@ -57,7 +57,8 @@ def _simulink(name: str, logged: Mapping[str, Any]) -> Iterator[Channel]:
     signals = logged["signals"]
     for number, signal in enumerate(np.ravel(np.asarray(signals, dtype=object))):
         values = np.asarray(signal.get("values", ()), dtype=float)
-        label = str(signal.get("label") or "") or f"{name}.signals({number + 1})"
+        label = str(signal.get("label", "")) if np.size(signal.get("label", "")) else ""
+        label = label or f"{name}.signals({number + 1})"
         for place, column in _vectors(label, values):
             if len(column) == len(time_s) > 1:
                 yield Channel(Heading(place, group=name, clocked=True), column, time_s)

@@ -26,7 +26,8 @@ def _messages(path: Path) -> Iterator[Message]:
     reader = library("mcap.reader", EXTRA)
     decoders: dict[int, Callable[[bytes], Any]] = {}
     with alone(path) as file:
-        for schema, channel, message in reader.make_reader(file, validate_crcs=True).iter_messages():
+        messages = reader.make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        for schema, channel, message in messages:
             if channel.id not in decoders:
                 decoders[channel.id] = _decoder(schema, channel)
             content = decoders[channel.id](message.data)

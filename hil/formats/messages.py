@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from hil.formats.channels import Channel, Heading, Pick, check_size
+from models.records.clock import in_order
 
 MOST_ELEMENTS: Final = 64  # longest list whose elements are channels; longer ones are images, point clouds and such
 _DEEPEST: Final = 12  # maximum nesting of a message
@@ -47,10 +48,14 @@ def channels_of(messages: Callable[[], Iterable[Message]], pick: Pick) -> list[C
         if count % _CHECKED_EVERY == 0:
             check_size({name: len(found) for name, found in values.items()})
     start = min((found[0] for found in times.values() if found), default=0)
-    return [
-        Channel(known[name], np.array(values[name]), np.array([1e-9 * (t - start) for t in times[name]]))
-        for name in chosen
-    ]
+    return [_channel(known[name], values[name], [1e-9 * (t - start) for t in times[name]]) for name in chosen]
+
+
+def _channel(heading: Heading, values: Sequence[float], times: Sequence[float]) -> Channel:
+    """The channel in the order of its stamps, unless single ones are wrong or a clock begins again."""
+    kept, back = in_order(stamps := np.array(times))
+    order = np.argsort(stamps, kind="stable") if kept.all() and not back else slice(None)
+    return Channel(heading, np.array(values)[order], stamps[order])
 
 
 def numbers_in(content: Any, name: str, depth: int = 0) -> Iterator[tuple[str, float]]:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from hil.formats.channels import Array, Channel, Heading, RefusedError, refusing
-from hil.formats.clock import one_clock
 from hil.formats.reading import read_channels
+from models.records.clock import ClockError, LeftOut, one_clock
 from models.records.record import Record, find_columns, record_of
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
@@ -19,14 +19,16 @@ _CALENDAR_S = 1e6  # a later stamp is a date
 _SWITCHES = ("drive_on",)
 
 
-def channel_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
+def channel_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
     """The record of `rig` in a file, with columns by the table `[columns]`. Raises ValueError of one sentence."""
     choice = _Choice(path, rig, driven_only)
     channels = {channel.heading.name: channel for channel in read_channels(path, choice.pick)}
     with refusing(path, "a measurement"):
-        columns, notes = _columns(choice, channels)
-    plain = replace(rig, columns=ColumnMap())
-    return record_of(path.stem, columns, plain, where=str(path), driven_only=driven_only, notes=notes)
+        columns, notes, lost = _columns(choice, channels)
+    plain, where = replace(rig, columns=ColumnMap()), str(path)
+    return record_of(
+        path.stem, columns, plain, where=where, driven_only=driven_only, notes=notes, lost=lost, lenient=lenient
+    )
 
 
 @dataclass
@@ -57,15 +59,21 @@ class _Choice:
         return {source.column for source in self.sources.values()}
 
 
-def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Our columns in our units, of one length, and notes on the resampling."""
+def _columns(
+    choice: _Choice, channels: Mapping[str, Channel]
+) -> tuple[dict[str, Array], tuple[str, ...], tuple[LeftOut, ...]]:
+    """Our columns in our units, of one length; notes on the resampling, and what was left out."""
     for target, source in choice.sources.items():
-        if source.column not in channels:
+        if source.column and source.column not in channels:
             raise RefusedError(f"channel {source.column} ({target}) must hold numbers, one a sample; it does not")
     ours = {
         target: source.values(channels[source.column].values, choice.units.get(source.column, ""))
         for target, source in choice.sources.items()
+        if source.column
     }
+    for target, source in choice.sources.items():
+        if not source.column:  # a stated rate
+            ours[target] = source.values(next(iter(ours.values())))
     kind = KINDS[choice.rig.kind]
     if not (kind.layout.time and choice.clocked):
         lengths = {target: len(values) for target, values in ours.items()}
@@ -73,7 +81,7 @@ def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str
             raise RefusedError(f"columns must have one length; got {lengths}"[:300])
         if TIME in ours:
             ours[TIME] = since_start(ours[TIME])
-        return ours, ()
+        return ours, (), ()
     samples: dict[str, tuple[Array, Array]] = {}
     for target, values in ours.items():
         times = channels[choice.sources[target].column].time_s
@@ -82,11 +90,13 @@ def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str
         samples[target] = times, values
     first = next(iter(samples.values()))[0]
     if all(np.array_equal(times, first) for times, _ in samples.values()):
-        return {TIME: since_start(first), **ours}, ()
+        return {TIME: since_start(first), **ours}, (), ()
     measured = [name for name in kind.columns(samples).measured if name in samples]
-    rows_of = next(iter(measured or samples))
-    columns, notes = one_clock(samples, rows_of, _SWITCHES)
-    return {**columns, TIME: since_start(columns[TIME])}, notes
+    try:
+        columns, notes, lost = one_clock(samples, next(iter(measured or samples)), _SWITCHES)
+    except ClockError as error:
+        raise RefusedError(str(error)) from None
+    return {**columns, TIME: since_start(columns[TIME])}, notes, lost
 
 
 def since_start(times: Array) -> Array:

@@ -16,6 +16,7 @@ from hil.formats.reading import confined, is_log, reading_process
 from hil.log.blf_file import PACKED, Logged, direction_of
 from hil.log.blf_reader import Tell, read_blf
 from hil.log.place import record_path
+from hil.log.text_log import text_reader
 from models.files.access import check_source, read_json
 
 _END: Final = 0xFFFF_FFFF
@@ -38,7 +39,7 @@ def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file without any")
         yield from read_mf4_frames(path)
         return
-    yield from library_frames(path)
+    yield from library_frames(path, tell)
 
 
 def read_log_record(path: Path) -> dict[str, Any]:
@@ -49,27 +50,34 @@ def read_log_record(path: Path) -> dict[str, Any]:
     return read_json(beside, "record of the log", LARGEST_RECORD)
 
 
-def library_frames(path: Path) -> Iterator[Logged]:
+def library_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
     """The classic data frames with 11-bit identifiers of a file that python-can reads. Raises ValueError."""
+    reader: Any
+    late = 0.0
     try:
-        reader: Any = can.LogReader(path)
+        if path.suffix.lower() in (".log", ".asc"):
+            reader, late = text_reader(path, tell or (lambda _: None))
+        else:
+            reader = can.LogReader(path)
     except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
         raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
     with reader:
-        yield from _frames(reader, path)
+        yield from _frames(reader, path, round(late * 1e9))
 
 
-def _frames(reader: Any, path: Path) -> Iterator[Logged]:
+def _frames(reader: Any, path: Path, late_ns: int) -> Iterator[Logged]:
     messages, count = iter(reader), 0
     while True:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 message = next(messages)
-            stamp = round(message.timestamp * 1e9)
+            stamp = round(message.timestamp * 1e9) - late_ns
         except StopIteration:
             return
-        except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
+        except Exception as error:
+            if str(error).startswith(f"{path}: "):
+                raise
             raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
         count += 1
         if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +12,6 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
 from hil.formats.channels import Array, Channel, Heading
-from hil.formats.clock import between, increasing, mean_before
 from hil.formats.reading import format_of, is_log, read_channels
 from hil.log.blf_file import RECEIVED, SENT
 from hil.log.blf_reader import Tell
@@ -19,6 +19,7 @@ from hil.log.reader import read_frames
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 from models.files.csv_reader import read_table
 from models.files.units import split_unit
+from models.records.clock import ClockError, LeftOut, in_order, left_out, one_clock
 from models.records.record import Record, record_of
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
@@ -27,6 +28,7 @@ from models.rigs.rig import Rig
 
 _CALENDAR_S: Final = 1e6  # a later stamp is a date
 _ENABLE, _ENABLED, _DERATED = 2, 4, 5  # `Mode` of a command, and `State` of a drive that follows it
+_SET_BACK_S: Final = 1.0  # a clock that goes back further begins again
 _HEARTBEAT: Final = "Heartbeat"
 
 
@@ -72,7 +74,9 @@ def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     channels: list[Channel] = []
     for name, frames in reading.good.items():
         times = np.array([t for t, _ in frames])
-        kept = increasing(times)
+        kept, _ = in_order(times)
+        if tell is not None and not kept.all():
+            tell(left_out("stamps_astray", name, times[~kept], len(times)).sentence)
         heard = [without_absent(name, v) for _, v in frames]
         for one in reading.catalogue[name].fields:
             values = np.array([v[one.name] for v in heard], dtype=float)[kept]
@@ -84,7 +88,7 @@ def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     return channels
 
 
-def log_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
+def log_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
     """The record of `rig` in the log `path`. Its rows are the times of the measured values: arrival less the age in the
     frame. Feedback is interpolated linearly; a held drive is the mean of its commands since the previous row. Frames
     that the protection refuses and values that the sensor marks invalid are left out. With `driven_only` the rows may
@@ -94,11 +98,17 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
         kinds = ", ".join(SOURCES)
         raise ValueError(f"{path}: CAN log must be of a rig of kind {kinds}; got kind {rig.kind!r}: give a CSV")
     notes: list[str] = []
-    columns = _columns(_Reading(path, notes.append), SOURCES[rig.kind], driven_only)
+    try:
+        columns, lost = _columns(_Reading(path, notes.append), SOURCES[rig.kind], driven_only)
+    except ClockError as error:
+        raise ValueError(f"{path}: {error}") from None
     limit, rows, ours = KINDS[rig.kind].layout.limit, len(columns[TIME]), replace(rig, columns=ColumnMap())
     if rows > limit:
         raise ValueError(f"{path}: record of kind {rig.kind} must have at most {limit} rows; the log gives {rows}")
-    return record_of(path.stem, columns, ours, where=str(path), driven_only=driven_only, notes=tuple(notes))
+    told, where = tuple(notes), str(path)
+    return record_of(
+        path.stem, columns, ours, where=where, driven_only=driven_only, notes=told, lost=lost, lenient=lenient
+    )
 
 
 class _Reading:
@@ -107,8 +117,9 @@ class _Reading:
     def __init__(self, path: Path, tell: Tell | None) -> None:
         self.where, self.catalogue = str(path), load_catalogue()
         self.good: dict[str, list[tuple[float, dict[str, float]]]] = {}
+        self.refused: dict[str, list[float]] = {}
         self.receivers = {frame.id: Receiver(frame) for frame in self.catalogue.frames.values()}
-        start: float | None = None
+        start, heard, last = None, -inf, dict[int, bytes]()
         for logged in read_frames(path, tell):
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
@@ -116,8 +127,16 @@ class _Reading:
             if receiver is None or logged.direction not in (RECEIVED, SENT):
                 continue
             now = logged.time_s - start
-            values = receiver.accept(logged.data, now)
-            if not isinstance(values, Refusal):
+            heard = max(heard, now) if now > heard - _SET_BACK_S else now  # a single wrong stamp stales no frame
+            if last.get(logged.id) == logged.data:  # a log of two connections to one bus has each frame twice
+                values: dict[str, float] | Refusal = Refusal("repeated")
+                receiver.refused["repeated"] += 1
+            else:
+                values = receiver.accept(logged.data, heard)
+            last[logged.id] = logged.data
+            if isinstance(values, Refusal):
+                self.refused.setdefault(receiver.frame.name, []).append(now)
+            else:
                 self._check_catalogue(receiver.frame.name, values)
                 self.good.setdefault(receiver.frame.name, []).append((now, values))
 
@@ -127,6 +146,12 @@ class _Reading:
             got, source = int(values["Catalogue"]), Path(self.catalogue.source).name
             wanted = f"one of {source} with fingerprint {known:#06x}"
             raise ValueError(f"{self.where}: log must be {wanted}; got {got:#06x} in {name}")
+
+    def told(self, name: str) -> LeftOut | None:
+        """What is said of the refused frames of a name."""
+        receiver, times = self.receivers[self.catalogue[name].id], np.array(self.refused.get(name, ()))
+        why = ", ".join(f"{reason} ({count})" for reason, count in receiver.refused.items())
+        return left_out("refused", name, times, len(times) + receiver.accepted, why=why) if len(times) else None
 
     def frames(self, name: str) -> list[tuple[float, dict[str, float]]]:
         """The good frames of a name. Raises ValueError that names the received ones instead."""
@@ -142,32 +167,36 @@ class _Reading:
         raise ValueError(f"{self.where}: log must hold {name} frames ({frame.id:#x} of {source}); got {there}")
 
 
-def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str, Array]:
+def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> tuple[dict[str, Array], tuple[LeftOut, ...]]:
+    """The record's columns on one clock, and what was left out."""
     driven, measured = reading.frames(sources.driven.frame), sources.measured
+    lost, samples = [reading.told(sources.driven.frame)], dict[str, tuple[Array, Array]]()
+    if not driven_only or measured.frame in reading.good:
+        samples[measured.column], invalid = _measured(reading, measured)
+        lost += [reading.told(measured.frame), invalid]
     t = np.array([t for t, _ in driven])
-    seen = None if driven_only and measured.frame not in reading.good else _measured(reading, measured)
-    rows = t[increasing(t)] if seen is None else seen[0]
-    inside = rows > t[0] if sources.held else (rows >= t[0]) & (rows <= t[-1])
-    at, given = between(rows[inside], t if sources.held else t[:0])
     if sources.held:
-        wanted = np.clip(mean_before(at, *_commanded(reading, driven)), 0.0, 1.0)
+        t, values = _commanded(reading, driven)
+        if samples and samples[measured.column][0][-1] > t[-1]:  # the last command has lapsed by then
+            t, values = np.append(t, samples[measured.column][0][-1]), np.append(values, 0.0)
     else:
-        wanted = np.interp(at, t, np.array([v[sources.driven.signal] for _, v in driven]))
-    columns = {TIME: at, sources.driven.column: wanted}
-    if seen is not None:
-        columns[measured.column] = np.full(len(at), np.nan)
-        columns[measured.column][given] = seen[1][inside]
-    return columns
+        values = np.array([v[sources.driven.signal] for _, v in driven])
+    samples[sources.driven.column] = t, values
+    columns, _, left = one_clock(samples, next(iter(samples)), (sources.driven.column,) if sources.held else ())
+    if sources.held:
+        columns[sources.driven.column] = np.clip(columns[sources.driven.column], 0.0, 1.0)
+    return columns, (*(one for one in lost if one is not None), *left)
 
 
-def _measured(reading: _Reading, source: Source) -> tuple[Array, Array]:
-    """Increasing times at which the values were measured, and the values."""
-    found = [(t - v["Age_s"], v[source.signal]) for t, v in reading.frames(source.frame) if v["Valid"]]
+def _measured(reading: _Reading, source: Source) -> tuple[tuple[Array, Array], LeftOut | None]:
+    """The times at which the values were measured, and the values; what is said of invalid ones."""
+    frames = reading.frames(source.frame)
+    found = [(t - v["Age_s"], v[source.signal]) for t, v in frames if v["Valid"]]
     if not found:
         raise ValueError(f"{reading.where}: {source.frame} must hold values with Valid 1; got none")
     times, values = np.array(found).T
-    kept = increasing(times)
-    return times[kept], values[kept]
+    bad = np.array([t for t, v in frames if not v["Valid"]])
+    return (times, values), left_out("invalid", source.column, bad, len(frames)) if len(bad) else None
 
 
 def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
     if is_log(path):
         from hil.log.record import log_record
 
-        return log_record(path, rig, driven_only=driven_only)
+        return log_record(path, rig, driven_only=driven_only, lenient=lenient)
     if format_of(path):
-        return channel_record(path, rig, driven_only=driven_only)
+        return channel_record(path, rig, driven_only=driven_only, lenient=lenient)
     return read_record(path, rig, driven_only=driven_only, lenient=lenient)

@@ -131,8 +131,10 @@ def headline(finding: Finding) -> str:
     if curve is not None:
         said.append(TEXT(f"headline.{depends}", variable=column_words(curve.variable)[0], share=curve.share))
     if names:
-        errors = finding.error.get(tested_part(finding), {})
+        part = tested_part(finding)
+        errors = finding.error.get(part, {})
         before, after = (errors.get(stage) or math.nan for stage in ("calibrated", "augmented"))
+        before = min(before, finding.constant.get(part, before))  # a base that diverges is no measure
         key = "partly_gone" if after < before else "partly"
         said.append(TEXT(f"headline.{key}", effects=names, share=1 - after / before))
     return " ".join(said)

@@ -7,16 +7,18 @@ from typing import Self
 import numpy as np
 import scipy
 
-from models.checks.estimators import Array
-from models.checks.finding import Findings
+from models.checks.estimators import Array, runs_of
+from models.checks.finding import Findings, Severity
 from models.checks.positions import jumps, without_steps
 from models.checks.settings import SET
+from models.checks.usable import gone
 from models.checks.view import View
 from models.records.record import USED
 from models.rigs.columns import TIME
 from models.rigs.tables import MOST_DRIFT
 
 _GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit of unseen strokes, over a constant shift
+_BY_CHANCE = 2.0  # strokes that a lag and a drift may explain though nothing drifts
 _SINGULAR = 1e-6  # of the squares of a unit column: what part of a loop the other strokes do not show
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 
@@ -27,16 +29,39 @@ def check_interval(view: View) -> Findings:
     line = view.unit_line(TIME)
     if usual and not low <= usual <= high:
         yield view.stops("time_units.interval", TIME, step=usual, low=low, high=high, line=line)
+    elif span < SET.record_s and _too_fast(view, span):
+        yield view.stops("time_units.fast", TIME, span=span, step=view.dt, line=line)
     elif span < SET.record_s:
         yield view.weakens("time_units.short", TIME, span=span, n=len(view.t), step=view.dt, line=line)
 
 
+def _too_fast(view: View, span: float) -> bool:
+    """Whether a place goes through its whole travel within the record faster than such rigs move."""
+    usual = SET.usual_m_s if view.kind.of_capsule and not view.kind.stage else SET.usual_stage_m_s
+    usual = SET.usual_rad_s if view.turns else usual
+    there = view.moving_column in view.record.columns
+    return there and float(np.ptp(view.record[view.moving_column])) / max(span, 1e-300) > usual[1]
+
+
+def check_left_out(view: View) -> Findings:
+    """What the reading left out or restored."""
+    for one in view.record.left_out:
+        if one.why == "outside" and one.share < SET.lost_little:
+            continue
+        case = f"{one.why}.few" if one.why == "stamps_repeated" else one.why
+        severity: Severity = "note" if one.share < SET.lost_much else "weakens"
+        yield view.finding(severity, case, one.column, one.where, sentence=one.sentence)
+
+
 def check_sparse_values(view: View) -> Findings:
-    """Cells of the measured column that the file leaves empty."""
+    """Cells of the measured column that the file leaves empty, and stretches of them."""
     if USED in view.record.columns:
         there = view.record[USED] > 0
         rate = float(there.mean()) / view.dt
         yield view.notes("sparse_values", n=int(there.sum()), total=len(there), rate=rate)
+        if lost := runs_of(gone(view.record)):
+            longest = max(b - a for a, b in lost) * view.dt
+            yield view.weakens("pause.measured", rows=[a for a, _ in lost], n=len(lost), longest=longest)
 
 
 def check_restart(view: View) -> Findings:
@@ -68,7 +93,9 @@ def check_uneven(view: View) -> Findings:
     if len(lost):
         count = int(np.sum(np.round(steps[lost - 1]) - 1))
         share = count / (count + len(view.t))
-        yield view.finding("note" if share < 0.1 else "weakens", "stamps_missing", TIME, lost, n=count, share=share)
+        yield view.finding(
+            "note" if share < SET.lost_much else "weakens", "stamps_missing", TIME, lost, n=count, share=share
+        )
     gaps = np.flatnonzero(steps > SET.stamps_pause) + 1
     if len(gaps):
         longest, line = float(np.max(np.diff(view.t)[gaps - 1])), view.record.line(int(gaps[0]))
@@ -143,7 +170,7 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
     )
     middle, drifted = (float(value) for value in found.x)
     least, most = SET.lag_samples * view.dt, min(SET.lag_most_drifted_s, MOST_DRIFT * length)
-    least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
+    least_gain = max(_GAIN_FOLLOWING, _BY_CHANCE / (len(turns) + 1)) if view.kind.follows else _GAIN_DRIFTING
     if max(SET.lag_drifted_s, least) < abs(drifted) < most and abs(middle - drifted / 2) < SET.lag_longest_s:
         gain = 1 - fine.unseen(middle, drifted, turns) / max(fine.unseen(offset, 0.0, turns), 1e-300)
         if gain > least_gain:

@@ -25,6 +25,23 @@ def white_noise(x: Array) -> float:
     return float(np.median(np.abs(np.diff(x, 2)))) / 0.6745 / np.sqrt(6) if len(x) > 2 else 0.0
 
 
+def smooth_speed(x: Array, dt: float) -> tuple[Array, float, int]:
+    """Speed of a place over the shortest of a few windows that shows more motion than noise, its noise, and half that
+    window in samples.
+    """
+    noise = max(white_noise(x), step_noise(x))
+    for window in SET.speed_windows_s:
+        n = max(1, round(window / 2 / dt))
+        smooth, centre = running_mean(x, n), running_mean(np.arange(len(x), dtype=np.float64), n)
+        ahead = np.minimum(np.arange(len(x)) + n, len(x) - 1)
+        back = np.maximum(np.arange(len(x)) - n, 0)
+        speed = (smooth[ahead] - smooth[back]) / (np.maximum(centre[ahead] - centre[back], 0.5) * dt)
+        left = noise * float(np.sqrt(2 / (2 * n + 1))) / (2 * n * dt)
+        if 5 * left < SET.speed_shown * float(np.percentile(np.abs(speed), 90)):
+            break
+    return np.asarray(speed), left, n
+
+
 def spectral_noise(x: Array) -> tuple[float, bool]:
     """Standard deviation of white noise on `x`, from the quietest tenth of its spectrum (Welch, up to 256 samples a
     window), to which motion only adds; and whether the spectrum is flat there. Where it is not, the motion is louder

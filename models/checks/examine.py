@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from models.checks import clocks, excitation, inner_mass, noise, positions, sensor, signs, sizes, usable
+from models.checks import clocks, excitation, inner_mass, noise, positions, sensor, signs, sizes, speeds, usable
 from models.checks.finding import Findings, RecordFinding
 from models.checks.sensor import without_outliers
 from models.checks.usable import on_one_clock
@@ -16,6 +16,7 @@ _ORDER: Final = ("stops", "weakens", "note")
 Checks = tuple[Callable[[View], Findings], ...]
 STAMPS: Final[Checks] = (
     clocks.check_interval,
+    clocks.check_left_out,
     clocks.check_sparse_values,
     clocks.check_restart,
     clocks.check_repeats,
@@ -46,6 +47,7 @@ COLUMNS: Final[Checks] = (
     sizes.check_magnets,
     signs.check_force_sign,
     signs.check_drive_sign,
+    speeds.check_logged_speed,
     positions.check_stuck,
     sizes.check_units,
     positions.check_wraps,

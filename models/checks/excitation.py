@@ -10,6 +10,7 @@ import numpy as np
 from models.checks.estimators import Array, running_mean, runs_of
 from models.checks.finding import Findings
 from models.checks.settings import SET
+from models.checks.speeds import follows_motion
 from models.checks.view import TEXT, View
 from models.effects.effect import Effect
 from models.records.record import Record, where_measured
@@ -171,5 +172,6 @@ def check_information(view: View) -> Findings:
             return
     n = max(2, min(len(view.y) // 40, 50))
     alive = SET.alive * 2.0 * view.noise / np.sqrt(2 * n + 1)
-    if view.noise and len(view.y) >= 100 and float(np.std(running_mean(view.y, n))) <= alive:
+    silent = view.noise > 0 and len(view.y) >= 100 and float(np.std(running_mean(view.y, n))) <= alive
+    if silent and not (view.kind.stage and view.kind.imposed and follows_motion(view)):
         yield view.weakens("no_response")

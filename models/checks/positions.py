@@ -18,27 +18,58 @@ def jumps(view: View) -> NDArray[np.int64]:
     """Rows (k,) before which the measured position jumps and stays: by more than its noise, and further than 1 N could
     move the capsule in a sampling interval.
     """
-    none, n, y = np.zeros(0, dtype=np.int64), SET.beside, view.y
-    if view.measured != "position_m" or len(y) < 4 * n:
-        return none
+    if view.measured != "position_m" or view.kind.stage:
+        return _none()
     interval = view.dt / float(np.mean(fresh(view)))
     least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
-    size = np.abs(np.diff(y))
+    rows = _steps(view.y, least)
+    return rows[~silent(view)[rows - 2]]  # where a sensor comes back, its position differs
+
+
+def slips(view: View, name: str) -> NDArray[np.int64]:
+    """Rows (k,) before which a place `name` of a machine jumps, far beyond its usual steps, and stays."""
+    size = np.abs(np.diff(view.record[name]))
+    if name not in POSITIONS or not len(size) or not size.any() or len(wraps(view.record[name])):
+        return _none()
+    usual = float(np.quantile(size, 1 - SET.jump_most / max(len(size), SET.jump_most + 1)))
+    return _steps(view.record[name], max(SET.jump_far * usual, SET.jump_noises * white_noise(view.record[name])))
+
+
+def _none() -> NDArray[np.int64]:
+    return np.zeros(0, dtype=np.int64)
+
+
+def _steps(values: Array, least: float) -> NDArray[np.int64]:
+    """Rows before which `values` step by more than `least`, alone among their neighbours, and stay there."""
+    n, size = SET.beside, np.abs(np.diff(values))
+    if len(values) < 4 * n:
+        return _none()
     beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
     rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
-    rows = rows[(rows >= n) & (rows <= len(y) - n)]
-    rows = rows[~silent(view)[rows - 2]]  # where a sensor comes back, its position differs
-    left = [abs(np.median(y[k : k + n]) - np.median(y[k - n : k])) for k in rows]
+    rows = rows[(rows >= n) & (rows <= len(values) - n)]
+    left = [abs(np.median(values[k : k + n]) - np.median(values[k - n : k])) for k in rows]
     rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
-    return rows if len(rows) <= SET.jump_most else none
+    return rows if len(rows) <= SET.jump_most else _none()
 
 
 def check_jumps(view: View) -> Findings:
-    """A measured position that jumps from one sample to the next, faster than anything could move the capsule."""
-    rows = jumps(view)
-    if len(rows):
-        largest = view.length(float(np.max(np.abs(np.diff(view.y)[rows - 1]))))
-        yield view.weakens("place_jumps", rows=rows, n=len(rows), largest=largest, force=SET.jump_force_N)
+    """A position that jumps from one sample to the next: a measured one faster than anything could move the capsule, a
+    machine's far beyond its usual steps.
+    """
+    machine = view.moving_column if view.kind.stage else view.driven
+    for name, rows in ((view.measured, jumps(view)), (machine, slips(view, machine) if machine else _none())):
+        if len(rows) and name:
+            largest = view.length(float(np.max(np.abs(np.diff(view.record[name])[rows - 1]))))
+            case = "place_jumps" if name != machine else f"place_jumps.{'stage' if view.kind.stage else 'driven'}"
+            yield view.weakens(case, name, rows, n=len(rows), largest=largest, force=SET.jump_force_N)
+
+
+def without_slips(view: View, name: str) -> tuple[Array, int]:
+    """The place `name` (n,) without its jumps, and their number."""
+    values, rows = view.record[name], slips(view, name)
+    steps = np.zeros(len(values))
+    steps[rows] = values[rows] - values[rows - 1]
+    return values - np.cumsum(steps), len(rows)
 
 
 def check_wraps(view: View) -> Findings:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from models.checks.estimators import Array, running_mean, step_noise, white_noise
+from models.checks.estimators import Array, step_noise, white_noise
 from models.checks.excitation import silent_response
 from models.checks.finding import Findings, RecordFinding
 from models.checks.settings import SET
+from models.checks.speeds import motion_rows
 from models.checks.view import View
 
 _OF_MEDIAN = 1.253 / 0.6745  # standard error of a median by the median deviation and the root of the number
@@ -69,11 +70,8 @@ def _unsigned(view: View, column: str) -> Findings:
 
 def _stage_reversed(view: View, force: Array) -> bool:
     """Whether mass and friction are both negative in a line through the force, and its work is."""
-    x, n = view.record[view.moving_column], max(1, round(0.02 / view.dt))
-    v = np.gradient(running_mean(x, n)) / view.dt
-    a = np.gradient(running_mean(v, n)) / view.dt
-    weight = [np.sin(x), np.cos(x)] if view.turns else []
-    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x, *weight])
+    rows = motion_rows(view)
+    v = rows[:, 2]
     scale = np.maximum(np.std(rows, axis=0), 1e-300)
     scale[3] = 1.0
     (mass, friction, *_), *_ = np.linalg.lstsq(rows / scale, force, rcond=None)

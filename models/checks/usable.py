@@ -3,17 +3,19 @@ left out where it begins in motion or under the load of an earlier motion.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from models.checks.estimators import Mask, runs_of
 from models.checks.finding import Findings
-from models.checks.positions import POSITIONS, without_steps
+from models.checks.positions import POSITIONS, without_slips, without_steps
 from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
 from models.checks.settings import SET
 from models.checks.view import TEXT, View
 from models.records.record import USED, Record, where_measured
+from models.rigs.benches import AXIS
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 
@@ -70,14 +72,54 @@ def cleaned(record: Record, rig: Rig) -> Record:
         record = treated(record, "left_out", column=view.measured, n=int(np.sum(~good)), total=len(good))
     if rows := run_in(view):
         record = treated(from_row(record, rows), "run_in", seconds=rows * view.dt)
+    record = _over_pauses(view, record)
+    view = View(record, rig)
     if view.driven and (apart := spikes(view, view.driven)).any():
         record = straight_over(record, view.driven, apart)
         record = treated(record, "straightened", column=view.driven, n=int(np.sum(apart)))
+    if view.kind.stage and view.moving_column in record.columns:
+        place, n = without_slips(view, view.moving_column)
+        if n:
+            record = treated(record.with_column(view.moving_column, place), "stepless", n=n)
+            view = View(record, rig)
     if view.driven in POSITIONS:
         position = without_steps(view, record[view.driven])
         if position is not record[view.driven]:
             record = treated(record.with_column(view.driven, position), "smoothed", column=view.driven)
     return replace(record, treated=record.treated or ())
+
+
+def _over_pauses(view: View, record: Record) -> Record:
+    """`record` with rows over its pauses, which do not count, nor do those until a wall and a magnet have settled
+    again; where nothing brings the body back, or most of it would be such rows, its longest piece without a pause.
+    """
+    t = record[TIME]
+    steps = np.diff(t)
+    pauses = np.flatnonzero(steps > SET.stamps_pause * view.dt)
+    if not len(pauses) or view.kind is AXIS:
+        return record
+    edges = [0, *(pauses + 1), len(t)]
+    more = int(np.sum(steps[pauses] / view.dt))
+    if more > len(t) or not (view.kind.follows or view.kind.drawn):
+        first, last = max(pairwise(edges), key=lambda piece: piece[1] - piece[0])
+        return treated(record.rows(slice(first, last)), "piece", total=len(t), start=t[first], end=t[last - 1])
+    between = [np.linspace(t[k], t[k + 1], round(steps[k] / view.dt) + 1)[1:-1] for k in pauses.tolist()]
+    times = np.union1d(t, np.concatenate(between))
+    own = np.isin(times, t)
+    columns = {name: np.interp(times, t, values) for name, values in record.columns.items()}
+    count, distance = own & (columns.get(USED, np.ones(len(times))) > 0), _settled_m(view)
+    path = np.cumsum(np.abs(np.diff(columns[str(view.driven)], prepend=columns[str(view.driven)][0])))
+    for end in t[pauses + 1]:
+        begin = int(np.searchsorted(times, end))
+        count[begin : int(np.searchsorted(path, path[begin] + distance))] = False
+    lines = None if record.lines is None else record.lines[np.searchsorted(t, times, side="right") - 1]
+    whole = replace(record, columns={**columns, TIME: times, USED: count.astype(float)}, lines=lines)
+    return treated(whole, "pauses", n=len(pauses), seconds=float(np.sum(steps[pauses])), distance=distance)
+
+
+def _settled_m(view: View) -> float:
+    """The travel in m after which a wall, and behind a magnet the gap, are as in motion."""
+    return SET.wall_settled_m if view.kind.drawn else SET.settled_m
 
 
 def used(record: Record) -> Mask:
@@ -127,8 +169,7 @@ def run_in(view: View) -> int:
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    distance = SET.wall_settled_m if view.kind.drawn else SET.settled_m
-    return min(int(np.searchsorted(travelled, distance)), round(SET.start_share * len(travelled)))
+    return min(int(np.searchsorted(travelled, _settled_m(view))), round(SET.start_share * len(travelled)))
 
 
 def _first(view: View, seconds: float = SET.start_s) -> slice:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.checks.estimators import Array, Mask, running_mean, runs_of, spectral_noise, step_noise, white_noise
+from models.checks.estimators import Array, Mask, running_mean, runs_of, smooth_speed, spectral_noise, white_noise
 from models.checks.finding import RecordFinding, Severity
 from models.checks.settings import SET
 from models.files.toml import inline_table
@@ -110,19 +110,8 @@ class View:
 
     @cached_property
     def _smoothed(self) -> tuple[Array, float]:
-        """Speed in m/s over the shortest of a few windows that shows more motion than noise, and its noise."""
-        x = self.record[self.moving_column]
-        noise = max(white_noise(x), step_noise(x))
-        for window in SET.speed_windows_s:
-            n = max(1, round(window / 2 / self.dt))
-            smooth, centre = running_mean(x, n), running_mean(np.arange(len(x), dtype=np.float64), n)
-            ahead = np.minimum(np.arange(len(x)) + n, len(x) - 1)
-            back = np.maximum(np.arange(len(x)) - n, 0)
-            speed = (smooth[ahead] - smooth[back]) / (np.maximum(centre[ahead] - centre[back], 0.5) * self.dt)
-            left = noise * float(np.sqrt(2 / (2 * n + 1))) / (2 * n * self.dt)
-            if 5 * left < SET.speed_shown * float(np.percentile(np.abs(speed), 90)):
-                break
-        return np.asarray(speed), left
+        """Speed in m/s and its noise."""
+        return smooth_speed(self.record[self.moving_column], self.dt)[:2]
 
     @property
     def speed(self) -> Array:
@@ -147,13 +136,12 @@ class View:
         return still & (self.record[self.driven] == 0) if self.kind.vibrates and self.driven else still
 
     def windows_at_rest(self, samples: int) -> Array:
-        """Pieces of the measured column at rest, shape (n, samples), 0.3 s and more after a motion:
+        """Pieces of the measured column at rest, shape (n, samples), 0.3 s and more after a motion, however slow:
         until then a wall may still draw back.
         """
+        still = self.rests & (np.abs(self.speed) <= max(5 * self.speed_noise, 1e-7))
         after = round(SET.rest_settled_s / self.dt)
-        rows = [
-            self.y[k : k + samples] for a, b in runs_of(self.rests) for k in range(a + after, b - samples + 1, samples)
-        ]
+        rows = [self.y[k : k + samples] for a, b in runs_of(still) for k in range(a + after, b - samples + 1, samples)]
         return np.array(rows).reshape(-1, samples)
 
     def strokes(self, least_s: float = SET.rest_stretch_s, rows: int = 3) -> list[tuple[int, int, float]]:
@@ -209,7 +197,7 @@ class View:
     def at(self, rows: Rows, most: int = 3) -> str:
         """Lines and times of `rows` in words: the first few, and how many more."""
         times = [f" ({self.t[row]:.6g} s)" if self.timed else "" for row in rows[:most]]
-        shown = [f"line {self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
+        shown = [f"{self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
         return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
 
 

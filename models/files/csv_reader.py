@@ -15,9 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.access import WINDOWS, encoding_of, opened
-from models.files.csv_text import LONGEST_TOP, SPACES, clock_s, find_header, over_midnight, split, to_number, unguarded
+from models.files.csv_text import (
+    LONGEST_TOP,
+    SPACES,
+    clock_s,
+    find_header,
+    may_group,
+    over_midnight,
+    split,
+    to_number,
+    ungrouped,
+    unguarded,
+)
+from models.files.lvm import as_table
 
-ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
+ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat", ".lvm") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22  # read at once
 MOST_CELLS = 32_000_000  # numbers of a table: 256 MB
 LONGEST_LINE = 1 << 20  # characters
@@ -62,16 +74,18 @@ def read_table(
     """
     with _opened(path) as text:
         lines = _lines(path, text)
+        if path.name.lower().removesuffix(".gz").endswith(".lvm"):
+            lines = as_table(lines)
         top = list(islice(lines, LONGEST_TOP))
         form = find_header([line for _, line in top], names)
         if form is None:
             raise ValueError(f"{path}: record must have a header row and samples; got an empty file")
-        header = _header(path, form.line, form.separator, once)
+        header, bare = _header(path, form.line, form.separator, once)
         units = dict(zip(header, form.units, strict=False))
         needed = frozenset(_checked(header, units, check, text.encoding))
         rows = _Rows(str(path), header, form.separator, needed, frozenset(clocks), frozenset(gaps))
         most = min(most_rows, MOST_CELLS // len(header))
-        for block in _blocks(chain(top[form.rows :], lines)):
+        for block in _blocks(chain(top[form.rows - bare :], lines)):
             rows.take(block)
             if rows.count > most:
                 raise ValueError(
@@ -146,17 +160,18 @@ def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
             yield number, line.rstrip("\n")
 
 
-def _header(path: Path, line: str, separator: str, once: Collection[str]) -> list[str]:
+def _header(path: Path, line: str, separator: str, once: Collection[str]) -> tuple[list[str], bool]:
+    """The names of the columns, and whether they are ours, for a file that begins with numbers."""
     header = [unguarded(name.strip().strip('"').strip()) for name in _split(f"{path}, header", line, separator)]
     if len(header) > MOST_COLUMNS:
         raise ValueError(f"{path}: header must have at most {MOST_COLUMNS} columns; got {len(header)}")
     named = [name for name in header if name]
-    if all(not np.isnan(to_number(name.replace(",", "."))) for name in named):
-        raise ValueError(f"{path}: first row must name the columns; got {line[:60].strip()!r}")
+    if all(not np.isnan(clock_s(name.replace(",", "."))) for name in named):
+        return [f"column {number}" for number in range(1, len(header) + 1)], True
     twice = [name for name in named if name in once and named.count(name) > 1]
     if twice:
         raise ValueError(f"{path}: header must name each column once; got {twice[0]!r} twice")
-    return _numbered(header)
+    return _numbered(header), False
 
 
 def _numbered(header: Sequence[str]) -> list[str]:
@@ -193,13 +208,16 @@ class _Rows:
     last_stamp: float = math.nan
 
     def take(self, block: list[tuple[int, str]]) -> None:
+        grouped, plain = may_group([line for _, line in block], self.separator), block
         if self.separator != ",":
-            block = [(number, line.replace(",", ".")) for number, line in block]
+            plain = [(number, line.replace(",", ".")) for number, line in block]
         separator, shape = None if self.separator == SPACES else self.separator, (len(block), len(self.header))
         values = np.zeros(shape)
         try:
+            if grouped:
+                raise ValueError
             if block:
-                text = [line for _, line in block]
+                text = [line for _, line in plain]
                 values = np.loadtxt(text, delimiter=separator, comments=None, ndmin=2, quotechar='"')
         except ValueError:
             values = self._by_cell(block)
@@ -215,7 +233,8 @@ class _Rows:
     def _by_cell(self, block: list[tuple[int, str]]) -> NDArray[np.float64]:
         """The numbers of a block, NaN where a cell is none, stamps in s."""
         rows = [self._cells(number, line) for number, line in block]
-        values = np.array([[to_number(cell) for cell in row] for row in rows])
+        columns = [ungrouped(column, self.separator) for column in zip(*rows, strict=True)]
+        values = np.array([[to_number(cell) for cell in column] for column in columns]).T
         for column, name in enumerate(self.header):
             if name in self.clocks and np.isnan(values[:, column]).any():
                 stamps = np.array([clock_s(row[column]) for row in rows])

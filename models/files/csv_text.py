@@ -19,6 +19,14 @@ _COMMENTS: Final = ("#", "%", "//")
 # how a cell begins that a spreadsheet takes for a formula, or one that was guarded
 _FORMULA: Final = "('* *[=+\\-@\uff1d\uff0b\uff0d\uff20])"
 _OPEN, _GUARDED = (re.compile(f'(^|[;,\t\r\n"]){guard}{_FORMULA}') for guard in ("", "'"))
+# marks between groups of three digits, and what is no such number
+_GROUPS: Final = re.compile(r"(?<![\d.,])[1-9]\d{0,2}[.,'\u2019\u00a0\u202f]\d{3}(?!\d)")
+_TWICE: Final = re.compile(r"\d[.,'\u2019\u00a0\u202f]\d{3}[.,]\d|\d['\u2019\u00a0\u202f]\d{3}(?!\d)")
+_ONE_GROUP: Final = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+_GROUPED: Final = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+|[+-]?[1-9]\d{0,2}(?:,\d{3})+")
+_BOTH: Final = re.compile(r"[+-]?[1-9]\d{0,2}(?:(?:,\d{3})+\.\d+|(?:\.\d{3})+,\d+)")
+_WHOLE: Final = re.compile(r"[+-]?\d{1,3}")
+_SPACED: Final = re.compile(r"(?<=\d)['\u2019\u00a0\u202f](?=\d{3}(?!\d))")
 _QUOTED: Final = re.compile('"[^"]*"')
 
 
@@ -89,6 +97,39 @@ def to_number(cell: str) -> float:
         return math.nan if "_" in cell else float(cell)
     except ValueError:
         return math.nan
+
+
+def may_group(lines: Sequence[str], separator: str) -> bool:
+    """Whether digits in the lines may stand in groups of three: not where all have as many marks and none has two."""
+    marks = {line.count(".") + line.count(",") for line in lines}
+    if separator == ",":
+        return any('"' in line and _GROUPS.search(line) for line in lines)
+    return any(_TWICE.search(line) or (len(marks) > 1 and _GROUPS.search(line)) for line in lines)
+
+
+def ungrouped(column: Sequence[str], separator: str) -> Sequence[str]:
+    """The cells of a column with a decimal point and without marks between groups of digits: 1,234.5 or 1.234,5 or
+    1'234. A single mark, as in 1.234, groups where others of the column are whole numbers below 1000 without one.
+    """
+    cells = [cell.strip().strip('"') for cell in column]
+    marked = [cell for cell in cells if "." in cell or "," in cell]
+    single = [cell for cell in marked if _ONE_GROUP.fullmatch(cell)]
+    short = any(_WHOLE.fullmatch(cell) and cell.strip("+-0") for cell in cells)
+    groups = (
+        short and len(single) == len(marked) and len({mark for cell in single for mark in ".," if mark in cell}) == 1
+    )
+    decimal = "." if separator == "," else ",."
+    return [_plain(cell, groups, decimal) for cell in cells]
+
+
+def _plain(cell: str, groups: bool, decimal: str) -> str:
+    marks = [mark for mark in cell if mark in ".,"]
+    bare = _SPACED.sub("", cell)
+    if len(set(marks)) == 2 and _BOTH.fullmatch(bare):
+        return bare.replace(marks[0], "").replace(marks[-1], ".")
+    if (groups or len(marks) > 1) and _GROUPED.fullmatch(bare):
+        return bare.replace(".", "").replace(",", "")
+    return bare.replace(",", ".") if "," in decimal else bare
 
 
 def _has(lines: Sequence[str], row: int, names: Collection[str]) -> bool:

@@ -1,6 +1,7 @@
 """TOML that a user wrote: what is wrong with it is refused in one sentence, down to types, words and magnitudes."""
 
 import json
+import re
 import sys
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
@@ -44,7 +45,9 @@ def parse_toml(text: str, what: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of more digits than Python reads is a plain ValueError
-        raise ValueError(f"{what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+        comma = _DECIMAL_COMMA.search(text)
+        hint = f": {comma[1]},{comma[2]} is {comma[1]}.{comma[2]} with a decimal point" if comma else ""
+        raise ValueError(f"{what} must be TOML; got: {' '.join(str(error).split())[:200]}{hint}") from None
 
 
 @contextmanager
@@ -63,6 +66,7 @@ def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[
     return parse_toml(text, f"{path}: {what}"), text
 
 
+_DECIMAL_COMMA: Final = re.compile(r"=\s*([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)\s*(?:[,}#\n]|$)")
 Table = Mapping[str, Any]
 V = TypeVar("V", int, float)
 LARGEST_INTEGER: Final = 1 << 63  # what TOML's integers hold

@@ -125,11 +125,11 @@ def split_unit(name: str) -> tuple[str, str]:
     unit, even an unknown one.
     """
     bracketed = _BRACKETS.fullmatch(name)
-    if bracketed and bracketed[1].strip():
+    if bracketed and bracketed[1].strip() and not bracketed[2].isdigit():
         return bracketed[1].strip(), bracketed[2].strip()
     for gap in _ENDING.finditer(name):
         stem, rest = name[: gap.start()], name[gap.end() :]
-        if stem and unit(rest):
+        if stem and unit(rest) and not (rest.isdigit() and gap[0].isspace()):  # a number, as in "Kanal 1", is no unit
             return stem.strip(), rest.strip()
     return name.strip(), ""
 

@@ -80,7 +80,7 @@ def answer(
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
             *([left_out] if left_out else []),
-            *_statements(kind, found, words),
+            *_statements(kind, found, predicted, words),
             *_proposed(kind, found, predicted),
             *report.statements(kind, predicted.thetas, train),
         ),
@@ -99,6 +99,7 @@ def answer(
         disagreeing=disagreements(kind, found.augmented, found.model, train) if drawn else (),
         profiles=profiles(kind, found.augmented, found.model, train) if drawn else (),
         stopped=STOPPED[found.ended],
+        constant=predicted.constant,
     )
 
 
@@ -189,12 +190,15 @@ def _rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
     return rows
 
 
-def _statements(kind: AnyKind, found: Search, words: Callable[[str], str]) -> list[str]:
+def _statements(kind: AnyKind, found: Search, predicted: Predicted, words: Callable[[str], str]) -> list[str]:
     costs = {"before": found.before, "after": found.after, "chance": found.null_cost}
     said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
     if found.effects:
         excess = found.before - found.null_cost  # the misfit beyond chance
         share = (found.before - found.after) / excess if excess > 0 else 1.0
+        constant, error = predicted.constant.get("train", np.inf), predicted.error["train"]
+        if error["calibrated"] > constant:  # a base that diverges is no measure
+            share = max(1 - (error["augmented"] / constant) ** 2, 0.0)
         said.append(TEXT("statement.explained", share=min(share, 1.0)))
     if found.horizon_s < np.inf:
         said.append(TEXT("statement.horizon", horizon=found.horizon_s))

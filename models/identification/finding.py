@@ -237,7 +237,8 @@ class Finding:
     empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
     are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead; `stopped`
     why no further effect was sought; `disagreeing` the training records that do not agree with the others;
-    `profiles` the likelihood of each fitted parameter; `beside` has the errors of each further measured column.
+    `profiles` the likelihood of each fitted parameter; `beside` has the errors of each further measured column;
+    `constant` is the error of the best constant by part.
     """
 
     kind: str
@@ -272,6 +273,7 @@ class Finding:
     stopped: str = "noise"
     disagreeing: tuple[Disagreement, ...] = ()
     profiles: tuple[Profile, ...] = ()
+    constant: Mapping[str, float] = field(default_factory=dict)
     beside: Mapping[str, Column] = field(default_factory=dict)
 
     @property

@@ -135,6 +135,7 @@ def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]])
     values = [nominal, nominal | found.calibrated.theta, nominal | found.augmented.theta]
     kinds = [kind.alone(column) for column in kind.channels]
     traces, errors = list[Trace](), [dict[str, dict[str, float]]() for _ in kinds]
+    constant = dict[str, float]()
     for part, records in parts.items():
         outputs = [[one.predictions(record, values) for one in kinds] for record in records]
         for k, (one, error) in enumerate(zip(kinds, errors, strict=True)):
@@ -142,10 +143,13 @@ def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]])
             logged = [(r, own[k]) for r, own in zip(records, outputs, strict=True) if not k or column in r.columns]
             rows = zip(STAGES, *(own for _, own in logged), strict=True) if logged else ()
             error[part] = {stage: one.error([r for r, _ in logged], own) for stage, *own in rows}
+        if records and records[0].layout.time:
+            levels = [np.full(len(record), np.mean(record[kind.quantity])) for record in records]
+            constant[part] = kinds[0].error(records, levels)
         traces += [_trace(kinds, record, part, own) for record, own in zip(records, outputs, strict=True)]
     first, *further = errors
     beside = dict(zip(kind.channels[1:], further, strict=True))
-    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), first, beside)
+    return Predicted(dict(zip(STAGES, values, strict=True)), tuple(traces), first, beside, constant)
 
 
 def _trace(kinds: Sequence[AnyKind], record: Record, role: str, outputs: Sequence[Sequence[np.ndarray]]) -> Trace:

@@ -73,7 +73,9 @@ def _check_clock(record: Record) -> None:
             f"{record.name}: t_s must step by at most {CHECKS.step_s[1]:g} s; got steps of {usual:g} s: is it in s?"
         )
     worst = int(np.argmax(steps))
-    if steps[worst] > SET.gap * usual:
+    pieces = np.diff(np.flatnonzero(steps > SET.gap * usual), prepend=-1, append=len(t) - 1)
+    whole = not KINDS[record.kind].stage and np.max(pieces) >= SET.whole * len(t)
+    if steps[worst] > SET.gap * usual and not whole:
         raise ValueError(
             f"{record.name}: t_s must go on without a gap; got none between {t[worst]:.12g} s and {t[worst + 1]:.12g} s"
             f" where steps are {usual:g} s: cut the record there"

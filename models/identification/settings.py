@@ -14,6 +14,7 @@ class SearchSettings:
     rehearsals: int = setting(4, "1", "times at most that records are imitated and fitted again for a verdict")
     part_score: float = setting(0.5, "1", "highest score of an effect that explains a part only")
     gap: float = setting(1000.0, "1", "usual steps, the longest that is no gap")
+    whole: float = setting(0.5, "1", "least share of a record on one side of its gaps")
     ramp_s: float = setting(0.05, "s", "time over which a motion's corners are rounded")
     plan_shortest_s: float = setting(20.0, "s", "shortest motion that is proposed")
     plan_longest_s: float = setting(60.0, "s", "longest motion that is proposed")

@@ -33,13 +33,14 @@ class Prepared:
 @dataclass(frozen=True)
 class Predicted:
     """The values of each stage of the model, the records as the stages predict them, and the reported errors; those of
-    each further measured column are `beside` them.
+    each further measured column are `beside` them, and `constant` is that of the best constant by part.
     """
 
     thetas: dict[str, Theta]
     traces: tuple[Trace, ...]
     error: dict[str, dict[str, float]]
     beside: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    constant: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,18 @@ from typing import Final
 
 from models.files.toml import inline_table
 from models.files.units import factor, split_unit, unit, unit_of
-from models.rigs.columns import LOADS, TIME
+from models.rigs.columns import TIME
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import MappedColumn
 
+_SHOWN: Final = 8  # names in a comment
 _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 
 
 def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured: bool = True) -> None:
-    """Refuse a header that lacks a column of `kind`, with the likely one in the header; one of a whole record of
-    another kind; and optional columns in another unit, which would be ignored.
+    """Refuse a header that lacks a column of `kind`, with the likely one in the header, and one of a whole record of
+    another kind.
     """
     layout = kind.columns(header)
     lacking = layout.lacking(header, with_measured)
@@ -26,7 +27,7 @@ def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured
     whole = [one for one in KINDS.values() if not one.columns(header).lacking(header)]
     if not missing and len(whole) == 1 and kind not in whole and not set(layout.measured) & set(header):
         raise ValueError(f"{where}: record must be one of a {kind.id} rig; got the columns of kind {whole[0].id}")
-    for name in missing or (name for name in (*layout.given_by_rig, *layout.optional) if name not in (*header, *LOADS)):
+    for name in missing or (name for name in layout.given_by_rig if name not in header):
         _refuse_unit(where, name, header, kind)
     if not missing:
         return
@@ -52,19 +53,22 @@ def _hint(missing: Sequence[str], free: Sequence[str]) -> str:
 
 
 def _refuse_unit(where: str, name: str, header: Sequence[str], kind: RigKind) -> None:
-    stem, unit = split_unit(name)
-    for got in header:
-        other, stated = split_unit(got)
-        same = other.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
-        if unit and same and got not in kind.known:
-            rule = f"column must be {name!r}, in {unit.replace('_', '/')}"
-            raise ValueError(f"{where}: {rule}; got {got!r}: rename it, or map it in [columns] of the rig file")
+    got = next((other for other in header if other not in kind.known and nearly(other, name)), None)
+    if got is not None:
+        rule = f"column must be {name!r}, in {unit_of(name).replace('_', '/')}"
+        raise ValueError(f"{where}: {rule}; got {got!r}: rename it, or map it in [columns] of the rig file")
+
+
+def nearly(other: str, name: str) -> bool:
+    """Whether a column of a file is called as ours is, but for its unit."""
+    (stem, unit), (own, stated) = split_unit(name), split_unit(other)
+    return bool(unit) and own.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
 
 
 WORDS: Final[Mapping[str, str]] = {
-    "t": "time timestamp elapsed seconds clock zeit",
+    "t": "time x_value timestamp elapsed seconds clock zeit",
     "position": "position displacement distance extension travel stroke place x q weg",
-    "carriage": "carriage magnet stage slide motor actuator driven",
+    "carriage": "carriage magnet stage slide motor actuator driven schlitten wagen",
     "force": "force load kraft pull fx fy fz ft tangential friction",
     "load": "load normal fn last weight",
     "friction": "friction mu cof reibung reibwert traction",
@@ -121,6 +125,16 @@ def proposed(
             take(target, fitting[0])
     take_likeliest(list(optional))
     return [found[target] for target in group_of if target in found]
+
+
+def to_fill_in(header: Sequence[str], missing: Sequence[Sequence[str]], clocked: bool) -> list[str]:
+    """Comments for a table `[columns]` on `missing` columns of which nothing in the `header` tells which they are."""
+    names = ", ".join(repr(name) for name in header[:_SHOWN]) + (", ..." if len(header) > _SHOWN else "")
+    lines = [
+        f"# {target} = {inline_table({'column': '...', 'unit': unit_of(target)})}  # one of {names}"
+        for target in (group[0] for group in missing if header)
+    ]
+    return [*lines, "# t_s = {rate_Hz = ...}  # where the file has no times"] if clocked else lines
 
 
 def to_scale(

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
+from models.records.clock import LeftOut, are_differences, in_order, left_out
 from models.records.direction import directed, kind_of, swings
-from models.records.found_columns import check_header, proposed, to_scale, toml_lines
+from models.records.found_columns import check_header, nearly, proposed, to_fill_in, to_scale, toml_lines
 from models.rigs.columns import LOADS, TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
@@ -35,9 +36,9 @@ LARGEST_SAMPLE = 1e12  # that the checks of records can read
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling; the
-    `source` file, and the line of each row there; `treated`: what cleaning did to it, None before it was cleaned. Its
-    columns never change.
+    """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling, and what
+    it `left_out`; the `source` file, and the line of each row in one of text; `treated`: what cleaning did to it, None
+    before it was cleaned. Its columns never change.
     """
 
     name: str
@@ -47,6 +48,12 @@ class Record:
     lines: NDArray[np.int64] | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
     treated: tuple[str, ...] | None = None
+    left_out: tuple[LeftOut, ...] = ()
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """All that there is to say of the reading."""
+        return (*self.notes, *(one.sentence for one in self.left_out))
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
@@ -59,9 +66,9 @@ class Record:
         """The columns of its kind, in the variant of this record."""
         return KINDS[self.kind].columns(self.columns)
 
-    def line(self, row: int) -> int:
-        """Line of `row` in the file; the row's own number without a file."""
-        return int(row) if self.lines is None else int(self.lines[row])
+    def line(self, row: int) -> str:
+        """Where `row` stands: its line in a file of text, else its number from 1."""
+        return f"sample {row + 1}" if self.lines is None else f"line {self.lines[row]}"
 
     def with_column(self, column: str, values: Any) -> Record:
         return self.with_columns({column: np.asarray(values, dtype=float)})
@@ -138,7 +145,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
 
     def check(header: list[str], units: Mapping[str, str]) -> list[str]:
         sources.update(find_columns(str(path), rig, header, units, driven_only))
-        return [source.column for target, source in sources.items() if target not in _free(kind)]
+        return [source.column for target, source in sources.items() if source.column and target not in _free(kind)]
 
     sparse = _sparse(kind)
     table = read_table(
@@ -163,6 +170,8 @@ def record_of(
     units: Mapping[str, str] = MappingProxyType({}),
     driven_only: bool = False,
     notes: tuple[str, ...] = (),
+    lost: tuple[LeftOut, ...] = (),
+    lenient: bool = False,
 ) -> Record:
     """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file.
     A measured column of a time series may hold NaN, where nothing was measured.
@@ -173,17 +182,17 @@ def record_of(
         raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
     sources = find_columns(where, rig, header, units, driven_only)
     for target, source in sources.items():
-        values = columns[source.column]
-        if target in _free(KINDS[rig.kind]):
+        if target in _free(KINDS[rig.kind]) or not source.column:
             continue
+        values = columns[source.column]
         wrong = np.isinf(values) if target in _sparse(KINDS[rig.kind]) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
-    table = CsvTable(header, units, values, np.arange(len(values)))
-    made = _record(name, where, rig, table, sources, driven_only)
-    return replace(made, notes=(*notes, *made.notes))
+    table = CsvTable(header, units, values, np.arange(1, len(values) + 1))
+    made = _record(name, where, rig, table, sources, driven_only, lenient, "sample")
+    return replace(made, notes=(*notes, *made.notes), left_out=(*lost, *made.left_out), lines=None)
 
 
 def _sparse(kind: RigKind) -> tuple[str, ...]:
@@ -241,10 +250,15 @@ def _with_proposal(
         likely.append((proposed(free, missing, units, [name for name in layout.optional if name not in good]), missing))
     found, missing = max(likely, key=lambda one: len(one[0]))
     raw = to_scale(free, missing, units, found)
+    known = {entry.target for entry in found} | {line.split()[1] for line in raw}
+    unknown = [names for names in missing if not known & set(names)]
+    raw += (
+        to_fill_in(free, unknown, clocked=any(TIME in names for names in unknown)) if len(free) >= len(unknown) else []
+    )
     if not (found or raw) or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]
-    words = "reads it, if it is what is meant" if not raw else "is what it would take, with numbers for the dots"
+    words = "reads it, if it is what is meant" if not raw else "is what it would take, with yours for the dots"
     with_table = ValueError(f"{error}; this table in the rig file {words}:")
     with_table.add_note("\n".join([toml_lines(entries), *raw]))
     return with_table
@@ -258,10 +272,14 @@ def _record(
     sources: Mapping[str, MappedColumn],
     driven_only: bool,
     lenient: bool = False,
+    row_name: str = "line",
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
-    rows, raw = len(table.lines), dict(zip(table.header, table.values.T, strict=True))
-    ours = {target: s.values(raw[s.column], table.units.get(s.column, "")) for target, s in sources.items()}
+    raw = dict(zip(table.header, table.values.T, strict=True))
+    ours = {
+        target: s.values(raw[s.column] if s.column else table.lines, table.units.get(s.column, ""))
+        for target, s in sources.items()
+    }
     read = {source.column for source in sources.values()}
     kind = kind_of(rig, {*sources, *(key for key in table.header if key not in read)})
     further = {key: raw[key].copy() for key in table.header if key and key not in read and not np.isnan(raw[key]).all()}
@@ -271,10 +289,17 @@ def _record(
     free = [name for name in _free(kind) if name in ours]
     strange = [n for n in free if contradiction(n, sources[n], table.units) or not _usable(kind, ours[n])]
     columns = {key: values for key, values in columns.items() if key not in strange}
-    foreign = [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in read]
-    names = _free(kind)
-    left_out = tuple(TEXT("left_out", where=where, column=name, names=names) for name in (*strange, *foreign))
-    _refuse_wrong(where, kind, columns, table.lines, lenient)
+    layout = kind.columns(ours)
+    optional = [name for name in layout.optional if name not in ours]
+    foreign = [key for key in further if key not in ours and any(nearly(key, name) for name in optional)]
+    foreign += [key for key in table.header if kind.stage and key.startswith(_LOADED) and key not in (*read, *foreign)]
+    names = list(dict.fromkeys((*optional, *_free(kind))))
+    unused = tuple(TEXT("left_out", where=where, column=name, names=names) for name in (*strange, *foreign))
+    lines, lost = table.lines, tuple[LeftOut, ...]()
+    if kind.layout.time:
+        columns, lines, lost = _on_rising_stamps(columns, lines, row_name)
+    rows = len(lines)
+    _refuse_wrong(where, kind, columns, lines, lenient, row_name)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum
     if rows < least:
         raise ValueError(f"{where}: record of kind {kind.id} must have at least {least} rows; got {rows}")
@@ -286,11 +311,36 @@ def _record(
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(rows, rig.velocity_m_s)
     columns, notes = directed(kind, columns, rig)
-    return Record(name, kind.id, columns, where, table.lines, (*left_out, *notes))
+    return Record(name, kind.id, columns, where, lines, (*unused, *notes), left_out=lost)
+
+
+def _on_rising_stamps(
+    columns: dict[str, Array], lines: NDArray[np.int64], row_name: str
+) -> tuple[dict[str, Array], NDArray[np.int64], tuple[LeftOut, ...]]:
+    """The rows without single ones whose stamps do not fit between the others, and what was left out; stamps that are
+    differences become their sums. All rows where more is wrong.
+    """
+    t = columns[TIME]
+    if are_differences(t):
+        return {**columns, TIME: np.cumsum(t)}, lines, (left_out("differences", TIME, t[:0], len(t)),)
+    kept, back = in_order(t)
+    if kept.all() or back or not np.isfinite(t).all():
+        return columns, lines, ()
+    lost = np.flatnonzero(~kept)
+    doubled = bool(np.isin(t[lost], t[kept]).all())
+    case = "stamps_repeated" if doubled else "stamps_astray"
+    places = [f"{row_name} {line}" for line in lines[lost]]
+    told = left_out(case, TIME, t[lost], len(t), places=places)
+    return {name: values[kept] for name, values in columns.items()}, lines[kept], (told,)
 
 
 def _refuse_wrong(
-    where: str, kind: RigKind, columns: Mapping[str, Array], lines: NDArray[np.int64], lenient: bool
+    where: str,
+    kind: RigKind,
+    columns: Mapping[str, Array],
+    lines: NDArray[np.int64],
+    lenient: bool,
+    row_name: str,
 ) -> None:
     """Refuse stamps that do not rise, values out of range (where `lenient` only those too large for the checks), and
     valleys above their peaks.
@@ -299,7 +349,7 @@ def _refuse_wrong(
     def refuse(wrong: NDArray[np.bool_], rule: str, *values: Array) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise ValueError(f"{where}, line {lines[row]}: {rule.format(*(one[row] for one in values))}")
+            raise ValueError(f"{where}, {row_name} {lines[row]}: {rule.format(*(one[row] for one in values))}")
 
     if kind.layout.time and not lenient:
         time, before = columns[TIME], np.append(-np.inf, columns[TIME][:-1])

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from models.files.units import factor, nearest_unit, split_unit, unit, unit_of
 from models.parameter import nearest
+from models.rigs.columns import TIME
 
 
 @dataclass(frozen=True)
 class MappedColumn:
     """`target = sign * scale * (column - offset)` in the unit `unit`, then converted to ours. The offset is in the
     file's numbers, and so is `wrap`, after which an angle or a counter begins again: larger jumps than half of it are
-    undone.
+    undone. A `rate_Hz` in place of a column gives the times of samples that have none.
 
     With a `scale`, what the file states of its unit (volts, counts, pixels) is ignored, and a `unit` left out is ours.
     Else the unit is the one that the file states or the column's name ends in, else ours. Raises ValueError for a unit
@@ -29,13 +30,18 @@ class MappedColumn:
     offset: float = 0.0
     scale: float | None = None
     wrap: float | None = None
+    rate_Hz: float | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None:
             _factor(self.unit, self.target)
+        if bool(self.column) == bool(self.rate_Hz) or (self.rate_Hz and self.target != TIME):
+            raise ValueError(f"{self.target} must have a 'column', or for t_s a 'rate_Hz'; got {self.table()}")
 
     def values(self, raw: Any, stated: str = "") -> NDArray[np.float64]:
         """Values of the file (n,), whose own unit is `stated`, as ours, NaN where there are none."""
+        if self.rate_Hz:
+            return np.arange(len(raw)) / self.rate_Hz
         values = self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.factor(stated)
         known = np.isfinite(values)
         if self.wrap is not None and known.any():
@@ -92,7 +98,9 @@ class ColumnMap:
         """
         found = {name: MappedColumn(name, name) for name in known if name in header}
         for entry in self.entries:
-            if entry.column in header:
+            if entry.rate_Hz:
+                found.setdefault(entry.target, entry)
+            elif entry.column in header:
                 found[entry.target] = entry
             elif entry.target not in found and entry.target not in optional:
                 raise ValueError(

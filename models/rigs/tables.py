@@ -94,9 +94,8 @@ class ColumnTable(Table):
     numbers begin again after `wrap`.
     """
 
-    column: Annotated[str, Field(min_length=1)] = key(
-        "name of the column in the files, exactly as it stands there", example='"Load [mN]"'
-    )
+    column: str = key("name of the column in the files, exactly as it stands there", "", example='"Load [mN]"')
+    rate_Hz: Positive | None = key("in place of a column of times: the rate at which all others were sampled", None)
     unit: str | None = key(
         "unit of that column, such as `mm`, `gf`, `ms`; left out: the one that the file states or that the column's"
         " name ends in, else that of our column",

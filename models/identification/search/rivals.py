@@ -91,9 +91,11 @@ def _imitation(
     begun = prefixes(made[:1], kind.beginnings_s[-1]) if kind.beginnings_s else made
     effect = kind.declared(effects[-1])
     size, wanted = effect.amplitude(), effect.probe * np.outer((1, -1), 2.0 ** np.arange(SET.doublings))
+    phase = effect.of_role("phase")
+    turns = [{}] if phase is None else [{phase: float(at)} for at in np.arange(0, 2 * np.pi, np.pi / 4)]
     points = [
         base.with_(effect.id, {**start, size.name: float(value)})
-        for start in (*starts, effect.start())
+        for start in (*starts, *({**effect.start(), **turn} for turn in turns))
         for value in np.unique([start[size.name], *wanted.ravel()])
         if size.lower <= value <= size.upper and value
     ]

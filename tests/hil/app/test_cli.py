@@ -258,7 +258,7 @@ RECORD_FAULTS = {
     "empty": (lambda text: "", "empty file"),
     "column missing": (lambda text: text.replace("force_N", "forse_N"), "'forse_N', did you mean 'force_N'"),
     "unit": (lambda text: text.replace("position_m", "position_mm"), "'position_m', in m; got 'position_mm'"),
-    "time": (lambda text: text.replace("\n0.50,", "\n0.30,"), "line 52: t_s must increase"),
+    "time": (lambda text: text.replace("\n0.5", "\n0.3"), "line 52: t_s must increase"),
     "not a number": (
         lambda text: text.replace("\n0.50,0.0050", "\n0.50,nan"),
         "line 52: position_m must be a finite number",

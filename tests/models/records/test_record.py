@@ -1,7 +1,9 @@
 """Records: what is read, and one sentence with file, line and column for everything that is wrong."""
 
 import gzip
+import re
 import time
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +15,9 @@ from hypothesis import strategies as st
 from models.files import csv_reader as csv_blocks
 from models.records.record import USED, Record, as_measured, read_record, record_of
 from models.rigs.kinds import KINDS
+from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
+from tests.rig_texts import GUT
 
 HEADER = "t_s,position_m,force_N\n"
 ROWS = "".join(f"{0.01 * i:.2f},{1e-4 * i:.4f},{0.05 + 1e-4 * (i % 7):.4f}\n" for i in range(200))
@@ -157,7 +161,10 @@ def test_only_an_empty_cell_of_a_measured_column_is_none(tmp_path: Path, content
         ("\n \n", "empty file"),
         (HEADER, "at least 100 rows; got 0"),
         (HEADER + ROWS[:300], r"line \d+: row must have 3 values|at least 100 rows"),
-        (ROWS, "first row must name the columns"),
+        (
+            ROWS,
+            "header must have the column t_s, position_m, force_N .kind pull.; got 'column 1', 'column 2', 'column 3'",
+        ),
         (HEADER.replace("force_N", "force_mN") + ROWS, "'force_N', in N; got 'force_mN'"),
         (HEADER.replace("position_m", "position_mm") + ROWS, "'position_m', in m; got 'position_mm'"),
         (HEADER.replace("t_s", "t_ms") + ROWS, "'t_s', in s; got 't_ms'"),
@@ -166,8 +173,8 @@ def test_only_an_empty_cell_of_a_measured_column_is_none(tmp_path: Path, content
         (HEADER.replace("force_N", "t_s") + ROWS, "'t_s' twice"),
         ("t_s,carriage_position_m,position_m\n" + ROWS, "columns of kind magnetic"),
         ("period_s,valley_N,peak_N\n" + ROWS, "columns of kind periods"),
-        (HEADER + ROWS.replace("1.50,", "1.20,"), "line 152: t_s must increase; got 1.2 after 1.49"),
-        (HEADER + ROWS.replace("1.50,", "1.49,"), "line 152: t_s must increase"),
+        (HEADER + ROWS.replace("\n1.5", "\n1.2"), "line 152: t_s must increase; got 1.2 after 1.49"),
+        (HEADER + re.sub(r"\n1\.5\d", "\n1.49", ROWS), "line 152: t_s must increase"),
         (HEADER + ROWS.replace("0.0015,", "nan,"), "line 17: position_m must be a finite number; got 'nan'"),
         (HEADER + ROWS.replace("0.0015,", "abc,"), "line 17: position_m must be a finite number; got 'abc'"),
         (HEADER + ROWS.replace("0.0015,", ","), "line 17: position_m must be a finite number; got ''"),
@@ -203,7 +210,7 @@ def test_errors_beyond_the_first_block_name_their_line(tmp_path: Path, monkeypat
     monkeypatch.setattr(csv_blocks, "BLOCK_CHARACTERS", 256)
     assert len(read(tmp_path, HEADER + ROWS)) == 200
     with pytest.raises(ValueError, match="line 152: t_s must increase"):
-        read(tmp_path, HEADER + ROWS.replace("1.50,", "1.20,"))
+        read(tmp_path, HEADER + ROWS.replace("\n1.5", "\n1.2"))
     with pytest.raises(ValueError, match="line 152: t_s must be a finite number"):
         read(tmp_path, HEADER + ROWS.replace("1.50,", "1.5o,"))
 
@@ -305,3 +312,79 @@ def test_any_table_under_a_right_header_is_a_record_or_one_sentence(
         assert "\n" not in str(error)  # noqa: PT017
     else:
         assert all(np.isfinite(record[name]).all() for name in header)
+
+
+def mapped(columns: dict[str, object], kind: str = "pull") -> Rig:
+    return parse_rig({"rig": {"kind": kind}, **tomllib.loads(GUT), "columns": columns})
+
+
+def test_numbers_without_a_header_are_columns_with_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "r.txt"
+    path.write_text(ROWS)
+    rig = mapped({"t_s": "column 1", "position_m": "column 2", "force_N": "column 3"})
+    assert len(read_record(path, rig)) == 200
+
+
+def test_a_rate_stands_for_times_that_nobody_logged(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("Kanal 1,Kanal 2\n" + "".join(line.split(",", 1)[1] + "\n" for line in ROWS.splitlines()))
+    rig = mapped({"t_s": {"rate_Hz": 100.0}, "position_m": "Kanal 1", "force_N": {"column": "Kanal 2", "unit": "mN"}})
+    record = read_record(path, rig)
+    assert record["t_s"] == pytest.approx(0.01 * np.arange(200))
+    assert record["force_N"][0] == pytest.approx(5e-5)
+
+
+@pytest.mark.parametrize(
+    ("separator", "written"),
+    [
+        (",", lambda v: f'"{v:,d}"'),
+        ("\t", lambda v: f"{v:,d}"),
+        (";", lambda v: f"{v:,d}".replace(",", ".")),
+        (";", lambda v: f"{v:,d}".replace(",", "'")),
+        (";", lambda v: f"{v:,d},00".replace(",", ".", v >= 1000)),
+        ("\t", lambda v: f"{v:,d}.00"),
+    ],
+)
+def test_groups_of_digits_are_one_number(tmp_path: Path, separator: str, written: Callable[[int], str]) -> None:
+    path, um = tmp_path / "r.csv", [37 * k for k in range(200)]
+    rows = (separator.join([f"{0.01 * k:.2f}", written(v), "0.05"]) for k, v in enumerate(um))
+    path.write_text("\n".join([separator.join(["t_s", "place", "force_N"]), *rows]))
+    record = read_record(path, mapped({"position_m": {"column": "place", "unit": "um"}}))
+    assert record["position_m"] == pytest.approx(1e-6 * np.array(um))
+
+
+LVM = """LabVIEW Measurement\t
+Separator\tTab\t
+Decimal_Separator\t,\t
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t100\t100\t
+Y_Unit_Label\tMillimeters\tNewtons\t
+X_Dimension\tTime\tTime\t
+X0\t0,0000000000000000E+0\t0,0\t
+Delta_X\t0,010000\t0,010000\t
+***End_of_Header***\t\t\t
+X_Value\tWeg\tKraft\tComment
+"""
+
+
+@pytest.mark.parametrize("with_x", [True, False])
+def test_a_labview_measurement_states_its_units_and_its_clock(tmp_path: Path, with_x: bool) -> None:
+    rows = [f"{k / 100 if with_x else ''}\t{0.1 * k:.4f}\t{0.05 + k % 7:.3f}".replace(".", ",") for k in range(100)]
+    path = tmp_path / "r.lvm"
+    path.write_text(LVM + "\n".join(rows) + "\n")
+    with pytest.raises(ValueError, match="header must have") as refused:
+        read_record(path, mapped({}))
+    proposed = tomllib.loads("\n".join(refused.value.__notes__))["columns"]
+    record = read_record(path, mapped(proposed))
+    assert record["t_s"] == pytest.approx(0.01 * np.arange(100))
+    assert record["position_m"] == pytest.approx(1e-4 * np.arange(100))
+
+
+def test_a_further_column_that_is_nearly_ours_is_left_out_with_a_word(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("t_s,position_m,force_N,load,velocity\n" + ROWS.replace("\n", ",3,0.1\n"))
+    record = read_record(path, Rig("axis"))
+    assert sum("is left out" in note for note in record.notes) == 2
+    assert "velocity_m_s" not in record.columns

@@ -110,7 +110,7 @@ def test_a_converted_file_is_read_with_the_same_rig_file(tmp_path: Path) -> None
         ),
         ({"position_m": {"column": "pos", "sign": 2}}, r"\[columns.position_m\] sign must be one of 1 or -1; got 2"),
         ({"position_m": {"column": "pos", "ofset": 2}}, r"key must be a known one; got 'ofset'; did you mean 'offset'"),
-        ({"position_m": {"unit": "mm"}}, r"\[columns.position_m\] must have the key 'column'"),
+        ({"position_m": {"unit": "mm"}}, r"\[columns\] position_m must have a 'column', or for t_s a 'rate_Hz'"),
         ({"position_m": {"column": "pos", "offset": "a"}}, "offset must be a finite number; got 'a'"),
         ({"position_m": 3}, r"\[columns\] position_m must be the name of a column"),
         (

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.estimators import runs_of
+from models.checks.speeds import agreement
 from models.checks.usable import used
 from models.identification.kind import Array
 from models.identification.kinds.axis.coordinates import Coordinates
@@ -60,7 +61,9 @@ def moved(record: Record, c: Coordinates, position_std: float | None, band: floa
     logged = record.columns.get(c.velocity)
     if logged is not None:
         apart = float(np.sqrt(np.mean((m.v - logged) ** 2)))
-        logged = logged if apart < SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None
+        found = agreement(position, logged, 1 / m.rate)
+        close = apart < SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) and (found is None or found.close)
+        logged = logged if close else None
     if logged is not None:
         m = motion(record["t_s"], position, logged, band)
     position_noise = position_std or white_part(position)

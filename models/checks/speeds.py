@@ -1,0 +1,86 @@
+"""The logged speed of an axis against its place: lag, gain and sign; and what force its motion explains."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.checks.estimators import Array, running_mean, smooth_speed
+from models.checks.finding import Findings
+from models.checks.settings import SET
+from models.checks.view import View
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """A logged speed as `gain` times the place's, `lag_s` later, and the share of it that is neither."""
+
+    gain: float
+    lag_s: float
+    left: float
+
+    @property
+    def close(self) -> bool:
+        """Whether it may stand for the place's."""
+        return abs(self.gain - 1) < SET.speed_gain and abs(self.lag_s) < SET.speed_lag_s and self.left < SET.speed_left
+
+
+def agreement(place: Array, logged: Array, dt: float) -> Agreement | None:
+    """How a `logged` speed (n,) belongs to the `place` (n,), both smoothed alike; None where nothing moves."""
+    speed, noise, n = smooth_speed(place, dt)
+    if float(np.std(speed)) <= 2 * noise:
+        return None
+    inner = slice(3 * n, len(place) - 3 * n)
+    alike = running_mean(running_mean(logged, n), n)[inner]
+    rows = np.column_stack([speed, np.gradient(speed, dt), np.ones(len(speed))])[inner]
+    if len(rows) < SET.side or not np.std(alike):
+        return None
+    scale = np.maximum(np.std(rows, axis=0), 1e-300)
+    scale[-1] = 1.0
+    found, *_ = np.linalg.lstsq(rows / scale, alike, rcond=None)
+    gain, late, _ = found / scale
+    left = float(np.std(alike - rows / scale @ found) / np.std(alike))
+    return Agreement(float(gain), float(-late / gain) if gain else 0.0, left)
+
+
+def check_logged_speed(view: View) -> Findings:
+    """A logged speed that has another sign, size or delay than the place's: the place's is used instead."""
+    name = next((one for one in view.record.layout.optional if one.startswith("velocity")), "")
+    if not view.kind.stage or name not in view.record.columns:
+        return
+    found = agreement(view.record[view.moving_column], view.record[name], view.dt)
+    if found is None or found.close:
+        return
+    values: dict[str, Any] = {"gain": found.gain, "lag": abs(found.lag_s), "late": found.lag_s > 0, "left": found.left}
+    values |= {"beside": view.moving_column, "place": view.moving_column}
+    size = min((10.0**k for k in range(-3, 4)), key=lambda size: abs(np.log(size * abs(found.gain) or 1e-300)))
+    if found.gain < 0:
+        yield view.notes("speed_apart.sign", name, line=view.turned_line(name), **values)
+    elif size != 1 and abs(size * found.gain - 1) < SET.speed_gain:
+        yield view.notes("speed_apart.size", name, line=view.columns_line(name, scale=size), **values)
+    else:
+        yield view.notes("speed_apart", name, **values)
+
+
+def motion_rows(view: View) -> Array:
+    """Acceleration, direction, speed, 1, place and, of an axis that turns, its sine and cosine, shape (n, 5 or 7)."""
+    x, n = view.record[view.moving_column], max(1, round(0.02 / view.dt))
+    v = np.gradient(running_mean(x, n)) / view.dt
+    a = np.gradient(running_mean(v, n)) / view.dt
+    weight = [np.sin(x), np.cos(x)] if view.turns else []
+    return np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x, *weight])
+
+
+def follows_motion(view: View) -> bool:
+    """Whether a line through the motion of one half of a record foretells the force of the other."""
+    rows, y = motion_rows(view), view.y
+    half = np.arange(len(y)) < len(y) // 2
+    return all(_foretold(rows[a], y[a], rows[b], y[b]) > SET.foretold for a, b in ((half, ~half), (~half, half)))
+
+
+def _foretold(rows: Array, y: Array, others: Array, values: Array) -> float:
+    scale = np.maximum(np.std(rows, axis=0), 1e-300)
+    scale[3] = 1.0
+    found, *_ = np.linalg.lstsq(rows / scale, y, rcond=None)
+    spread = float(np.var(values))
+    return 1 - float(np.mean((values - others / scale @ found) ** 2)) / spread if spread else 0.0

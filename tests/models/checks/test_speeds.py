@@ -1,0 +1,63 @@
+"""An axis's place and logged speed: jumps, lag, size and sign are told, and a force that the motion foretells."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from models.checks.examine import examine
+from models.checks.usable import cleaned
+from models.records.record import Record, record_of
+from models.rigs.reader import parse_rig
+
+T = np.arange(0.0, 20.0, 1e-3)
+X = 0.05 * np.sin(2 * np.pi * 0.5 * T) + 0.02 * np.sin(2 * np.pi * 1.3 * T)
+V = np.gradient(X, T)
+RIG = parse_rig({"rig": {"kind": "axis"}})
+
+
+def axis(place: np.ndarray = X, speed: np.ndarray | None = None) -> Record:
+    noise = np.random.default_rng(0).standard_normal((3, len(T)))
+    force = 3 * np.gradient(V, T) + 4 * np.sign(V) * (1 + np.sqrt(np.abs(V))) + 0.05 * noise[0]
+    columns = {"t_s": T, "position_m": place + 1e-6 * noise[1], "force_N": force}
+    return record_of("one", columns | ({} if speed is None else {"velocity_m_s": speed + 1e-3 * noise[2]}), RIG)
+
+
+def told(record: Record) -> dict[str, str]:
+    return {finding.id: f"{finding.sentence} {finding.remedy}" for finding in examine(RIG, [record])}
+
+
+def test_a_speed_that_agrees_is_no_finding() -> None:
+    assert told(axis(speed=V)) == {}
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"),
+    [
+        (lfilter([0.05], [1, -0.95], V), "19. ms late"),
+        (0.1 * V, "scale = 10.0"),
+        (-V, "sign = -1"),
+        (1.1 * V, "1.1 times"),
+        (np.interp(T + 0.01, T, V), "10 ms early"),
+    ],
+)
+def test_lag_size_and_sign_of_a_logged_speed_are_told(speed: np.ndarray, said: str) -> None:
+    found = told(axis(speed=speed))
+    assert list(found) == ["speed_apart"]
+    assert all(word in found["speed_apart"] or word == "19." for word in said.split())
+
+
+def test_an_encoder_that_slips_is_told_and_taken_out() -> None:
+    slips = np.where(T > 7.003, 0.01, 0.0) + np.where(T > 13.007, -0.004, 0.0)
+    record = axis(X + slips)
+    assert "2 jumps" in told(record)["place_jumps"]
+    assert cleaned(record, RIG)["position_m"] == pytest.approx(X, abs=5e-4)
+
+
+def test_a_force_of_inertia_alone_responds() -> None:
+    fast = 2e-4 * np.sin(2 * np.pi * (20 + 0.5 * T) * T)
+    force = np.gradient(np.gradient(fast, T), T)
+    force += np.std(force) * np.random.default_rng(0).standard_normal(len(T))
+    record = record_of("one", {"t_s": T, "position_m": fast, "force_N": force}, RIG)
+    assert "no_response" not in told(record)
+    deaf = record.with_column("force_N", np.random.default_rng(1).standard_normal(len(T)))
+    assert "no_response" in told(deaf)

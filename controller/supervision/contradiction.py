@@ -20,6 +20,7 @@ _MOST_IN_VAIN: Final = 4.0  # times friction, greatest push counted
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
 _MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
+_SHAKEN_STDS: Final = 2.4  # the same for the difference of two smoothed ones
 _SLIPS_M_S: Final = 0.2  # speed of a slip between two readings
 _FASTEST_M_S: Final = 1.0  # speed above every real motion
 CONFIRMED: Final = 3  # readings in a row that confirm a jump
@@ -112,7 +113,7 @@ class Contradiction:
         self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
-        self._moved_m = max(_MOVED_M, _MEAN_STDS * noise_m)
+        self._moved_m = max(_MOVED_M, (_SHAKEN_STDS if envelope.shaken else _MEAN_STDS) * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
         self.begin()
@@ -172,19 +173,17 @@ class Contradiction:
         if not (abs(moved_m) if self._envelope.shaken else self._vain_sign * moved_m) < self._moved_m:  # it answers
             self._from_m, self._vain_s = self._mean_m, 0.0
         self.against_m = sign * (self._farthest_m - self._mean_m)
-        dt = stamp_s - self._seen_at
-        self._seen_at = stamp_s
+        dt, self._seen_at = stamp_s - self._seen_at, stamp_s
         self._slip_m_s = self._slips(position_m, stamp_s)
         if not self._envelope.shaken and (fast_m_s := self._speed(position_m, stamp_s)) > self._fastest_m_s:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
             return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
-        outside = self._capsule.leaves(position_m, wanted_m, dt if dt > 0 else 0.0)
-        self._outside = self._outside + 1 if outside else 0
+        self._outside = self._outside + 1 if self._capsule.leaves(position_m, wanted_m, dt if dt > 0 else 0.0) else 0
         if self._outside >= CONFIRMED:
             off = 1e3 * (position_m - wanted_m)
-            shown = f"{CONTRADICT}: the localisation shows the capsule {off:+.1f} mm from the wanted position"
-            return shown if self._envelope.placed else f"{shown}, beyond limits.envelope_m"
+            beyond = "" if self._envelope.placed else ", beyond limits.envelope_m"
+            return f"{CONTRADICT}: the localisation shows the capsule {off:+.1f} mm from the wanted position{beyond}"
         return ""
 
     def _in_vain(self, drive: float, dt: float) -> bool:

@@ -32,7 +32,7 @@ def ranged(
     grid = effect.grid if own.grid is None else own.grid
     space: dict[str, Any] = {
         "__doc__": effect.__doc__,
-        "grid": MappingProxyType({called[name]: values for name, values in grid.items()}),
+        "grid": MappingProxyType({called[name]: values for name, values in grid.items() if name in called}),
         "probe": effect.probe if own.probe is None else own.probe,
         "parameters": classmethod(lambda cls: parameters),
         **hooks,

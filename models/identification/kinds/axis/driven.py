@@ -130,5 +130,8 @@ class DrivenAxisKind(SeriesKind):
 
 
 def _running(c: Coordinates, size: Size | None, catalogue: Catalogue) -> tuple[type[Effect], ...]:
-    """The effects that a run has: all but those of a logged load, which no step of a run knows."""
-    return tuple(effect for effect in candidates(c, size, catalogue) if "load" not in effect.needs)
+    """The effects that a run has: all but those of logged inputs, which no step of a run knows, and friction with
+    memory, where nothing sticks.
+    """
+    known = (effect for effect in candidates(c, size, catalogue) if not {"load", "logged"} & {*effect.needs})
+    return tuple(effect for effect in known if not effect.answers("direction"))

@@ -113,3 +113,24 @@ def test_a_bench_is_found(bench: Bench, effect: str) -> None:
     assert [found.id for found in finding.effects][:1] == [effect]
     held = finding.error["holdout"]
     assert held["augmented"] < 0.5 * held["calibrated"]
+
+
+def lubricated(m: dict[str, Floats], rng: np.random.Generator) -> tuple[Floats, Floats, dict[str, Floats]]:
+    """Friction that falls as a hyperbola of the logged temperature."""
+    warm = 20 + 15 * (1 - np.exp(-m["t"] / 6))
+    return 3 / (1 + (warm - 20) / 12) * np.sign(m["v"]), np.zeros(len(warm)), {"temperature_degC": warm}
+
+
+def test_friction_falls_with_a_logged_temperature() -> None:
+    finding = closed(lubricated)
+    assert [found.id for found in finding.effects][:1] == ["warming"]
+    assert finding.effects[0].parameters["fall_per_K"].value == pytest.approx(0.06, abs=0.03)
+
+
+@pytest.mark.parametrize("column", ["pressure_bar", "load_1"])
+def test_an_input_that_cannot_be_used_is_left_out_with_a_note(column: str) -> None:
+    m = motion(1)
+    columns = {"t_s": m["t"], "position_m": m["x"], "force_N": m["v"], column: np.where(m["t"] < 1, np.nan, 1.0)}
+    read = record_of("run", columns, RIG)
+    assert any(f"column {column} is left out" in note for note in read.notes)
+    assert "load_1" not in read.columns

@@ -1,58 +1,24 @@
 """An accelerometer on the capsule beside slow images: what is read, what counts, and what images do not show."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from hil.report.closed_loop import report_html
 from hil.report.numbers import report_json
-from models.effects import CATALOGUE
 from models.identification import close
-from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
-from models.identification.kinds import kind_for, ready
-from models.identification.kinds.series.series import SeriesKind
+from models.identification.kinds import kind_for
 from models.identification.settings import SET
 from models.records.record import Record, record_of
 from models.rigs.columns import ACCELERATION
-from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
-from plant.experiments.examples import BELIEVED
-from plant.experiments.scenario import Accelerometer, RunTable, Scenario, record_scenario
 from plant.rig import Truth
-from plant.sensing import Sensor
-
-CANDIDATES = ("spring_damping", "stribeck", "viscous_drag")
-IMAGES_HZ, IMAGES_STD_M = 5.0, 0.5e-3
-STATED = 0.05  # m/s2
-
-
-def series(seconds: float, count: int = 2, **hidden: dict[str, float]) -> tuple[Rig, list[Record], Truth]:
-    """A vibrating capsule in the gut with 500 readings of an accelerometer and five images a second."""
-    own = BELIEVED["vibro"]
-    rig = replace(own.truth(np.random.default_rng(3)), hidden=hidden)
-    tables = own.tables()
-    tables["noise"] = {"position_std_m": IMAGES_STD_M, "acceleration_std_m_s2": STATED}
-    belief, records = parse_rig(tables), []
-    for k in range(count):
-        run = RunTable("", seconds, 7 + k, rig.step_s)
-        sensors = Sensor(IMAGES_HZ, IMAGES_STD_M), Accelerometer(std_m_s2=STATED)
-        made = record_scenario(Scenario(run, own.kind, rig, own.profile, *sensors))
-        rounded = {name: np.round(values, 9) for name, values in made.items()}
-        records.append(ready(record_of(f"run_{k}", rounded, belief), belief))
-    return belief, records, rig
-
-
-def kind_of(rig: Rig, records: list[Record]) -> SeriesKind:
-    kind = kind_for(rig, records)
-    assert isinstance(kind, SeriesKind)
-    return replace(kind, effects=tuple(CATALOGUE[name] for name in CANDIDATES))
+from tests.bench.bench_two_columns import CANDIDATES, HIDDEN, cost, kind_of, series
 
 
 @pytest.fixture(scope="module")
 def damped() -> tuple[Rig, list[Record], Truth]:
-    return series(3.0, spring_damping={"damping_N_s_per_m": 0.1})
+    return series(3.0, **HIDDEN)
 
 
 def test_images_at_another_rate_than_the_accelerometer_make_one_record(
@@ -118,11 +84,8 @@ def test_it_shows_what_images_alone_do_not(damped: tuple[Rig, list[Record], Trut
     rig, records, _ = damped
     images = [record.without([ACCELERATION]) for record in records]
     alone, both = kind_of(rig, images), kind_of(rig, records)
-    assert judged_cost(alone, images, Fitter.of(alone, images, []).far([alone.nominal()]).theta) < SET.near
-    costs = {}
-    for name in CANDIDATES:
-        start = both.nominal().with_(name, CATALOGUE[name].start())
-        costs[name] = judged_cost(both, records, Fitter.of(both, records, [name]).far([start]).theta)
+    assert cost(alone, images) < SET.near
+    costs = {name: cost(both, records, name) for name in CANDIDATES}
     own = costs.pop("spring_damping")
     assert min(costs.values()) > 5 * own
 

@@ -22,7 +22,7 @@ def jumps(view: View) -> NDArray[np.int64]:
         return _none()
     interval = view.dt / float(np.mean(fresh(view)))
     least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
-    rows = _steps(view.y, least)
+    rows = _within(view, _steps(view.y, least))
     return rows[~silent(view)[rows - 2]]  # where a sensor comes back, its position differs
 
 
@@ -32,7 +32,13 @@ def slips(view: View, name: str) -> NDArray[np.int64]:
     if name not in POSITIONS or not len(size) or not size.any() or len(wraps(view.record[name])):
         return _none()
     usual = float(np.quantile(size, 1 - SET.jump_most / max(len(size), SET.jump_most + 1)))
-    return _steps(view.record[name], max(SET.jump_far * usual, SET.jump_noises * white_noise(view.record[name])))
+    least = max(SET.jump_far * usual, SET.jump_noises * white_noise(view.record[name]))
+    return _within(view, _steps(view.record[name], least))
+
+
+def _within(view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The `rows` that follow the one before without a gap in time."""
+    return rows[np.diff(view.t)[rows - 1] < SET.stamps_near * view.dt]
 
 
 def _none() -> NDArray[np.int64]:

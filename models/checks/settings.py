@@ -15,6 +15,7 @@ class CheckSettings:
     stamps_even: float = setting(1e-3, "1", "share of the interval that rounding may move stamps which count as even")
     stamps_pause: float = setting(20.0, "1", "usual intervals, beyond which samples are not lost but the record pauses")
     stamps_back: float = setting(0.9, "1", "share of stamps that go back, where rows are in reverse order")
+    stamps_near: float = setting(1.5, "1", "usual intervals, beyond which samples between two stamps are missing")
     stamps_short: float = setting(0.2, "1", "usual intervals, a step below which does not count for the scatter")
     speed_gain: float = setting(0.03, "1", "share by which a logged speed may be larger or smaller than the place's")
     speed_lag_s: float = setting(4e-3, "s", "time by which it may be later or earlier")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from models.checks.examine import examine
 from models.checks.usable import cleaned, used
 from models.records.record import record_of
 from models.rigs.rig import Rig
@@ -27,6 +28,13 @@ def test_a_pause_and_the_travel_after_it_do_not_count(kind: str, drive: str, mea
     assert not count[(t > 11) & (t < 12) & (travelled < 0.9 * settled)].any()
     assert count[t > 14].mean() > 0.9
     assert any("pause" in said for said in clean.treated or ())
+
+
+def test_a_pause_is_no_jump() -> None:
+    columns = {"t_s": T, "carriage_position_m": DRIVE, "position_m": DRIVE + 1e-5 * np.cos(9 * T)}
+    record = record_of("one", {name: values[THERE] for name, values in columns.items()}, Rig("magnetic"))
+    assert "pause" in {one.id for one in examine(Rig("magnetic"), [record])}
+    assert "place_jumps" not in {one.id for one in examine(Rig("magnetic"), [record])}
 
 
 def test_where_nothing_brings_a_body_back_the_longest_stretch_is_used() -> None:

@@ -45,6 +45,8 @@ _PLAIN: Final = {
     **{symbol: Unit("rev", 1 / 360) for symbol in ("deg", "°")},
     "rev": Unit("rev", 1.0),
     "rpm": Unit("Hz", 1 / 60),
+    **{symbol: Unit("s2", 1.0) for symbol in ("s2", "s^2", "s²")},
+    "gn": Unit("m/s2", GRAVITY),
     "%": Unit("", 0.01),
     "1": Unit("", 1.0),
 }

@@ -143,7 +143,8 @@ def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFin
     failed = []
     for check in (check for check in checks if not check.ok):
         name, _, column = check.id.partition(".")
-        said = TEXT(f"check.{name}.failed", value=check.value, limit=check.limit, n=round(check.value))
+        key = ".".join(("check", name, "failed"))
+        said = TEXT(key, value=check.value, limit=check.limit, n=round(check.value))
         failed.append(f"{column}: {said}" if column else said)
     return (*dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens"), *failed)
 

@@ -58,14 +58,13 @@ def _mapper(client: Any) -> Mapper:
             if name.startswith(OWN):
                 cloudpickle.register_pickle_by_value(module)
         work = client.scatter(cloudpickle.dumps((function, list(items))), hash=False)
-        return list(client.gather([client.submit(_item, work, k, pure=False) for k in range(len(items))]))
+        return list(client.gather([client.submit(one, work, k, pure=False) for k in range(len(items))]))
+
+    def one(data: bytes, number: int) -> Any:  # sent by value: the scheduler need not have this program
+        function, items = pickle.loads(data)
+        return function(items[number])
 
     return mapped
-
-
-def _item(packed: bytes, number: int) -> Any:
-    function, items = pickle.loads(packed)
-    return function(items[number])
 
 
 def packed(function: Callable[..., Any], *inputs: Any) -> Callable[[], Any]:

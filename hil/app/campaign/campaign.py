@@ -16,7 +16,7 @@ from hil.app.campaign.series_answers import TEXT, SeriesAnswer, answer_of, lacki
 from hil.app.campaign.series_answers import document as answers_document
 from hil.app.campaign.series_page import page_html as answers_html
 from hil.app.campaign.table import write_table
-from hil.app.campaign.worker import Row, run_job
+from hil.app.campaign.worker import PASSING, Row, run_job
 from hil.app.cluster import Workers
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, Scheduler, WorkerCount, argument, option
@@ -148,9 +148,7 @@ def _one(plan: Campaign, number: int) -> int:
         raise ValueError(f"--run must lie in [0, {len(plan) - 1}]; got {number}")
     with output_to_notes():
         row = run_job(plan.job(number))
-    for name in ("files", "worker"):
-        row.pop(name, None)
-    print_json(row)
+    print_json({key: value for key, value in row.items() if key not in PASSING})
     return 1 if "error" in row else 0
 
 
@@ -177,7 +175,7 @@ def _series(
 
         run_missing(
             "campaign", list(jobs), jobs.__getitem__, results, 1, on, _said, show,
-            lambda row: jobs[row["run"]].keep(row["files"]), SERIES_LIMIT_S,
+            lambda row: jobs[row["run"]].keep(row.get("files", {})), SERIES_LIMIT_S,
         )  # fmt: skip
         answers, found = show()
         found["table"] = write_table(out / TABLE, results.rows())

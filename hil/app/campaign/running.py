@@ -14,7 +14,7 @@ from typing import Any, Final, Self, TypeVar
 
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.series_answers import TEXT
-from hil.app.campaign.worker import LONGEST_S, OUTSIDE, Job, Row, pooled
+from hil.app.campaign.worker import LONGEST_S, OUTSIDE, PASSING, Job, Row, pooled
 from hil.app.cluster import Workers
 from hil.app.console import InterruptionError, note, output_to_notes, progress_bar
 from models.words.quantities import plain
@@ -58,7 +58,7 @@ def run_missing(
                 if over == len(numbers) - len(missing):
                     _estimate(len(missing), spent / len(rows), min(workers.count, len(missing)))
                 for row in rows:
-                    keep({**row, "files": row.pop("files", {})})
+                    keep(row)
                 results.add(rows)
                 over += len(rows)
                 report(said(rows[-1]), over / len(numbers))
@@ -159,13 +159,13 @@ class Results:
         """Append the rows of a chunk in one write, without runs that are there already. Raises ValueError for a worker
         with another program.
         """
-        fresh = {_key(row): dict(row) for row in rows if _key(row) not in self.done}
+        fresh = {_key(row): row for row in rows if _key(row) not in self.done}
         for row in fresh.values():
             if (got := row.get("version", "")) != self._version:
                 where = row.get("worker", "one")
                 raise ValueError(f"workers must have this program ({self._version}); {where} has {got or 'another'}")
-            row.pop("worker", None)
-        for key, place in zip(fresh, self._append(fresh.values()), strict=True):
+        lasting = [{key: value for key, value in row.items() if key not in PASSING} for row in fresh.values()]
+        for key, place in zip(fresh, self._append(lasting), strict=True):
             self.done[key] = place
 
     def drop(self, key: Key) -> None:

@@ -26,6 +26,7 @@ from models.theta import Theta
 from models.workers import end_with_parent
 
 TRIES: Final = 3  # workers that a run may cost
+PASSING: Final = ("files", "worker")  # what a row has until it is on file
 OUTSIDE: Final = "outside"
 """The `cause` of a run that failed for a cause outside itself: it is done again at the next start."""
 LONGEST_S: Final = 1e6  # that a run may be allowed to last

@@ -1,10 +1,6 @@
 """`close-loop` on any number of workers gives one answer, and within a budget says what it left out."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from tests.places import ROOT
+from tests.hil.app.campaign.campaigns import example_cluster
 
 AXIS = '[rig]\nkind = "axis"\n[noise]\nforce_std_N = 0.02\n'
 TIMES = ("seconds", "timings", "files")
@@ -60,21 +56,8 @@ def test_one_answer_on_any_workers(lab: Path, tmp_path: Path, capfd: pytest.Capt
     assert answer(lab, tmp_path / "two", capfd, "--workers", "2")[0] == alone
     if find_spec("distributed") is None:
         pytest.skip("needs Dask for the third: the extra 'dask' is not installed")
-    cluster = subprocess.Popen(
-        [sys.executable, str(ROOT / "examples" / "cluster" / "cluster.py"), "--local", "--jobs", "2"],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        assert cluster.stdout is not None
-        address = cluster.stdout.readline().strip()
+    with example_cluster() as address:
         assert answer(lab, tmp_path / "dask", capfd, "--scheduler", address)[0] == alone
-    finally:
-        os.killpg(cluster.pid, signal.SIGKILL)
-        cluster.communicate()
 
 
 def test_a_budget_ends_the_search_and_the_report_says_so(

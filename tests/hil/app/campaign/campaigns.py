@@ -1,10 +1,17 @@
 """A small campaign and what its rows hold, for the tests of campaigns."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from tests.hil.app.run.deployments import TRUTH
+from tests.places import ROOT
 
 SCENARIO = f"[scenario]\nduration_s = 0.7\n{TRUTH}"
 CAMPAIGN = """
@@ -43,3 +50,22 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
 def untimed(row: dict[str, Any]) -> dict[str, Any]:
     result = {key: value for key, value in row["result"].items() if key not in TIMES}
     return {**row, "result": result, "seconds": 0}
+
+
+@contextmanager
+def example_cluster() -> Iterator[str]:
+    """The address of the scheduler of the example, with two workers on this machine; all are gone afterwards."""
+    cluster = subprocess.Popen(
+        [sys.executable, str(ROOT / "examples" / "cluster" / "cluster.py"), "--local", "--jobs", "2"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert cluster.stdout is not None
+        yield cluster.stdout.readline().strip()
+    finally:
+        os.killpg(cluster.pid, signal.SIGKILL)
+        cluster.communicate()

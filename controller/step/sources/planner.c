@@ -96,9 +96,15 @@ static real cost(const task *its, const capsule_planner *p, const capsule_plan *
 
 static void price(const task *its, capsule_planner *p, capsule_plan *plan)
 {
-    int k;
-    for (k = 0; its->pressed && k <= N; k++) {
-        p->forces[k] = capsule_plan_wall(plan->path[k], its->t + R(k) * its->n->stage_s, its->q, p->slopes[k]);
+    int i, k;
+    if (its->pressed) {
+        for (k = 0; k <= N; k++) {
+            p->times[k] = its->t + R(k) * its->n->stage_s;
+            for (i = 0; i < S; i++) {
+                p->ends[i][k] = plan->path[k][i];
+            }
+        }
+        capsule_plan_walls(p->ends, p->times, its->q, p->forces, p->slopes);
     }
     plan->cost = cost(its, p, plan);
 }
@@ -266,7 +272,7 @@ static int soft_rows(const task *its, capsule_planner *p, real step)
                 if (kind == 2) {
                     slope = 0;
                     for (m = 0; m < S; m++) {
-                        slope += p->slopes[k][m] * p->Z[k][m][j];
+                        slope += p->slopes[m][k] * p->Z[k][m][j];
                     }
                 }
                 row[j] = side * slope;

@@ -48,13 +48,13 @@ _MM = 1e3  # in a metre
 
 def close_loop(
     records: Annotated[
-        list[Path], argument("RECORD...", "Training records: CSV, CAN logs, or files that convert reads.")
+        list[Path], argument("RECORD", "Training records: CSV, CAN logs, or files that convert reads.", "record")
     ],
     rig: RigFile,
     out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
     holdout: Annotated[
         list[Path],
-        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch."),
+        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch.", reads="record"),
     ],
     *,
     budget: Annotated[

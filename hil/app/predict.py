@@ -22,9 +22,9 @@ from models.words.sentences import Quantity
 
 
 def predict(
-    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.")],
+    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.", "record")],
     rig: RigFile,
-    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.")],
+    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.", "model")],
     out: Annotated[Path, option("--out", "PRED.csv", "Where the prediction goes.")],
     *,
     stage: Stage = "augmented",

@@ -39,7 +39,7 @@ TEXT: Final = Sentences(__file__)
 
 
 def sil(
-    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].")],
+    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].", "scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,

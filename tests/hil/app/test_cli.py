@@ -223,9 +223,12 @@ def test_bad_input_ends_with_two_and_one_sentence(
     words = [word.format(record=record, rig=rig, tmp=tmp_path) for word in args]
     assert run(words) == 2
     output = capsys.readouterr()
-    assert output.out == ""
     lines = [line for line in output.err.splitlines() if line.startswith("capsule:")]
     assert len(lines) == 1
+    if "--json" in words:
+        assert json.loads(output.out) == {"error": lines[0].removeprefix("capsule: "), "status": 2}
+    else:
+        assert output.out == ""
     assert said in lines[0]
     assert "Traceback" not in output.err
     assert not (tmp_path / "p.csv").exists()
@@ -278,7 +281,8 @@ def test_a_bad_record_is_refused_in_one_sentence(
     bad.write_text(spoil(Path(record).read_text()))
     assert run(["close-loop", record, str(bad), "--rig", rig, "--out", str(tmp_path / "o"), "--json"]) == 2
     output = capsys.readouterr()
-    assert (output.out, output.err.count("capsule:")) == ("", 1)
+    assert output.err.count("capsule:") == 1
+    assert json.loads(output.out)["error"] in output.err
     assert "bad.csv" in output.err
     assert said in output.err
     assert not (tmp_path / "o").exists()

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -130,8 +131,10 @@ def _same_search(files: Sequence[Path], asked: str) -> Path:
             old.unlink(missing_ok=True)
     inputs = hashlib.sha256(f"{program_version()} {asked}".encode())
     for path in files:
+        inputs.update(f"{path.name}\n".encode())
         with opened(path, "record") as file:
-            inputs.update(hashlib.file_digest(file, "sha256").digest() + path.name.encode())
+            for block in iter(partial(file.read, 1 << 20), b""):
+                inputs.update(block)
     return folder / inputs.hexdigest()
 
 

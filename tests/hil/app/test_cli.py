@@ -58,6 +58,9 @@ class FakeModel:
         print("chatter that must not reach standard output")
         return {"t_s": record["t_s"], "force_N": np.zeros(len(record))}
 
+    def errors(self, rig: Rig, record: Record, stage: str) -> dict[str, tuple[float, str, str]]:
+        return {"force_N": (0.05, "N", "rms error")}
+
     def beyond(self, rig: Rig, record: Record, predicted: object) -> dict[str, object]:
         return {}
 

@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 Array = NDArray[np.float64]
 POINTS = 4000  # of a line
 
-INK, MUTED, GRID, FLOOR = "#1d2733", "#66727f", "#e6eaee", "#8792a0"
+INK, MUTED, FAINT, GRID, FLOOR = "#1d2733", "#66727f", "#c6ced6", "#e6eaee", "#8792a0"
 STAGE_COLOURS = MappingProxyType({"nominal": "#a9b4c2", "calibrated": "#e0913a", "augmented": "#0b7a84"})
 QUANTITY_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7d1a")
 """Okabe and Ito's colours, distinguishable in every colour vision; the yellow one is darker, for white paper."""
@@ -50,9 +50,9 @@ def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
         legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "bgcolor": "rgba(0,0,0,0)"},
         hoverlabel={"font": {"family": FONT}},
     )
-    axis = {"gridcolor": GRID, "linecolor": "#c6ced6", "title_standoff": 8, "automargin": True, "minexponent": 4}
-    figure.update_xaxes(zeroline=False, ticks="outside", tickcolor="#c6ced6", exponentformat="power", **axis)
-    figure.update_yaxes(zerolinecolor="#c6ced6", zerolinewidth=1, exponentformat="power", **axis)
+    axis = {"gridcolor": GRID, "linecolor": FAINT, "title_standoff": 8, "automargin": True, "minexponent": 4}
+    figure.update_xaxes(zeroline=False, ticks="outside", tickcolor=FAINT, exponentformat="power", **axis)
+    figure.update_yaxes(zerolinecolor=FAINT, zerolinewidth=1, exponentformat="power", **axis)
     figure.update_annotations(font={"size": 13, "color": MUTED})
     figure.update_layout(**layout)
     return figure

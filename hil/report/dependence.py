@@ -28,7 +28,7 @@ def dependence_words(found: Dependence) -> list[str]:
         before, after = found.inside
         said.append(TEXT("depends.inside", variable=column_words(term.variable)[0], before=before, after=after))
     if term is not None:
-        said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text, unit=term.amplitude.unit))
+        said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text))
     return said
 
 

@@ -11,7 +11,7 @@ from models.words.quantities import scale
 
 _SHOWN = 4  # curves in the list
 _OVER = {"+x": "over", "-v": "resistance"}
-_BAND = "rgba(14, 110, 115, 0.18)"
+_BAND = "rgba(14, 132, 144, 0.25)"
 
 
 def dependence_words(found: Dependence) -> list[str]:

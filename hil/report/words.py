@@ -83,10 +83,13 @@ def error_scale(finding: Finding) -> tuple[float, str]:
 
 
 def error_cells(finding: Finding, part: str) -> list[str]:
-    """The errors of a part of the data by stage, and the noise floor; an interpolation has no error."""
+    """The errors of a part of the data by stage, and the noise floor; a part without records has neither, and an
+    interpolation has no error.
+    """
     factor, unit = error_scale(finding)
     errors = finding.error.get(part, {})
-    values = [*(errors.get(stage) for stage in STAGES), finding.noise_floor]
+    floor = finding.noise_floor if any(value is not None for value in errors.values()) else None
+    values = [*(errors.get(stage) for stage in STAGES), floor]
     cells = [amount(None if value is None else factor * value, unit) for value in values]
     if part == "train" and interpolation(finding):
         cells[1:3] = ["interpolated"] * 2

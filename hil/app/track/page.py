@@ -12,7 +12,7 @@ from controller.drives import DRIVES
 from controller.supervision.fallback import DONE
 from hil.app.track.summary import HEADS, TIMES, LoopRun, check_rows, headline, times, tracking
 from hil.report.builder import page
-from hil.report.theme import FAINT, MUTED, POINTS, Array, axes, line, line_look, styled, thinned
+from hil.report.theme import FLOOR, MUTED, POINTS, Array, axes, line, line_look, styled, thinned
 from models.words.quantities import fixed, quantity
 from plant import layout as at
 
@@ -73,8 +73,8 @@ def _errors(runs: Sequence[LoopRun]) -> go.Figure:
         for other, error in zip(runs, errors, strict=True):
             if other is not run:
                 x, y = thinned(other.trace.rows[:, at.O_T], error, POINTS // 8)
-                look = {"color": FAINT, "width": 0.8}
-                figure.add_scatter(x=x, y=y, mode="lines", line=look, hoverinfo="skip", **here)
+                look = {"color": FLOOR, "width": 0.8}
+                figure.add_scatter(x=x, y=y, mode="lines", line=look, opacity=0.6, hoverinfo="skip", **here)
         line(figure, run.trace.rows[:, at.O_T], errors[panel], run.found["controller"], line_look(panel), **here)
     for col in range(1, ACROSS + 1):
         figure.update_xaxes(title_text="time in s", row=rows, col=col)

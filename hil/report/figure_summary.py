@@ -11,6 +11,7 @@ from hil.report.words import PARTS, column_words, error_scale
 from models.effects import effect_words
 from models.identification.finding import STAGES, CandidateRow, Finding
 from models.words.quantities import number
+from models.words.sentences import listed
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _ROOM = 88  # px between rounds
@@ -22,7 +23,7 @@ def error_figure(finding: Finding) -> go.Figure:
     """Bars of the error by stage for training and held-out data, with the noise floor."""
     parts = [part for part in PARTS if any(_finite(v) for v in finding.error.get(part, {}).values())]
     values = [v for part in parts for v in finding.error[part].values() if _finite(v)]
-    (factor, unit), words = error_scale(finding), column_words(finding.quantity)[0]
+    (factor, unit), words = error_scale(finding), listed(column_words(column)[0] for column in finding.columns)
     wide = bool(values) and min(values) > 0 and max(values) / min(values) > 40
     figure = go.Figure()
     for stage in STAGES:

@@ -120,6 +120,9 @@ class _Fitted:
             ]
         q = min(ends, key=lambda end: _square(linear(end)))
         values = np.concatenate([linear(q)[0], list(scaled(q).values())])
+        if form.name == "wave":  # of the same waves the one that rises within half a turn
+            values[3] = np.angle(values[0] * np.exp(1j * values[3]))
+            values[0] = abs(values[0])
         made = cls(form, curve, given, values, np.zeros(len(values)))
         return cls(form, curve, given, values, made._spread())
 
@@ -161,8 +164,8 @@ class _Fitted:
         """The term as it is reported."""
         amplitude, constant, *_ = self.values
         estimates = [
-            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
-            for v, d, u in zip(self.values, self.deviations, self._units(unit), strict=True)
+            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < most))
+            for v, d, u, most in zip(self.values, self.deviations, self._units(unit), self._widest(), strict=True)
         ]
         term = Term(
             self.curve.variable,
@@ -179,6 +182,11 @@ class _Fitted:
             self.left,
         )
         return replace(term, text=_text(term))
+
+    def _widest(self) -> list[float]:
+        """Half widths of an interval up to which a value is identifiable: half of it, for a phase a quarter turn."""
+        names = ("amplitude", "constant", *self.form.numbers)
+        return [np.pi / 2 if n == "phase" else 0.5 * abs(v) for n, v in zip(names, self.values, strict=True)]
 
     def _units(self, unit: str) -> list[str]:
         own = unit_at_end(self.curve.variable)[1]

@@ -35,7 +35,7 @@ POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 
 
 def report_html(finding: Finding) -> str:
-    """The page: verdict first, then the error, the effects or what is left, what to measure next, how sure this is, the
+    """The page: verdict first, then what is left, the error, the effects, what to measure next, how sure this is, the
     records, the residual, the candidates and the new model.
     """
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]

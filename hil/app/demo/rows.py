@@ -1,6 +1,6 @@
 """The row of each example on the demo's page: hidden, found, the size of both, and the errors before and after."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from hil.app.demo.example import TEXT, End, Example, ExampleResult, Learned, title_of
@@ -71,8 +71,8 @@ def _prediction(one: End) -> str:
 
 def _tracking(one: End) -> str:
     if isinstance(one, Learned):
-        parts: Sequence[Mapping[str, Any]] = one.numbers["parts"]
-        before, after = (parts[k]["rms_error_m"] for k in (-2 if len(parts) > 1 else -1, -1))
+        *earlier, after = (part["rms_error_m"] for part in one.numbers["parts"] if part["rms_error_m"] is not None)
+        before = (earlier or [after])[-1]
     elif one.missions:
         runs = list(one.missions.values())
         before, after = (run.numbers["tracking_rmse_m"] for run in (runs[0], runs[-1]))

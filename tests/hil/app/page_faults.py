@@ -108,10 +108,11 @@ CONTRAST = """() => {
       found.push(`${part.textContent.trim().slice(0, 30)}: ${ratio(ink, paper).toFixed(2)}, ${ink} on ${paper}`);
   }
   const drawn = [...document.querySelectorAll(
-    ".plot path.js-line, .plot .bars path, .plot .legendlines path, td svg :not(.rule, .well, title), .legend svg :not(.rule)")];
+    ".plot path.js-line, .plot .bars path, .plot .legendlines path, :is(td, .legend) svg :not(.rule, .well, title)")];
   for (const part of drawn.filter(part => !faded(part))) {
     const look = getComputedStyle(part), paper = behind(part);
-    const inks = [parseFloat(look.strokeWidth) ? look.stroke : "none", look.fill].filter(colour => colour !== "none").map(rgba).filter(colour => colour[3]);
+    const inks = [parseFloat(look.strokeWidth) ? look.stroke : "none", look.fill]
+      .filter(colour => colour !== "none").map(rgba).filter(colour => colour[3]);
     if (inks.length && Math.max(...inks.map(ink => ratio(over(ink, paper), paper))) < 3)
       found.push(`${part.getAttribute("class")} in ${part.closest(".plot")?.id}: ${look.stroke} ${look.fill}`);
   }

@@ -215,8 +215,8 @@ class Operator:
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
         here, speed = sampled(reference, now)
-        state = HELD if self.taken else READY
-        state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
+        moves = self.source != NOBODY and isinstance(reference, SetpointMove) and now < reference.times[-1]
+        state = STOPPED if self.resting(now) else MOVING if moves else HELD if self.taken else READY
         if self._at_end:
             self._why, self._why_at = self._reasons["range"], now
         return {

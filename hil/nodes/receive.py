@@ -190,7 +190,8 @@ class FrameReceiver:
         if self._other:
             return "drive knows another DBC"
         if self.fault:
-            return f"drive fault {self.fault}"
+            names = frames()[self.frame_map.fault].field("Code").names
+            return f"drive fault {self.fault} ({names[self.fault].replace('_', ' ')})"
         if now - self._beat_at > HEARTBEAT_LOST_S:
             refused = now - self._beats[0].heard_at <= HEARTBEAT_LOST_S
             return "drive heartbeat refused: its counters are not one node's" if refused else "drive heartbeat lost"

@@ -32,6 +32,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from hil.nodes.remedies import remedy
 from models.effects import Catalogue
 from models.words.sentences import Sentences
 
@@ -124,7 +125,7 @@ def judged(
     if trace.operator is not None:
         found["operator"] = trace.operator
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
-    found["ended"], found["led_share"] = trace.ended, trace.led_share
+    found["ended"], found["remedy"], found["led_share"] = trace.ended, remedy(trace.ended), trace.led_share
     return found, trace
 
 
@@ -145,6 +146,8 @@ def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Ite
     yield from filter(None, words)
     if trace.ended != DONE:
         yield f"ended: {trace.ended}"
+        if found["remedy"]:
+            yield TEXT("remedy", **found)
 
 
 class Watched:

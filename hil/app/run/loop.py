@@ -183,7 +183,7 @@ def _ended(
         return "other_controller" if other else node.end, _reason(node, outcome) + deaf
     if signals.wanted:
         cancelled = "cancelled", TEXT("end.cancelled", signal=signals.wanted)
-        return ("operator", signals.wanted) if node.leads else cancelled
+        return ("operator", TEXT("end.operator", signal=signals.wanted)) if node.leads else cancelled
     if enabled:
         doubt = node.answer.not_led(node.wanted, node.estimator.health)
         return ("not_led", doubt) if doubt else ("done", DONE)

@@ -16,7 +16,7 @@ class End(NamedTuple):
 RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
     {
         "done": End(0, "led for all of `duration_s`; with `--dry-run` it would have led", "done"),
-        "operator": End(0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a controlled stop", "SIG..."),
+        "operator": End(0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a stop", "controlled stop (SIG...)"),
         "reset": End(
             0,
             "`reset`: the drive has no latched fault, or none any more",

@@ -21,7 +21,7 @@ from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 from hil.nodes.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.operator import STATUS, STATUS_S, Operator, gap_words, paused
 from hil.nodes.plausibility import Onlooker, Plausibility
-from hil.nodes.receive import SAFE_STOP, FrameReceiver
+from hil.nodes.receive import BY_OPERATOR, SAFE_STOP, FrameReceiver
 from hil.nodes.task import Task
 
 
@@ -297,7 +297,8 @@ class ControllerNode:
         restless = bool(self.answer.unrest) and self.state != IDLE
         if self.guard.dry or not (crowded or restless or stopped) or not self._due("SafeStop", STOP_PERIOD_S, now):
             return
-        target, reason = (0, OTHER_CONTROLLER) if crowded else (self.frame_map.target, GUARD_REASON)
+        alone = self.frame_map.target, BY_OPERATOR if stopped else GUARD_REASON
+        target, reason = (0, OTHER_CONTROLLER) if crowded else alone
         self.guard.send("SafeStop", {"Target": target, "Reason": reason}, now)
 
     def _steer(self, now: float, estimate: Estimate) -> None:

@@ -14,6 +14,7 @@ from hil.bus.protection import FrameTransmitter, Receiver
 from hil.bus.wrapping import plain, waiting
 from hil.nodes.frame_map import controllers_frames, frames
 from hil.nodes.operator import SETPOINT, STATUS
+from models.words.quantities import fixed
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -46,7 +47,7 @@ def steering_words(answer: OperatorAnswer | None, led: bool, source: str) -> str
         state = "end"
     elif state == "held" and answer.source != _NOBODY:
         state = "holds"
-    return TEXT(f"steering.{state}", source=answer.source, mm=1e3 * answer.position_m)
+    return TEXT(f"steering.{state}", source=answer.source, mm=fixed(1e3 * answer.position_m, 2))
 
 
 def refusal_words(reason: str, source: str) -> str:

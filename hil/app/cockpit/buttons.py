@@ -46,7 +46,7 @@ class Situation:
 
     def words(self) -> str:
         """What goes on, and what to do next."""
-        if self.started in ("starting", "ending"):
+        if self.started in ("starting", "ending") and self.controller != "fault":
             return TEXT(f"run.{self.started}")
         if not self.controller:
             key = "silent" if not self.drive else "fault" if self.drive == "fault" else "none"
@@ -57,8 +57,9 @@ class Situation:
 
     def steering(self) -> str:
         """What comes of setpoints, and what to do next."""
-        off = self._arm()
-        return off[1] if off else steering_words(self.answer, bool(self.controller), ME)
+        if off := self._arm():
+            return off[1]
+        return steering_words(self.answer, True, ME) if self.controller else TEXT("button.no_steering")
 
     def _start(self) -> Button | None:
         if self.started:
@@ -89,7 +90,7 @@ class Situation:
         if off := self._arm():
             return off
         if self.answer is None or self.answer.state == "off" or self.answer.source not in (ME, "nobody"):
-            return False, steering_words(self.answer, bool(self.controller), ME)
+            return False, self.steering()
         state = words(self.drive) if self.drive else TEXT("button.silence")
         return None if self.drive in ENABLES else (False, TEXT("button.not_enabled", node=self.node, state=state))
 

@@ -294,7 +294,7 @@ function show(state) {
   fill("nodes", table(["node", "state", "up"], nodes.map(one => [one.node, stated(one, tips), one.up]), ["", "", tips.up]));
   const counts = ["rate", "load", "good", "lost", "unknown", "refused"];
   const rows = [table(["", ""], counts.map(name => [name === "rate" ? "frames" : name, String(bus[name])]), counts.map(name => tips[name]), true)];
-  if (state.refused.length) rows.push(table(["refused frame", "reason", "count"], state.refused.map(one => one.map(String)), ["", "", tips.refused_frame]));
+  if (state.refused.length) rows.push(table(["refused", "count"], state.refused.map(refused), ["", tips.refused_frame]));
   fill("bus", ...rows);
 }
 
@@ -329,6 +329,12 @@ function stated(one, tips) {
   if (one.warm) span.append(tipped(make("span", "muted", ` ${one.warm}`), tips.temperature));
   if (one.grade === "bad" || one.grade === "doubt") span.append(make("small", "muted", one.why));
   return span;
+}
+
+function refused([frame, reason, count]) {
+  const cell = make("span", "", frame);
+  cell.append(make("small", "muted", reason));
+  return [cell, String(count)];
 }
 
 // `tips` are those of the columns or, `byRow`, of the rows.

@@ -17,6 +17,7 @@ from hil.bus.protection import FrameTransmitter
 from hil.nodes.operator import OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
+from models.words.quantities import fixed
 
 HOLD_S: Final = 0.12
 """How long a page's message that its button is held is valid; it comes every 40 ms."""
@@ -50,7 +51,7 @@ class OperatorPanel:
         self._held_at, self._wanted = -float("inf"), ("speed", 0.0)
         self._sends_until = self._presses_from = self._safe_until = -float("inf")
         self._run: subprocess.Popen[bytes] | None = None
-        self._ending = False
+        self._ending = self._spoke = False
         self._starter = ThreadPoolExecutor(1)
         self._starter.submit(int).result()
         self._said: tuple[IO[bytes], IO[bytes]] | None = None
@@ -84,7 +85,9 @@ class OperatorPanel:
         """The states that decide which buttons count."""
         frame_map, watch = self.source.facts.frame_map, self.source.watch
         drive, beat = (watch.state(n) if watch.newest(n) else "" for n in (frame_map.feedback, "ControllerHeartbeat"))
-        started = "" if self._run is None else "ending" if self._ending else "leading" if beat else "starting"
+        self._spoke = self._run is not None and (self._spoke or bool(beat))
+        ending = self._ending or beat == "fault" or (self._spoke and not beat)
+        started = "" if self._run is None else "ending" if ending else "leading" if beat else "starting"
         return Situation(words(frame_map.node), drive, beat, started, watch.steering(), self.limits)
 
     def _refusal(self, button: str) -> str:
@@ -195,6 +198,7 @@ class OperatorPanel:
 
     def document(self, page: object) -> dict[str, Any]:
         limits, now = self.limits, self.situation()
+        ends = [1e3 * limits.lowest_m, 1e3 * limits.highest_m] if limits else [0.0, 0.0]
         return {
             "armed": page in self._armed,
             "held": self._steers is page and self._clock() - self._held_at <= HOLD_S,
@@ -203,8 +207,8 @@ class OperatorPanel:
             "resets": now.drive == "fault" and not now.controller and not now.started,
             "words": now.words(),
             "steering": now.steering(),
-            "limits": limits and [1e3 * limits.speed_m_s, 1e3 * limits.lowest_m, 1e3 * limits.highest_m],
-            "range": limits and TEXT("operator.range", lowest=1e3 * limits.lowest_m, highest=1e3 * limits.highest_m),
+            "limits": limits and [1e3 * limits.speed_m_s, *ends],
+            "range": limits and TEXT("operator.range", lowest=fixed(ends[0], 2), highest=fixed(ends[1], 2)),
         }
 
     def close(self) -> None:

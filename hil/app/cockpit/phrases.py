@@ -7,8 +7,8 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
-    "bad": ("fault", "quick_stop", "broken", "lost"),
-    "doubt": ("derated", "stopping", "doubtful"),
+    "bad": ("fault", "silent", "broken", "lost"),
+    "doubt": ("derated", "quick_stop", "stopping", "doubtful"),
     "good": ("enabled", "running", "holds"),
     "move": ("slips_forward", "slips_backward"),
 }

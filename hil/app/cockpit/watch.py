@@ -82,7 +82,9 @@ class FrameWatch:
         for name, at in self.at.items():
             if name.endswith(_BEAT) and now - at > SILENT_S and name not in self._silent:
                 self._silent.add(name)
-                self.say(now, TEXT("event.silent", node=self._sender(name), why=TEXT("node.silent")), "bad")
+                ended = self._ended(name)
+                key, grade = ("ended", "note") if ended else ("silent", "bad")
+                self.say(now, TEXT(f"event.{key}", node=self._sender(name), why=TEXT(f"node.{key}")), grade)
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
         self.events.append(Occurrence(time_s, words, grade))
@@ -138,16 +140,21 @@ class FrameWatch:
             if feedback and feedback["Temperature_degC"] != NOT_MEASURED_C:
                 warm = f"{fixed(feedback['Temperature_degC'], 0)} °C"
             role = "drive" if feedback else "controller" if node == "Controller" else "sensor"
-            cause = TEXT("node.silent") if silent else why(role, state)
+            gone = "ended" if self._ended(name) else "silent"
+            cause = TEXT(f"node.{gone}") if silent else why(role, state)
             if state == "fault" and code and not silent:
                 state, cause = f"fault: {code}", fault_words(code)
             if self.last[name]["Catalogue"] != self.catalogue.fingerprint:
                 cause = TEXT("node.another_dbc")
-            shown = "silent" if silent else words(state)
-            grade = "bad" if silent else grade_of(state.partition(":")[0])
+            shown = gone if silent else words(state)
+            grade = grade_of(gone if silent else state.partition(":")[0])
             state_now = {"state": shown, "grade": grade, "warm": warm, "why": cause, "role": role}
             found.append({"node": words(node), **state_now, "up": clock(self.last[name]["Uptime_s"])})
         return found
+
+    def _ended(self, heartbeat: str) -> bool:
+        """Whether a controller that is silent said before that it ends."""
+        return heartbeat == "ControllerHeartbeat" and self.state(heartbeat) in ("stopping", "fault")
 
     def _model(self) -> dict[str, Any]:
         """The state of the monitor, and which model is in use."""

@@ -157,12 +157,12 @@ def test_a_bus_is_watched_steered_and_stopped(opened: Open, rig: str, channel: s
 def test_the_connection_is_lost_and_comes_back(opened: Open, rig: str, channel: str) -> None:
     with puppet_on(channel) as puppet:
         with cockpit_on(rig) as (_, address):
-            page = opened(address.split("?")[0])
+            page = opened(address.split("#")[0])
             link(page, "live")
             assert page.is_hidden("#operator")
             puppet.mute.set()
             link(page, "no frames")
-            event(page, "controller is silent")
+            event(page, "controller is silent: sends nothing any more")
             puppet.mute.clear()
             link(page, "live")
             event(page, "controller is heard again")

@@ -217,12 +217,11 @@ class Operator:
         here, speed = sampled(reference, now)
         moves = self.source != NOBODY and isinstance(reference, SetpointMove) and now < reference.times[-1]
         state = STOPPED if self.resting(now) else MOVING if moves else HELD if self.taken else READY
-        if self._at_end:
-            self._why, self._why_at = self._reasons["range"], now
+        why = self._why if 0 <= now - self._why_at <= _REPORTED_S else 0
         return {
             "State": state if leading else OFF,
             "Source": self.source,
-            "Refused": self._why if 0 <= now - self._why_at <= _REPORTED_S else 0,
+            "Refused": self._reasons["range"] if self._at_end and leading else why,
             "Position_m": within(here, _REACH_M),
             "Velocity_m_s": within(speed, _FASTEST_M_S),
         }

@@ -40,12 +40,12 @@ def steering_words(answer: OperatorAnswer | None, led: bool, source: str) -> str
     """The state of steering for the sender `source`, with its cause and remedy; `led`: a controller was heard."""
     if answer is None:
         return TEXT("steering.not_accepted" if led else "steering.no_controller")
-    mine, reason, state = answer.source == source, answer.refused, answer.state
-    if reason != "none" and not mine:
-        return refusal_words(reason, answer.source)
-    if reason == "range":
+    reason, state, free = answer.refused, answer.state, answer.source == _NOBODY
+    if reason == "range" and not free:
         state = "end"
-    elif state == "held" and answer.source != _NOBODY:
+    elif reason != "none" and answer.source != source:
+        return refusal_words(reason, answer.source)
+    elif state == "held" and not free:
         state = "holds"
     return TEXT(f"steering.{state}", source=answer.source, mm=fixed(1e3 * answer.position_m, 2))
 

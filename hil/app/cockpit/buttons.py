@@ -5,7 +5,7 @@ from typing import Final
 
 from hil.app.cockpit.phrases import TEXT, words
 from hil.nodes.operator import OperatorLimits
-from hil.nodes.operator_sender import OperatorAnswer, steering_words
+from hil.nodes.operator_sender import OperatorAnswer, refusal_words, steering_words
 
 RESTS: Final = ("boot", "self_test", "standby", "fault")
 """States of a drive that does not move and is not about to be enabled."""
@@ -49,7 +49,8 @@ class Situation:
         if self.started in ("starting", "ending") and self.controller != "fault":
             return TEXT(f"run.{self.started}")
         if not self.controller:
-            key = "silent" if not self.drive else "fault" if self.drive == "fault" else "none"
+            led = "unled" if self.drive in ("ready", "enabled", "derated") else "none"
+            key = "silent" if not self.drive else "fault" if self.drive == "fault" else led
             return TEXT(f"run.{key}", node=self.node)
         if self.controller != "running":
             return TEXT("run.stopped" if self.controller == "fault" else "run.not_leading")
@@ -76,7 +77,7 @@ class Situation:
             return False, self.rests()
         if self.answer is None or self.limits is None:
             return False, TEXT("button.no_setpoints")
-        return self._not_a_source()
+        return (False, TEXT("button.not_leading")) if self.answer.state == "off" else self._not_a_source()
 
     def _arm(self) -> Button | None:
         return (False, TEXT("button.not_accepted")) if self.limits is None else self._not_a_source()
@@ -89,10 +90,14 @@ class Situation:
         """None where a button that is held moves the capsule."""
         if off := self._arm():
             return off
-        if self.answer is None or self.answer.state == "off" or self.answer.source not in (ME, "nobody"):
+        if self.answer is None or self.answer.state == "off":
             return False, self.steering()
-        state = words(self.drive) if self.drive else TEXT("button.silence")
-        return None if self.drive in ENABLES else (False, TEXT("button.not_enabled", node=self.node, state=state))
+        if self.answer.source not in (ME, "nobody"):
+            return False, refusal_words("busy", self.answer.source)
+        if not self.drive:
+            return False, TEXT("run.silent", node=self.node)
+        why = TEXT("button.not_enabled", node=self.node, state=words(self.drive))
+        return None if self.drive in ENABLES else (False, why)
 
     def rests(self) -> str:
         """A sentence that nothing moves, "" where something may."""

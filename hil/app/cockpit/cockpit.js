@@ -193,9 +193,9 @@ function layPanels(panels) {
       legend.append(part);
       return value;
     });
-    if (panel.marked) keyed(legend, { colour: "muted", look: "mark" }, panel.marked);
-    if (panel.strips) for (const [colour, means] of STRIPS) keyed(legend, { colour, look: "block" }, means);
-    else if (!page.plots.length) keyed(legend, { colour: "doubt", look: "event" }, "event");
+    if (panel.marked) keyed(legend, { colour: "muted", look: "mark" }, panel.marked, panel.tip);
+    if (panel.strips) for (const [colour, means] of STRIPS) keyed(legend, { colour, look: "block" }, means, panel.tip);
+    else if (!page.plots.length) keyed(legend, { colour: "doubt", look: "event" }, "event", page.hello.tips.event);
     canvas.onpointermove = event => pointed(plot, event);
     canvas.onpointerleave = () => { page.cursor = null; soon(); };
     box.append(legend, canvas);
@@ -207,8 +207,8 @@ function layPanels(panels) {
 
 function tipped(part, tip) { part.title = tip; return part; }
 
-function keyed(legend, line, means) {
-  const part = make("span");
+function keyed(legend, line, means, tip) {
+  const part = tipped(make("span"), tip);
   part.append(sample(line), means);
   legend.append(part);
 }

@@ -29,9 +29,9 @@ function deadMan(button, wanted) {
     if (button.hasPointerCapture(event.pointerId)) button.releasePointerCapture(event.pointerId);
     hold(button, wanted);
   });
-  for (const name of ["pointerup", "pointerleave", "pointercancel", "contextmenu", "blur"]) button.addEventListener(name, letGo);
+  for (const name of ["pointerup", "pointerleave", "pointercancel", "contextmenu", "blur", "keyup"])
+    button.addEventListener(name, () => { if (hand.held === button) letGo(); });
   button.addEventListener("keydown", event => { if (event.key === " " || event.key === "Enter") { event.preventDefault(); if (!event.repeat) hold(button, wanted); } });
-  button.addEventListener("keyup", letGo);
 }
 
 function speed() { return Number($("speed").value) / 1000; }

@@ -10,7 +10,7 @@ import can
 from controller.signals import Measurement
 from hil.bus.catalogue import Frame
 from hil.bus.codec import Refusal
-from hil.bus.protection import Reception, crc8
+from hil.bus.protection import Receiver, Reception, crc8
 from hil.bus.wrapping import plain, waiting
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames
 from hil.nodes.guard import Evidence
@@ -50,6 +50,15 @@ MOST: Final = 256  # frames of a tick
 SKIPPED: Final = 20_000  # frames that are discarded before the node begins
 HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
+SAFE_STOP: Final = "safe stop by an operator"
+BY_OPERATOR: Final = 0  # `Reason` of an operator's SafeStop
+
+
+def operators_stop(message: can.Message) -> bool:
+    """Whether a frame is a SafeStop that an operator sends; its counter does not count, as it only stops."""
+    frame = frames()["SafeStop"]
+    values = Receiver(frame).accept(message.data, 0.0) if message.arbitration_id == frame.id else Refusal("unknown")
+    return not isinstance(values, Refusal) and values["Reason"] == BY_OPERATOR
 
 
 class FrameReceiver:
@@ -60,8 +69,9 @@ class FrameReceiver:
     constant while the drive is disabled. The last `listen` found `frames` good frames, of which `feedbacks` were the
     drive's; `full` counts ticks that reached the 256 frames; `age_s` is the age of the newest localisation when read.
 
-    `foreign` counts frames that only a controller sends, by name; `strange` counts frames other than classic data
-    frames with an 11-bit identifier, by type; `deaf` counts ticks in which the bus raised.
+    `foreign` counts frames that only a controller sends, by name; `stopped_at` is the time of an operator's safe stop,
+    which is none of them. `strange` counts frames other than classic data frames with an 11-bit identifier, by type;
+    `deaf` counts ticks in which the bus raised.
     """
 
     def __init__(
@@ -85,7 +95,7 @@ class FrameReceiver:
         self.deaf, self.deaf_words = 0, ""
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
-        self.foreign_at = -math.inf
+        self.foreign_at = self.stopped_at = -math.inf
         self._foreign = controllers_frames()
         self._fingerprint, self._other = frames().fingerprint, False
         self._bus, self._observer, self.operator = bus, observer, operator
@@ -118,8 +128,11 @@ class FrameReceiver:
                 self.strange[_type_of(message)] += 1
                 continue
             if message.arbitration_id in self._foreign:
-                self.foreign[self._foreign[message.arbitration_id]] += 1
-                self.foreign_at = now
+                if operators_stop(message):
+                    self.stopped_at = now
+                else:
+                    self.foreign[self._foreign[message.arbitration_id]] += 1
+                    self.foreign_at = now
                 continue
             if self.operator is not None and message.arbitration_id == self.operator.id:
                 self.operator.accept(message.data, message.timestamp, now)
@@ -177,7 +190,8 @@ class FrameReceiver:
         if self._other:
             return "drive knows another DBC"
         if self.fault:
-            return f"drive fault {self.fault}"
+            names = frames()[self.frame_map.fault].field("Code").names
+            return f"drive fault {self.fault} ({names[self.fault].replace('_', ' ')})"
         if now - self._beat_at > HEARTBEAT_LOST_S:
             refused = now - self._beats[0].heard_at <= HEARTBEAT_LOST_S
             return "drive heartbeat refused: its counters are not one node's" if refused else "drive heartbeat lost"

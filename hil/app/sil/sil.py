@@ -36,6 +36,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from hil.nodes.remedies import remedy
 from models.effects import Catalogue
 from models.files.toml import check_word
 from models.words.sentences import Sentences
@@ -164,7 +165,7 @@ def judged(
     if trace.operator is not None:
         found["operator"] = trace.operator
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
-    found["ended"], found["led_share"] = trace.ended, trace.led_share
+    found["ended"], found["remedy"], found["led_share"] = trace.ended, remedy(trace.ended), trace.led_share
     return found, trace
 
 
@@ -180,6 +181,8 @@ def bus_lines(found: Mapping[str, Any]) -> Iterator[str]:
         outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
         outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
         yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
+    if found["remedy"]:
+        yield TEXT("remedy", **found)
 
 
 class Watched:

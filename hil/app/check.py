@@ -9,11 +9,11 @@ from rich.console import Console
 
 from hil.app.close_loop import read_series, sizes_table
 from hil.app.console import json_text, print_json, say, summary
-from hil.app.plot import columns_figure, names
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile, option
 from hil.app.write import check_targets, own_folder, write_files
 from hil.report.builder import page
+from hil.report.figure_records import columns_figure, names
 from hil.report.words import grouped
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
@@ -27,7 +27,7 @@ from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
-PAGE: Final = "check.html"
+PAGE, NUMBERS = "check.html", "check.json"
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
@@ -41,6 +41,8 @@ def check(
 ) -> int:
     """Print the findings and the effects that the records cannot show; status 1 where a finding stops a fit."""
     with own_folder(out, "--out"):
+        if out is not None:
+            check_targets([out / PAGE, out / NUMBERS], "--out", [*records, rig])
         return _checked(records, rig, out, json_output, effects)
 
 
@@ -59,9 +61,7 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
         "smallest_detectable": {name: size.value for name, size in sizes.items()},
     }
     if out is not None:
-        targets = {out / PAGE: page_html(read, findings, hidden, sizes), out / "check.json": json_text(document)}
-        check_targets([*targets], "--out", [*records, rig])
-        write_files(targets)
+        write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
     if json_output:
         print_json(document)
     else:
@@ -89,7 +89,7 @@ def page_html(
     return page(
         "check.html.j2",
         title=headline(findings),
-        kind="unknown" if findings else "named",
+        kind="named" if all(finding.severity == "note" for finding in findings) else "unknown",
         records=names(read),
         groups=[*grouped(findings)],
         hidden=hidden,

@@ -13,7 +13,16 @@ from hil.report.theme import FLOOR, MUTED, QUANTITY_COLOURS, STAGE_COLOURS
 from tests.hil.app.page_makers import campaign_page, demo_page
 from tests.hil.findings import left_finding, pull_finding, spectrum_finding, table_finding
 
-PURE = {"records", "duty", "drop of ln L", "gain, ln of a ratio", "hoop factor", "friction coefficient", "depth"}
+PURE = {
+    "records",
+    "duty",
+    "drop of ln L",
+    "gain, ln of a ratio",
+    "hoop factor",
+    "friction coefficient",
+    "depth",
+    "sample",
+}
 """Titles of pure numbers and of names."""
 PAGES = {
     "report": lambda: report_html(pull_finding(seconds=2.0)),

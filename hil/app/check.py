@@ -25,7 +25,7 @@ from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
-PAGE: Final = "check.html"
+PAGE, NUMBERS = "check.html", "check.json"
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
@@ -39,6 +39,8 @@ def check(
 ) -> int:
     """Print the findings and the effects that the records cannot show; status 1 where a finding stops a fit."""
     with own_folder(out, "--out"):
+        if out is not None:
+            check_targets([out / PAGE, out / NUMBERS], "--out", [*records, rig])
         return _checked(records, rig, out, json_output, effects)
 
 
@@ -57,9 +59,7 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
         "smallest_detectable": {name: size.value for name, size in sizes.items()},
     }
     if out is not None:
-        targets = {out / PAGE: page_html(read, findings, hidden, sizes), out / "check.json": json_text(document)}
-        check_targets([*targets], "--out", [*records, rig])
-        write_files(targets)
+        write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
     if json_output:
         print_json(document)
     else:
@@ -84,13 +84,13 @@ def page_html(
     read: Sequence[Record], findings: Sequence[RecordFinding], hidden: dict[str, str], sizes: dict[str, Quantity]
 ) -> str:
     """One self-contained page: findings, the records, what they would show at least."""
-    from hil.app.plot import columns_figure, names  # what draws takes half a second to load
-    from hil.report.builder import page
+    from hil.report.builder import page  # what draws takes half a second to load
+    from hil.report.figure_records import columns_figure, names
 
     return page(
         "check.html.j2",
         title=headline(findings),
-        kind="unknown" if findings else "named",
+        kind="named" if all(finding.severity == "note" for finding in findings) else "unknown",
         records=names(read),
         groups=[*grouped(findings)],
         hidden=hidden,

@@ -44,7 +44,7 @@ def environment(folder: Path = TEMPLATES) -> Environment:
         (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}
-    made.filters |= {"indexed": _indexed, "equations": equations_html, "exp": math.exp}
+    made.filters |= {"indexed": _indexed, "breakable": _breakable, "equations": equations_html, "exp": math.exp}
     made.globals |= {"DASH": quantities.DASH, "library": cache(lambda: base64.b64encode(PLOTLY.read_bytes()).decode())}
     return made
 
@@ -52,6 +52,11 @@ def environment(folder: Path = TEMPLATES) -> Environment:
 def _indexed(text: str) -> Markup:
     """A sentence with its indexed letters, as in F_e, typeset."""
     return Markup(re.sub(r"\b([A-Za-z])_([A-Za-z])\b", r"<i>\1</i><sub>\2</sub>", str(escape(text))))
+
+
+def _breakable(text: str) -> Markup:
+    """A path or a name that may go on in the next line after a slash or an underscore."""
+    return Markup(re.sub(r"([/_])", r"\1<wbr>", str(escape(text))))
 
 
 class _Parts:

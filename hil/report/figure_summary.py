@@ -11,7 +11,6 @@ from hil.report.words import PARTS, column_words, error_scale
 from models.effects import effect_words
 from models.identification.finding import STAGES, CandidateRow, Finding
 from models.words.quantities import number
-from models.words.sentences import listed
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _ROOM = 88  # px between rounds
@@ -23,7 +22,8 @@ def error_figure(finding: Finding) -> go.Figure:
     """Bars of the error by stage for training and held-out data, with the noise floor."""
     parts = [part for part in PARTS if any(_finite(v) for v in finding.error.get(part, {}).values())]
     values = [v for part in parts for v in finding.error[part].values() if _finite(v)]
-    (factor, unit), words = error_scale(finding), listed(column_words(column)[0] for column in finding.columns)
+    factor, unit = error_scale(finding)
+    words = f"of the {column_words(finding.quantity)[0]} " if len(finding.columns) == 1 else ""
     wide = bool(values) and min(values) > 0 and max(values) / min(values) > 40
     figure = go.Figure()
     for stage in STAGES:
@@ -35,7 +35,7 @@ def error_figure(finding: Finding) -> go.Figure:
         line = {"color": FLOOR, "dash": "dash", "width": 1.5}
         figure.add_hline(y=level, line=line, name="noise floor", showlegend=True)
     styled(figure, 340, barmode="group", bargap=0.35, bargroupgap=0.08).update_xaxes(title="records")
-    title = f"error of the {words} in {unit}" if unit else f"error of the {words}, a ratio"
+    title = f"error {words}in {unit}" if unit else f"error {words}as a ratio"
     return figure.update_yaxes(title=title, type="log" if wide else "linear", rangemode="tozero")
 
 

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -20,8 +20,8 @@ from hil.app.console import json_text, output_to_notes, part_of, print_json, pro
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.chosen import Believed, leading_of, mission_of, spelled, switched
-from hil.app.scenario.model_use import offer_document, offer_of, read_offer
+from hil.app.scenario.chosen import Believed, Leading, leading_of, mission_of, spelled, switched
+from hil.app.scenario.model_use import Offered, offer_document, offer_of, read_offer
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.learning_page import learning_files
@@ -84,53 +84,93 @@ def sil(
             on_bus = partial(believed_on_bus, scenario)
             believed = Believed(lambda values, _: on_bus(values))
             leading = leading_of(model, stage, controller, scenario.loop, known, believed)
-            values, used = leading.values, leading.stage
             names = leading.seeing(mission_of(scenario.loop), believed, names or [leading.controller])
-            offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
-            pages = dict[Path, str]()
-            more: dict[str, Any] = {"offer": offer_of(offered, believed), "others": leading.beside(believed)}
-
-            def log_in(name: str) -> AbstractContextManager[LockstepLog | None]:
-                if out is None:
-                    return nullcontext()
-                folder = out if compare is None else check_folder(out / name, "--out")
-                stated = {"seed": number, "offered": offered and offered.document(), "others": spelled(leading.others)}
-                record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), **stated)
-                return LockstepLog(folder / "frames.blf", record, mcap=None if mcap is None else McapLog(mcap))
-
-            def run(name: str, report: Progress, shown: Watched | None, background: Background | None) -> LoopRun:
-                learning = None if background is None else learning_of(scenario, values, background)
-                with log_in(name) as log:
-                    own: dict[str, Any] = {"recorder": None if log is None else Recorder(log), "learning": learning}
-                    found, trace = judged(
-                        scenario, believed(values), name, number, used, report, shown=shown, **own, **more
-                    )
-                found |= leading.document() | offer_document(offered, trace.taken_at) | switched(trace.switched)
-                if learn:
-                    found["learned"] = [lesson.document() for lesson in trace.lessons]
-                if log is not None:
-                    found["log"] = str(log.path)
-                    log.add_to_record(trace.learned)
-                if out is not None and learn:
-                    pages.update(learning_files(out, scenario, found, trace))
-                lines = [*lines_of(found), *bus_lines(found), *(lesson.words for lesson in trace.lessons)]
-                return LoopRun(judged_loop(scenario, trace), found, trace, lines)
-
+            offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, leading.values)
+            asked = _Asked(scenario, text, number, leading, believed, offered, out, mcap, apart=compare is not None)
             with (
                 nullcontext() if watch is None else Watched(watch) as shown,
                 progress_bar(scenario.loop.name, even=True) as report,
                 Background() if learn else nullcontext() as background,
             ):
-                runs = [run(name, part_of(report, k, len(names)), shown, background) for k, name in enumerate(names)]
+                runs = [
+                    asked.run(name, part_of(report, k, len(names)), shown, background) for k, name in enumerate(names)
+                ]
             documents: Any = runs[0].found if compare is None else {"runs": [one.found for one in runs]}
             head = TEXT("run", kind=scenario.loop.kind, seconds=scenario.loop.duration_s, seed=number)
             if out is not None:
-                write_files({out / PAGE: page_html(head, runs), out / "sil.json": json_text(documents), **pages})
+                write_files({out / PAGE: page_html(head, runs), out / "sil.json": json_text(documents)})
     if json_output:
         print_json(documents)
     else:
         say(head, runs, None if out is None else out / PAGE)
     return int(any(one.found["ended"] != DONE for one in runs))
+
+
+class Watched:
+    """Sends every frame to the local bus `channel` in real time; frames for a full queue are dropped."""
+
+    def __init__(self, channel: str) -> None:
+        """Raises ValueError where the bus cannot be opened."""
+        self._bus = watched_bus(channel)
+        self._zero_s = math.nan
+
+    def __call__(self, message: can.Message) -> None:
+        now = time.monotonic()
+        if math.isnan(self._zero_s):
+            self._zero_s = now - message.timestamp
+        time.sleep(max(0.0, self._zero_s + message.timestamp - now))
+        with contextlib.suppress(can.CanError):
+            self._bus.send(message)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._bus.shutdown()
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What the runs of a call share; `apart`: each has its log in a folder of its name in `out`."""
+
+    scenario: SilScenario
+    text: str
+    seed: int
+    leading: Leading
+    believed: Believed
+    offered: Offered | None
+    out: Path | None
+    mcap: Path | None
+    apart: bool
+
+    def run(self, name: str, report: Progress, shown: Watched | None, background: Background | None) -> LoopRun:
+        """The run with the controller `name`; with `background` it learns, and writes the page of that."""
+        scenario, leading, believed = self.scenario, self.leading, self.believed
+        learning = None if background is None else learning_of(scenario, leading.values, background)
+        more: dict[str, Any] = {"offer": offer_of(self.offered, believed), "others": leading.beside(believed)}
+        with self._log(name) as log:
+            more |= {"recorder": None if log is None else Recorder(log), "learning": learning, "shown": shown}
+            found, trace = judged(scenario, believed(leading.values), name, self.seed, leading.stage, report, **more)
+        found |= leading.document() | offer_document(self.offered, trace.taken_at) | switched(trace.switched)
+        if learning is not None:
+            found["learned"] = [lesson.document() for lesson in trace.lessons]
+        if log is not None:
+            found["log"] = str(log.path)
+            log.add_to_record(trace.learned)
+        if self.out is not None and learning is not None:
+            write_files(learning_files(self.out, scenario, found, trace))
+        lines = [*lines_of(found), *bus_lines(found), *(lesson.words for lesson in trace.lessons)]
+        return LoopRun(judged_loop(scenario, trace), found, trace, lines)
+
+    def _log(self, name: str) -> AbstractContextManager[LockstepLog | None]:
+        if self.out is None:
+            return nullcontext()
+        leading, offered = self.leading, self.offered
+        stated = {"seed": self.seed, "offered": offered and offered.document(), "others": spelled(leading.others)}
+        limits = self.scenario.loop.limits
+        record = log_record({"scenario": self.text}, name, leading.values, limits, frames(), **stated)
+        folder = check_folder(self.out / name, "--out") if self.apart else self.out
+        return LockstepLog(folder / "frames.blf", record, mcap=None if self.mcap is None else McapLog(self.mcap))
 
 
 def _compared(names: str, alone: Mapping[str, object]) -> list[str]:
@@ -183,26 +223,3 @@ def bus_lines(found: Mapping[str, Any]) -> Iterator[str]:
         yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
     if found["remedy"]:
         yield TEXT("remedy", **found)
-
-
-class Watched:
-    """Sends every frame to the local bus `channel` in real time; frames for a full queue are dropped."""
-
-    def __init__(self, channel: str) -> None:
-        """Raises ValueError where the bus cannot be opened."""
-        self._bus = watched_bus(channel)
-        self._zero_s = math.nan
-
-    def __call__(self, message: can.Message) -> None:
-        now = time.monotonic()
-        if math.isnan(self._zero_s):
-            self._zero_s = now - message.timestamp
-        time.sleep(max(0.0, self._zero_s + message.timestamp - now))
-        with contextlib.suppress(can.CanError):
-            self._bus.send(message)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self._bus.shutdown()

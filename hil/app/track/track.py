@@ -49,12 +49,12 @@ def track(
             leading = leading_of(model, stage, controller, scenario, known, believed)
             names, number = able if compare else [leading.controller], scenario.seed if seed is None else seed
             runs = _runs(scenario, path.parent, leading, believed, names, number, out)
-            documents: Any = [run.found for run in runs] if compare else runs[0].found
+            documents: Any = {"runs": [run.found for run in runs]} if compare else runs[0].found
             head = TEXT("run", kind=scenario.kind, seconds=scenario.duration_s, seed=number)
             if out is not None:
                 write_files({out / "track.html": page_html(head, runs), out / "track.json": json_text(documents)})
     if json_output:
-        print_json({"runs": documents} if compare else documents)
+        print_json(documents)
     else:
         say(head, runs, None if out is None else out / "track.html")
     failed = any(not check["passed"] for run in runs for check in run.found["checks"])

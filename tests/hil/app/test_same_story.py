@@ -19,7 +19,8 @@ OWN = ROOT / "examples" / "own_record"
 
 def text_of(page: Path) -> str:
     """What a reader sees, each run of blanks as one."""
-    shown = re.sub(r"<(script|style).*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    whole = page.read_text(encoding="utf-8").replace("<wbr>", "")
+    shown = re.sub(r"<(script|style).*?</\1>", " ", whole, flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", shown)).split())
 
 

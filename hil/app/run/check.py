@@ -20,6 +20,7 @@ from hil.bus.protection import Sender
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
 from hil.nodes.node import ControllerNode
 from hil.nodes.receive import FrameReceiver
+from hil.nodes.remedies import remedy
 from hil.nodes.task import Task
 from models.words.sentences import Sentences
 
@@ -37,6 +38,15 @@ class Point:
     what: str
     good: bool
     words: str
+
+    def document(self) -> dict[str, object]:
+        """With what helps where it is bad."""
+        return vars(self) | {"remedy": "" if self.good else remedy(f"{self.what}: {self.words}")}
+
+    @property
+    def line(self) -> str:
+        said = filter(None, (self.words, str(self.document()["remedy"])))
+        return f"{'ok ' if self.good else 'BAD'} {self.what}: {'; '.join(said)}"
 
 
 def check(deployment: Deployment, task: Task, bus: ClockedBus) -> list[Point]:

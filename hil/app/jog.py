@@ -37,7 +37,9 @@ _SHOWN_S: Final = 0.1  # between two lines on the terminal
 
 
 def jog(
-    path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.")],
+    path: Annotated[
+        Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.", "deployment file")
+    ],
     source: Annotated[
         str, option("--source", "NAME", "Sender: keyboard, cockpit, joystick, ros, script, other.")
     ] = "keyboard",

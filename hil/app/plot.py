@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import plotly.graph_objects as go
 
 from hil.app.close_loop import read_series
 from hil.app.console import answer
@@ -25,7 +26,9 @@ from models.words.sentences import listed
 
 def plot(
     records: Records,
-    rig: Annotated[Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.")] = None,
+    rig: Annotated[
+        Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.", "rig file")
+    ] = None,
     out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
     json_output: Json = False,
 ) -> None:
@@ -53,7 +56,19 @@ def unchanged(path: Path) -> list[Record]:
 
 
 def page(records: Sequence[Record]) -> str:
-    """The page of records of one kind: a panel for each column, a line for each record."""
+    """The page of records of one kind."""
+    eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
+    drawn = columns_figure(records)
+    return builder.page("plot.html.j2", title=names(records), eyebrow=eyebrow, lead="", heading="Columns", drawn=drawn)
+
+
+def names(records: Sequence[Record]) -> str:
+    """The names of the first records."""
+    return listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
+
+
+def columns_figure(records: Sequence[Record]) -> go.Figure:
+    """A panel for each column, a line for each record."""
     over = "t_s" if all("t_s" in record.columns for record in records) else next(iter(records[0].columns))
     columns = [name for name in dict.fromkeys(name for r in records for name in r.columns) if name != over]
     height = 120 + 240 * len(columns)
@@ -66,9 +81,7 @@ def page(records: Sequence[Record]) -> str:
         for row, name in ((r, n) for r, n in enumerate(columns, start=1) if n in record.columns):
             there = np.isfinite(record[name])
             line(figure, record[over][there], record[name][there], record.name, look | {"width": None}, row, **more)
-    title = listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
-    eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
-    return builder.page("plot.html.j2", title=title, eyebrow=eyebrow, lead="", heading="Columns", drawn=figure)
+    return figure
 
 
 def _title(column: str) -> str:

@@ -78,17 +78,18 @@ class _Parts:
         return ""
 
     def figure(self, figure: go.Figure | None) -> str:
-        """A figure, drawn once it comes into view; panels side by side have a least width."""
+        """A figure, drawn once it comes into view; panels side by side, and names beside bars, have a least width."""
         if figure is None:
             return ""
         self.figures += 1
         columns = {trace.xaxis or "x" for trace in figure.data if hasattr(trace, "xaxis")}
         beside = len({getattr(figure.layout, f"xaxis{axis[1:]}").domain for axis in columns}) if columns else 1
+        named = any(trace.orientation == "h" for trace in figure.data if hasattr(trace, "orientation"))
         return Markup(
             '<div class="figure" tabindex="0"><div{}><div class="plot" id="figure-{}" style="height: {}px"></div>'
             '<script type="application/json">{}</script></div></div>'
         ).format(
-            Markup(' style="min-width: 640px"') if beside > 1 else "",
+            Markup(' style="min-width: 640px"') if beside > 1 or named else "",
             self.figures,
             int(figure.layout.height or 420),
             Markup(str(pio.to_json(figure, validate=False)).replace("<", "\\u003c")),

@@ -41,7 +41,7 @@ def cockpit(
     path: Annotated[
         Path,
         argument(
-            "DEPLOYMENT.toml | LOG | SCENARIO.toml",
+            "DEPLOYMENT.toml|LOG|SCENARIO.toml",
             "A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
         ),
     ],

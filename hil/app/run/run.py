@@ -52,7 +52,9 @@ _TURN_S: Final = 1e-4  # of Python's switch interval
 
 
 def run(
-    path: Annotated[Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].")],
+    path: Annotated[
+        Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].", "rig file")
+    ],
     *,
     action: Annotated[
         str,

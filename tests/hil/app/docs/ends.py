@@ -87,7 +87,7 @@ ENDS: Final[Mapping[str, Mapping[str, End]]] = MappingProxyType(
         },
         "plant": {"over": End(0, "`--seconds` are over, or Ctrl-C, SIGTERM or SIGHUP", "ready")},
         "sil": {
-            "done": End(0, "led to the end of the scenario", "...: rmse ..."),
+            "done": End(0, "led to the end of the scenario", "...: ... with the ... model tracks within ... rms"),
             "stopped": End(1, "the controller stopped by itself, or never led", "ended: ..."),
             "not_led": End(1, "as of `run`", "ended: ... must lead 99 % of the ticks; led: ..."),
         },

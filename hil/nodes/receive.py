@@ -9,13 +9,15 @@ import can
 
 from controller.signals import Measurement
 from hil.bus.catalogue import Frame
-from hil.bus.codec import Refusal
+from hil.bus.codec import Reason, Refusal
 from hil.bus.protection import Receiver, Reception, crc8
 from hil.bus.wrapping import plain, waiting
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames
 from hil.nodes.guard import Evidence
 from hil.nodes.operator import SETPOINT, Operator
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 BACK_S: Final = 0.5  # decrease of an uptime that counts: larger than by frames that a link swaps or repeats
 BACKS: Final = 3  # decreases that mean two nodes; a node that reboots causes one
 WITHIN_S: Final = 0.5  # within which these decreases happen
@@ -52,6 +54,11 @@ HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
 SAFE_STOP: Final = "safe stop by an operator"
 BY_OPERATOR: Final = 0  # `Reason` of an operator's SafeStop
+
+
+def refusal_cause(reason: str) -> str:
+    """Why frames are refused for this reason of the protection, and what helps."""
+    return TEXT(f"frame.{reason}")
 
 
 def operators_stop(message: can.Message) -> bool:
@@ -177,7 +184,8 @@ class FrameReceiver:
         words = [f"{sum(whys.values())} {name} refused ({_listed(whys)})" for name, whys in self.refused.items()]
         words += [f"{self.strange.total()} frames of other types ({_listed(self.strange)})"] if self.strange else []
         words += [f"{self.deaf} times the bus could not be read ({self.deaf_words})"] if self.deaf else []
-        return ", ".join(words)
+        causes = sum((r.refused for r in self.reception.receivers.values()), Counter[Reason]())
+        return ", ".join(words) + "".join(f": {refusal_cause(reason)}" for reason, _ in causes.most_common(1))
 
     def evidence(self, now: float) -> Evidence:
         """Ages of localisation and feedback at `now`, and the drive's state."""

@@ -20,7 +20,7 @@ Button = tuple[bool, str]
 class Situation:
     """States of drive and controller by their names in the catalogue, "" where they are not heard; of a run that was
     `started` here: "", "starting", "leading" or "ending"; the controller's `answer` to setpoints; the limits of the
-    cockpit's own deployment file, None where it accepts no setpoints.
+    cockpit's own deployment file, None where it accepts no setpoints; how the last run of this cockpit `ended`.
     """
 
     node: str
@@ -29,6 +29,7 @@ class Situation:
     started: str
     answer: OperatorAnswer | None
     limits: OperatorLimits | None
+    ended: str = ""
 
     def buttons(self) -> dict[str, Button]:
         start, hold = self._start(), self._hold()
@@ -49,9 +50,10 @@ class Situation:
         if self.started in ("starting", "ending") and self.controller != "fault":
             return TEXT(f"run.{self.started}")
         if not self.controller:
-            led = "unled" if self.drive in ("ready", "enabled", "derated") else "none"
+            idle = "last" if self.ended else "none"
+            led = "unled" if self.drive in ("ready", "enabled", "derated") else idle
             key = "silent" if not self.drive else "fault" if self.drive == "fault" else led
-            return TEXT(f"run.{key}", node=self.node)
+            return TEXT(f"run.{key}", node=self.node, ended=self.ended)
         if self.controller != "running":
             return TEXT("run.stopped" if self.controller == "fault" else "run.not_leading")
         return TEXT("run.ours" if self.started else "run.theirs")

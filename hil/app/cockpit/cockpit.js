@@ -187,9 +187,9 @@ function layPanels(panels) {
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${panel.title}${panel.unit ? ` in ${panel.unit}` : ""} over time`);
     const plot = new Plot(canvas, panel, first);
-    plot.outputs = panel.strips ? [] : panel.lines.map(line => {
+    plot.outputs = panel.lines.map(line => {
       const part = tipped(make("span"), line.tip), value = make("output");
-      part.append(sample(line), line.name, value);
+      part.append(...(panel.strips ? [] : [sample(line)]), line.name, value);
       legend.append(part);
       return value;
     });
@@ -258,7 +258,8 @@ function draw() {
     if (box.bottom > -100 && box.top < innerHeight + 100) plot.draw(page.store, end - page.span, end, seen);
     plot.outputs.forEach((output, k) => {
       const found = page.store.at(plot.firstLine + k, page.cursor ?? end, 0.5), places = plot.panel.places;
-      const text = !found ? "–" : plot.panel.lines[k].look === "band" ? `± ${written((found[1] - found[0]) / 2, places)}`
+      const { look, names } = plot.panel.lines[k];
+      const text = !found ? "–" : names ? (names[found[1]] || ["–"])[0] : look === "band" ? `± ${written((found[1] - found[0]) / 2, places)}`
         : written((found[0] + found[1]) / 2, places);
       if (output.textContent !== text) output.textContent = text;
     });

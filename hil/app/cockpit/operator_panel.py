@@ -51,7 +51,7 @@ class OperatorPanel:
         self._held_at, self._wanted = -float("inf"), ("speed", 0.0)
         self._sends_until = self._presses_from = self._safe_until = -float("inf")
         self._run: subprocess.Popen[bytes] | None = None
-        self._ending = self._spoke = False
+        self._ending, self._spoke, self._last = False, False, ""
         self._starter = ThreadPoolExecutor(1)
         self._starter.submit(int).result()
         self._said: tuple[IO[bytes], IO[bytes]] | None = None
@@ -88,7 +88,7 @@ class OperatorPanel:
         self._spoke = self._run is not None and (self._spoke or bool(beat))
         ending = self._ending or beat == "fault" or (self._spoke and not beat)
         started = "" if self._run is None else "ending" if ending else "leading" if beat else "starting"
-        return Situation(words(frame_map.node), drive, beat, started, watch.steering(), self.limits)
+        return Situation(words(frame_map.node), drive, beat, started, watch.steering(), self.limits, self._last)
 
     def _refusal(self, button: str) -> str:
         counts, why = self.situation().buttons()[button]
@@ -194,6 +194,7 @@ class OperatorPanel:
             ended = ": ".join(filter(None, (str(found["ended"]), str(found["remedy"]))))
         except (ValueError, KeyError, TypeError):
             ended = (error.strip().splitlines() or [f"status {status}"])[-1].removeprefix("capsule: ")
+        self._last = ended
         self.source.say(TEXT("operator.ended", ended=ended), "note" if status == 0 else "bad")
 
     def document(self, page: object) -> dict[str, Any]:

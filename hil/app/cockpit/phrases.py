@@ -38,11 +38,6 @@ def fault_words(code: str) -> str:
     return TEXT(f"fault.{code}")
 
 
-def refusal_words(reason: str) -> str:
-    """Why a frame is ignored, and what helps."""
-    return TEXT(f"refused.{reason}")
-
-
 def words(name: str) -> str:
     """A name of the catalogue as words: `quick_stop` as "quick stop", `InnerMass` as "inner mass"."""
     spaced = "".join(f" {c.lower()}" if c.isupper() and k else c.lower() for k, c in enumerate(name))

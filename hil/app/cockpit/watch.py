@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.app.cockpit.phrases import TEXT, clock, fault_words, grade_of, refusal_words, why, words
+from hil.app.cockpit.phrases import TEXT, clock, fault_words, grade_of, why, words
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.operator import SETPOINT, STATUS
 from hil.nodes.operator_sender import OperatorAnswer, steering_words
-from hil.nodes.receive import HEARTBEAT_LOST_S
+from hil.nodes.receive import HEARTBEAT_LOST_S, refusal_cause
 from models.words.quantities import DASH, fixed, quantity
 
 KEPT: Final = 200
@@ -114,7 +114,7 @@ class FrameWatch:
             "model": self._model(),
             "bus": self._bus(),
             "refused": [
-                [r.frame.name, refusal_words(reason), n]
+                [r.frame.name, refusal_cause(reason), n]
                 for r in self._receivers()
                 for reason, n in sorted(r.refused.items())
             ],
@@ -209,7 +209,7 @@ class FrameWatch:
         """Make the first refusal of each kind an event; the others are only counted."""
         if (name, refusal.reason) not in self._refused and len(self._refused) < KEPT:
             self._refused.add((name, refusal.reason))
-            self.say(time_s, TEXT("event.refused", frame=name, why=refusal_words(refusal.reason)), "doubt")
+            self.say(time_s, TEXT("event.refused", frame=name, why=refusal_cause(refusal.reason)), "doubt")
 
     def _report(
         self, t: float, name: str, before: Mapping[str, float] | None, values: Mapping[str, float], since: float

@@ -158,8 +158,8 @@ def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
     if move:
         points.append(_moved(asked, all(p.good for p in points)))
     good = all(p.good for p in points)
-    lines = (f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points)
-    answer(json_output, {"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]}, *lines)
+    found = {"rig": str(asked.path), "good": good, "points": [point.document() for point in points]}
+    answer(json_output, found, *(point.line for point in points))
     return 0 if good else 1
 
 

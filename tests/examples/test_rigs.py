@@ -1,4 +1,4 @@
-"""The records of the common rigs: `check` finds nothing against them, and each README quotes what was found and when."""
+"""The records of the common rigs: `check` refuses none, and each README quotes what was found and when."""
 
 import json
 import re

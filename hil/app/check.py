@@ -12,8 +12,6 @@ from hil.app.console import json_text, print_json, say, summary
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile, option
 from hil.app.write import check_targets, own_folder, write_files
-from hil.report.builder import page
-from hil.report.figure_records import columns_figure, names
 from hil.report.words import grouped
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
@@ -86,6 +84,9 @@ def page_html(
     read: Sequence[Record], findings: Sequence[RecordFinding], hidden: dict[str, str], sizes: dict[str, Quantity]
 ) -> str:
     """One self-contained page: findings, the records, what they would show at least."""
+    from hil.report.builder import page  # what draws takes half a second to load
+    from hil.report.figure_records import columns_figure, names
+
     return page(
         "check.html.j2",
         title=headline(findings),

@@ -21,7 +21,9 @@ from models.rigs.columns import TIME
 
 def plot(
     records: Records,
-    rig: Annotated[Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.")] = None,
+    rig: Annotated[
+        Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.", "rig file")
+    ] = None,
     out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
     json_output: Json = False,
 ) -> None:

@@ -183,7 +183,7 @@ def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
             count, middle = len(others), float(others.mean())
             spread = float(others.std(ddof=1))
             uncertain = max(spread * np.sqrt(1 + 1 / count), deviation)
-            limit = float(scipy.stats.t.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
+            limit = float(scipy.special.stdtrit(count - 1, 1 - 0.5 * FALSE_ALARMS / tests))
             if abs(value - middle) > limit * uncertain > 0:
                 numbers = {"parameter": parameter, "value": value, "mean": middle, "spread": spread}
                 yield series, TEXT("disagreement.number", **numbers)

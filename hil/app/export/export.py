@@ -25,9 +25,13 @@ def export(
     form: Annotated[str, argument("fmu/table/mujoco", "What to write.")],
     out: Annotated[Path, option("--out", "FILE/DIR", "An .fmu, an .xml for mujoco, a folder for table.")],
     *,
-    scenario: Annotated[Path | None, argument("[SCENARIO.toml]", "The scenario whose plant becomes an FMU.")] = None,
+    scenario: Annotated[
+        Path | None, argument("SCENARIO.toml", "The scenario whose plant becomes an FMU.", "scenario")
+    ] = None,
     model: LearnedModel = None,
-    rig: Annotated[Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.")] = None,
+    rig: Annotated[
+        Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.", "rig file")
+    ] = None,
     stage: Stage = "augmented",
     driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
     json_output: Json = False,

@@ -36,6 +36,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from hil.nodes.remedies import remedy
 from models.effects import Catalogue
 from models.files.toml import check_word
 from models.words.sentences import Sentences
@@ -45,7 +46,7 @@ PAGE: Final = "sil.html"
 
 
 def sil(
-    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].")],
+    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].", "scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,
@@ -204,7 +205,7 @@ def judged(
     if trace.operator is not None:
         found["operator"] = trace.operator
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
-    found["ended"], found["led_share"] = trace.ended, trace.led_share
+    found["ended"], found["remedy"], found["led_share"] = trace.ended, remedy(trace.ended), trace.led_share
     return found, trace
 
 
@@ -220,3 +221,5 @@ def bus_lines(found: Mapping[str, Any]) -> Iterator[str]:
         outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
         outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
         yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
+    if found["remedy"]:
+        yield TEXT("remedy", **found)

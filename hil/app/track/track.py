@@ -24,7 +24,7 @@ from models.effects import Catalogue
 
 
 def track(
-    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and nominal values.")],
+    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and nominal values.", "scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,

@@ -14,7 +14,7 @@ from models.identification.fitting.profile import LINE
 from models.words.quantities import scale, unit_words
 
 COLUMNS, HIGHEST = 3, 3.0  # panels side by side; times the 95 % line that is drawn
-_WIDEST = 40  # characters of a title
+_WIDEST = 28  # characters of a title
 
 
 def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
@@ -22,12 +22,12 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
     if not profiles:
         return None
     rows = -(-len(profiles) // COLUMNS)
-    height = 60 + 230 * rows
+    height = 60 + 240 * rows
     figure = make_subplots(
         rows=rows,
         cols=COLUMNS,
         horizontal_spacing=0.07,
-        vertical_spacing=110 / height if rows > 1 else 0.0,
+        vertical_spacing=124 / height if rows > 1 else 0.0,
         subplot_titles=[_title(one) for one in profiles],
         shared_yaxes=True,
     )

@@ -14,7 +14,7 @@ from models.words.quantities import number
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _ROOM = 88  # px between rounds
-_GAIN = "gain on data left out, fitted"
+_GAIN = "fitted, on data left out"
 CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#4a9aa0", "#8793a1"
 
 
@@ -59,7 +59,7 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
         horizontal_spacing=0.04,
         vertical_spacing=_ROOM / _height(sizes),
         row_heights=[max(size, 3) for size in sizes],
-        subplot_titles=[t for k in rounds for t in (f"round {k}: share of the residual, screened", _GAIN)],
+        subplot_titles=[t for k in rounds for t in (f"round {k}: screened", _GAIN)],
     )
     for panel, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
@@ -69,7 +69,7 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
             here = {"orientation": "h", "showlegend": False, "row": panel, "col": column}
             hover = {"customdata": notes, "hovertemplate": "%{y}: %{x:.3g}<br>%{customdata}<extra></extra>"}
             figure.add_bar(x=values, y=names, marker={"color": colours, "cornerradius": 2}, **hover, **here)
-        figure.update_xaxes(title="share in %", rangemode="tozero", row=panel, col=1)
+        figure.update_xaxes(title="share of the residual in %", rangemode="tozero", row=panel, col=1)
         figure.update_xaxes(title="gain, ln of a ratio", row=panel, col=2)
     styled(figure, _height(sizes), bargap=0.28, margin={"l": 165, "r": 20, "t": 34, "b": 40})
     return figure.update_yaxes(autorange="reversed", tickfont={"color": MUTED}, ticklabelstandoff=6)

@@ -61,7 +61,8 @@ def say(head: str, runs: Sequence[LoopRun], page: Path | None) -> None:
     if checks := check_rows(found):
         _print(("check", "value", "at most", "verdict"), checks)
     for run in runs:
-        console.say(*(f"{run.found['controller']}: {words}" for words in run.lines))
+        whose = f"{run.found['controller']}: " if len(runs) > 1 else ""
+        console.say(*(f"{whose}{words}" for words in run.lines))
     if page is not None:
         console.say(f"report: {page}")
 

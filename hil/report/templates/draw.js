@@ -76,10 +76,18 @@
   addEventListener("beforeprint", () => {
     opened = [...document.querySelectorAll("details:not([open])")];
     opened.forEach(one => { one.open = true; });
-    plots.forEach(plot => { draw(plot); Plotly.relayout(plot, { width: 660 }); });
+    plots.forEach(plot => {
+      draw(plot);
+      plot.dataset.height = plot.layout.height;
+      Plotly.relayout(plot, { width: 660, height: Math.min(plot.layout.height, 860) });
+      plot.style.height = `${plot.layout.height}px`;
+    });
   });
   addEventListener("afterprint", () => {
     opened.forEach(one => { one.open = false; });
-    plots.forEach(plot => Plotly.relayout(plot, { width: null, autosize: true }));
+    plots.forEach(plot => {
+      plot.style.height = `${plot.dataset.height}px`;
+      Plotly.relayout(plot, { width: null, autosize: true, height: Number(plot.dataset.height) });
+    });
   });
 })();

@@ -65,6 +65,7 @@ class Supervisor:
         self._cut_after: int | None = None
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
+        self._resting_s = -math.inf
         self._unfollowed_s = 0.0
         self._swings = Swings(math.inf if self.envelope.shaken else self.rules.swing_m, self.rules.swing_s)
         self._stopped_at, self._stop_from = math.inf, 0.0
@@ -95,7 +96,7 @@ class Supervisor:
 
     def take_offered(self) -> bool:
         """Take the offered chain over if capsule and reference have been at rest long enough; whether so."""
-        if self._offered is None or not self._elapsed - self._rest_since >= self.rules.rest_s:
+        if self._offered is None or not self._resting_s >= self.rules.rest_s:
             return False
         chain, self._offered = self._offered, None
         self._begin(chain, self._now)
@@ -249,6 +250,7 @@ class Supervisor:
         speeds = (seen.speed_m_s, _at(lambda t: reference.speed(t), self._now))
         resting = not seen.lost and all(abs(speed) <= self.rules.rest_speed_m_s for speed in speeds)
         self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
+        self._resting_s = self._elapsed - self._rest_since
 
     def _seen(self, now: float, estimate: Estimate) -> Seen:
         """The capsule in the estimate; lost if unreadable."""

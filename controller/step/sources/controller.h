@@ -105,8 +105,10 @@ typedef struct {
     real offset;                                     /* of the drive's report from its command */
     real innovation[CAPSULE_READINGS];               /* of the accepted positions */
     int innovations, lost, learned;                  /* learned: `parameters` and `force_N` are to be used */
-    int accepted, outliers, unusable, restarts, followed; /* readings since `capsule_init` by outcome */
+    uint32_t accepted, outliers, unusable, restarts, followed; /* readings since `capsule_init` by outcome */
 } capsule_belief;
+
+typedef struct capsule_state capsule_state;
 
 #include "state.h" /* capsule_estimator, capsule_controller, capsule_state: fixed size, no pointer into themselves */
 

@@ -1,2 +1,172 @@
+"""`capsule export controller` and `estimator`: a deployment's compiled controller as a folder of C that stands alone."""
+
+import re
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-STANDALONE = Path(__file__).with_name("standalone")
+from string import Template
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from controller.drives import envelope_of
+from controller.model.control_model import ControlModel
+from controller.step.daqp_sources import daqp_sources
+from controller.step.library import DAQP_FILES, compiler, loaded, sources_of
+from controller.step.numbers import CHAINS, Numbers, numbers_of
+from hil.app.export.native_node import NODE_KINDS, node_sources
+from hil.app.export.ticks import closed_loop, logged
+from hil.app.scenario.deployment import Deployment, load_deployment
+from hil.app.scenario.model_use import model_for
+from models.effects import Catalogue
+from models.files.toml import check_word, in_file, parse_toml
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+STANDALONE: Final = Path(__file__).with_name("standalone")
+"""Files of an exported folder that are the same for all, or templates."""
+TEMPLATES: Final = ("Makefile", "CMakeLists.txt", "README.md")
+_PLANNING: Final = ("mpc.c", "planner.c", "qp.c")
+_OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is exported: of the deployment at `path`, with a `stage` of the model file `model` where one is given;
+    `alone`: the estimator without its controller; `single`: float32.
+    """
+
+    path: Path
+    model: Path | None
+    stage: str
+    alone: bool
+    single: bool
+
+
+def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], dict[str, Any]]:
+    """The files of the folder by their path in it, and facts about them. Raises ValueError of one sentence."""
+    deployment = _deployment(asked, known)
+    name = next(iter(reversed(CHAINS))) if asked.alone else deployment.control.controller
+    with in_file(asked.path):
+        check_word(deployment.rig.kind, "rig.kind of an exported controller", NODE_KINDS)
+        check_word(name, "control.controller of an exported controller", CHAINS)
+        model = deployment.believed(deployment.values)
+        envelope = envelope_of(model.drive, deployment.limits)
+        numbers = numbers_of(name, model, envelope)
+        sources = _sources(numbers, asked)
+        ticks = _ticks(deployment, model, name, numbers, asked.path)
+    files: dict[str, str | bytes] = dict(sources)
+    if not asked.alone:
+        files |= {f"node/{file}": text for file, text in node_sources(deployment, envelope).items()}
+    files |= _daqp(numbers, asked)
+    sizes = _sizes(sources)
+    words = _words(asked, deployment, numbers, files) | {
+        "ticks": str(ticks.count("\n") - 1),
+        **{part: str(size) for part, size in sizes.items()},
+    }
+    files |= {file: text for file, text in _standalone(words).items() if not (asked.alone and file.startswith("node/"))}
+    facts = {"controller": name, "float32": asked.single, "ticks": ticks.count("\n") - 1, "bytes": sizes}
+    return files | {"test/ticks.csv": ticks}, facts
+
+
+def _deployment(asked: Asked, known: Catalogue) -> Deployment:
+    deployment = load_deployment(asked.path, known=known)
+    if asked.model is not None:
+        learned = model_for(asked.model, deployment.rig.kind, known)
+        return replace(deployment, values=learned.believed(asked.stage))
+    if deployment.verdict is not None and not deployment.verdict.passed:
+        raise ValueError(
+            f"{asked.path}: model must pass the acceptance test before it leads; got: {deployment.verdict.sentence}"
+        )
+    return deployment
+
+
+def _sources(numbers: Numbers, asked: Asked) -> dict[str, str]:
+    """The controller's own C by file name; the header alone says the precision."""
+    files = sources_of(numbers) | {"numbers.c": f'#include "elementary.h"\n\n{numbers.stated}'}
+    head, rest = files["controller.h"].split("#include <stdint.h>\n", 1)
+    single = "#define CAPSULE_FLOAT32\n" if asked.single else ""
+    declared = rest.replace('#include "state.h"', 'extern const capsule_numbers capsule_deployment;\n\n#include "state.h"')
+    files["controller.h"] = f"{head}#include <stdint.h>\n\n{single}{declared}"
+    left_out = () if numbers.sizes["MPC"] else _PLANNING
+    kept = [name for name in files if name not in left_out and (not asked.alone or name.endswith(".h"))]
+    return {name: files[name] for name in (*kept, *(_OF_ESTIMATOR if asked.alone else ()))}
+
+
+def _ticks(deployment: Deployment, model: ControlModel, name: str, numbers: Numbers, path: Path) -> str:
+    library = loaded(numbers)
+    if library is None:
+        daqp_sources()
+        raise ValueError(TEXT("controller.compiler"))
+    return logged(closed_loop(deployment, path), model, name, library)
+
+
+def _daqp(numbers: Numbers, asked: Asked) -> dict[str, str | bytes]:
+    """The files of DAQP that a plan needs, with its licence. Raises ValueError where they are not here."""
+    if asked.alone or not numbers.sizes["MPC"]:
+        return {}
+    folder = daqp_sources()
+    paths = [*(folder / "csrc" / "src" / name for name in DAQP_FILES), *(folder / "csrc" / "include").glob("*.h")]
+    return {"daqp/LICENSE": (folder / "LICENSE").read_bytes()} | {
+        f"daqp/{path.parent.name}/{path.name}": path.read_bytes() for path in sorted(paths)
+    }
+
+
+def _sizes(sources: Mapping[str, str]) -> dict[str, int]:
+    """Bytes of the structures, as this machine's compiler lays them out."""
+    names = ("capsule_estimator", "capsule_state", "capsule_in", "capsule_out")
+    printed = " ".join(f'printf("%zu ", sizeof({name}));' for name in names)
+    main = f'#include "controller.h"\n#include <stdio.h>\nint main(void) {{ {printed} return 0; }}\n'
+    with TemporaryDirectory() as folder:
+        for name, text in sources.items():
+            if name.endswith(".h"):
+                Path(folder, name).write_text(text, encoding="utf-8")
+        Path(folder, "sizes.c").write_text(main, encoding="utf-8")
+        command = [str(compiler()), "-std=c99", "sizes.c", "-o", "sizes"]
+        for step in (command, ["./sizes"]):
+            done = subprocess.run(step, cwd=folder, capture_output=True, text=True, timeout=60, check=True)
+    return dict(zip(names, map(int, done.stdout.split()), strict=True))
+
+
+def _words(asked: Asked, deployment: Deployment, numbers: Numbers, files: Mapping[str, Any]) -> dict[str, str]:
+    """What the templates are filled with."""
+    tolerance = _tolerance(asked, deployment)
+    own = [name for name in files if name.endswith(".c") and "/" not in name]
+    daqp = [name for name in files if name.startswith("daqp/src/")]
+    flags = [f"-DCAPSULE_TOLERANCE={tolerance:g}"]
+    flags += ["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else []
+    flags += ["-DDAQP_SINGLE_PRECISION="] if daqp and asked.single else []
+    kind, sizes = deployment.rig.kind, numbers.sizes
+    precision = TEXT("precision.single") if asked.single else TEXT("precision.double")
+    said = {"kind": kind, "stage": asked.stage, "name": deployment.control.controller, "precision": precision}
+    limit = re.search(r"#define LIMIT (\d+)", str(files.get("qp.c", "")))
+    loops = {"plans": sizes["ITERATIONS"], "iterations": limit and limit[1], "particles": sizes["PARTICLES"]}
+    return {
+        "own": " ".join(own),
+        "daqp": " ".join(daqp),
+        "flags": " ".join(flags),
+        "deployment": asked.path.name,
+        "form": "estimator" if asked.alone else "controller",
+        "title": TEXT("estimator.title", **said) if asked.alone else TEXT("controller.title", **said),
+        "about": TEXT("estimator.about", **said) if asked.alone else TEXT("controller.about", **said),
+        "use": TEXT("estimator.use") if asked.alone else TEXT("controller.use"),
+        "missing": TEXT("estimator.missing") if asked.alone else TEXT("controller.missing"),
+        "node_line": "" if asked.alone else TEXT("controller.node"),
+        "tick": f"{1e3 * deployment.control.tick_s:g} ms",
+        "precision": precision,
+        "loops": TEXT("controller.loops_planned", **loops) if limit else TEXT("controller.loops", **loops),
+        "plant": TEXT("before.scenario") if "plant" in parse_toml(deployment.text, "") else TEXT("before.own"),
+        "exact": TEXT("precision.near", tolerance=f"{tolerance:g}") if tolerance else TEXT("precision.exact"),
+    }
+
+
+def _tolerance(asked: Asked, deployment: Deployment) -> float:
+    """Largest difference from the log, in the command's unit, of an estimator in m."""
+    return 0.0
+
+
+def _standalone(words: Mapping[str, str]) -> dict[str, str]:
+    """The files that are the same for all, and the templates filled with `words`."""
+    paths = sorted(path for path in STANDALONE.rglob("*") if path.is_file())
+    texts = {path.relative_to(STANDALONE).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+    return {file: Template(text).substitute(words) if file in TEMPLATES else text for file, text in texts.items()}

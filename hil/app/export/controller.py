@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from controller.drives import envelope_of
+from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.step.daqp_sources import daqp_sources
 from controller.step.library import DAQP_FILES, compiler, loaded, sources_of
@@ -23,9 +24,11 @@ from models.files.toml import check_word, in_file, parse_toml
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
+CONTROLLER, ESTIMATOR = "controller", "estimator"
 STANDALONE: Final = Path(__file__).with_name("standalone")
 """Files of an exported folder that are the same for all, or templates."""
 TEMPLATES: Final = ("Makefile", "CMakeLists.txt", "README.md")
+_NEAR: Final = 0.01  # share of the scale within which single precision follows the log before particles differ
 _PLANNING: Final = ("mpc.c", "planner.c", "qp.c")
 _OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
 
@@ -33,14 +36,18 @@ _OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
 @dataclass(frozen=True)
 class Asked:
     """What is exported: of the deployment at `path`, with a `stage` of the model file `model` where one is given;
-    `alone`: the estimator without its controller; `single`: float32.
+    `form`: with its controller or the estimator alone; `single`: float32.
     """
 
     path: Path
     model: Path | None
     stage: str
-    alone: bool
+    form: str
     single: bool
+
+    @property
+    def alone(self) -> bool:
+        return self.form == ESTIMATOR
 
 
 def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], dict[str, Any]]:
@@ -60,11 +67,11 @@ def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], di
         files |= {f"node/{file}": text for file, text in node_sources(deployment, envelope).items()}
     files |= _daqp(numbers, asked)
     sizes = _sizes(sources)
-    words = _words(asked, deployment, numbers, files) | {
+    words = _words(asked, deployment, numbers, envelope, files) | {
         "ticks": str(ticks.count("\n") - 1),
         **{part: str(size) for part, size in sizes.items()},
     }
-    files |= {file: text for file, text in _standalone(words).items() if not (asked.alone and file.startswith("node/"))}
+    files |= _standalone(asked.form, words)
     facts = {"controller": name, "float32": asked.single, "ticks": ticks.count("\n") - 1, "bytes": sizes}
     return files | {"test/ticks.csv": ticks}, facts
 
@@ -128,45 +135,70 @@ def _sizes(sources: Mapping[str, str]) -> dict[str, int]:
     return dict(zip(names, map(int, done.stdout.split()), strict=True))
 
 
-def _words(asked: Asked, deployment: Deployment, numbers: Numbers, files: Mapping[str, Any]) -> dict[str, str]:
+@dataclass(frozen=True)
+class _Tolerance:
+    """How near to the log, in the command's unit or an estimator's m: `near` in the first `ticks`, `scale` later."""
+
+    near: float = 0.0
+    scale: float = 0.0
+    ticks: int = 250
+
+    @classmethod
+    def of(cls, asked: Asked, envelope: Envelope) -> "_Tolerance":
+        """None in double precision; else a share of the magnet's gap, of a coil's current, or of the envelope."""
+        if not asked.single:
+            return cls()
+        scale = envelope.around_m if asked.alone or envelope.placed else envelope.high
+        return cls(_NEAR * scale, scale)
+
+    @property
+    def words(self) -> str:
+        return TEXT("controller.near", **vars(self), share=_NEAR) if self.near else TEXT("controller.exact")
+
+    @property
+    def flags(self) -> list[str]:
+        return [f"-DREPLAY_NEAR={self.near:g}", f"-DREPLAY_FAR={self.scale:g}", f"-DREPLAY_NEAR_TICKS={self.ticks}"]
+
+
+def _words(
+    asked: Asked, deployment: Deployment, numbers: Numbers, envelope: Envelope, files: Mapping[str, Any]
+) -> dict[str, str]:
     """What the templates are filled with."""
-    tolerance = _tolerance(asked, deployment)
-    own = [name for name in files if name.endswith(".c") and "/" not in name]
+    tolerance, sizes = _Tolerance.of(asked, envelope), numbers.sizes
     daqp = [name for name in files if name.startswith("daqp/src/")]
-    flags = [f"-DCAPSULE_TOLERANCE={tolerance:g}"]
-    flags += ["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else []
+    flags = [*tolerance.flags, *(["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else [])]
     flags += ["-DDAQP_SINGLE_PRECISION="] if daqp and asked.single else []
-    kind, sizes = deployment.rig.kind, numbers.sizes
-    precision = TEXT("precision.single") if asked.single else TEXT("precision.double")
-    said = {"kind": kind, "stage": asked.stage, "name": deployment.control.controller, "precision": precision}
+    precision = TEXT("controller.single") if asked.single else TEXT("controller.double")
+    model = TEXT("controller.file", stage=asked.stage, name=asked.model.name) if asked.model else TEXT("controller.stated")
+    said = {"kind": deployment.rig.kind, "name": deployment.control.controller, "model": model, "precision": precision}
     limit = re.search(r"#define LIMIT (\d+)", str(files.get("qp.c", "")))
     loops = {"plans": sizes["ITERATIONS"], "iterations": limit and limit[1], "particles": sizes["PARTICLES"]}
     return {
-        "own": " ".join(own),
+        "own": " ".join(name for name in files if name.endswith(".c") and "/" not in name),
         "daqp": " ".join(daqp),
         "flags": " ".join(flags),
         "deployment": asked.path.name,
-        "form": "estimator" if asked.alone else "controller",
+        "form": asked.form,
         "title": TEXT("estimator.title", **said) if asked.alone else TEXT("controller.title", **said),
         "about": TEXT("estimator.about", **said) if asked.alone else TEXT("controller.about", **said),
-        "use": TEXT("estimator.use") if asked.alone else TEXT("controller.use"),
-        "missing": TEXT("estimator.missing") if asked.alone else TEXT("controller.missing"),
-        "node_line": "" if asked.alone else TEXT("controller.node"),
         "tick": f"{1e3 * deployment.control.tick_s:g} ms",
         "precision": precision,
-        "loops": TEXT("controller.loops_planned", **loops) if limit else TEXT("controller.loops", **loops),
-        "plant": TEXT("before.scenario") if "plant" in parse_toml(deployment.text, "") else TEXT("before.own"),
-        "exact": TEXT("precision.near", tolerance=f"{tolerance:g}") if tolerance else TEXT("precision.exact"),
+        "loops": TEXT("controller.planned", **loops) if limit else TEXT("controller.unplanned", **loops),
+        "plant": TEXT("controller.scenario") if "plant" in parse_toml(deployment.text, "") else TEXT("controller.own"),
+        "compared": tolerance.words,
     }
 
 
-def _tolerance(asked: Asked, deployment: Deployment) -> float:
-    """Largest difference from the log, in the command's unit, of an estimator in m."""
-    return 0.0
-
-
-def _standalone(words: Mapping[str, str]) -> dict[str, str]:
-    """The files that are the same for all, and the templates filled with `words`."""
-    paths = sorted(path for path in STANDALONE.rglob("*") if path.is_file())
-    texts = {path.relative_to(STANDALONE).as_posix(): path.read_text(encoding="utf-8") for path in paths}
-    return {file: Template(text).substitute(words) if file in TEMPLATES else text for file, text in texts.items()}
+def _standalone(form: str, words: Mapping[str, str]) -> dict[str, str]:
+    """The files that are the same for all, and the templates filled with `words`, less the lines of the other form."""
+    files = {}
+    for path in sorted(path for path in STANDALONE.rglob("*") if path.is_file()):
+        name, text = path.relative_to(STANDALONE).as_posix(), path.read_text(encoding="utf-8")
+        if form != CONTROLLER and name.startswith("node/"):
+            continue
+        if name in TEMPLATES:
+            lines = (line.removeprefix(f"{form}:") for line in text.splitlines(keepends=True))
+            kept = "".join(line for line in lines if not line.startswith((f"{CONTROLLER}:", f"{ESTIMATOR}:")))
+            text = Template(kept).substitute(words)
+        files[name] = text
+    return files

@@ -97,7 +97,7 @@ def _in_c(
     if out.exists():
         check_folder(out, "--out")
     with output_to_notes():
-        files, facts = exported(Asked(path, model, stage, form == "estimator", single), known)
+        files, facts = exported(Asked(path, model, stage, form, single), known)
     contents = {out / name: content for name, content in files.items()}
     check_targets(list(contents), "--out", [p for p in (path, model) if p is not None])
     for folder in sorted({target.parent for target in contents}):

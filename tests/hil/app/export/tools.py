@@ -26,7 +26,8 @@ def done(command: Sequence[str | Path], folder: Path, seconds: float = 300.0) ->
     return run.stdout + run.stderr
 
 
-def compiled(cc: str, out: Path, sources: Sequence[Path], *include: Path) -> ctypes.CDLL:
+def compiled(cc: str, out: Path, sources: Sequence[Path], *include: Path, more: Sequence[str] = ()) -> ctypes.CDLL:
     """A shared library of C sources, without warnings."""
-    done([cc, *WARNINGS, "-O1", "-shared", "-fPIC", "-o", out, *sources, *(f"-I{i}" for i in include), "-lm"], out.parent)
+    places = [f"-I{path}" for path in include]
+    done([cc, *WARNINGS, "-O1", "-shared", "-fPIC", *more, "-o", out, *sources, *places, "-lm"], out.parent)
     return ctypes.CDLL(str(out))

@@ -10,7 +10,7 @@ from typing import Final
 
 from controller.baselines import LQR, PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
-from controller.estimator.base import Estimator, trusting
+from controller.estimator.base import Observer, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
@@ -74,7 +74,6 @@ ESTIMATORS = ("default", "ukf")
 """The estimators of a scenario or deployment: the default of the controller, or filterpy's."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
-Observer = Estimator | KinematicFilter
 
 
 def horizon_of(model: ControlModel, deadline_s: float = math.inf) -> Horizon:

@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 
 from controller.drives import driven_of
-from controller.estimator.base import CURRENT, Counts
+from controller.estimator.base import CURRENT, Counts, Observer
 from controller.limits import Envelope, Issued, number
 from controller.model.control_model import ControlModel
-from controller.registry import Chain, Observer, build, estimator_for, noise_of
+from controller.registry import Chain, build, noise_of
 from controller.signals import Action, Adapted, Array, Controller, Estimate, Measurement, Reference, Status
-from controller.step.library import READINGS, Library, Out, loaded, pointer_to
+from controller.step.library import READINGS, Library, Out, loaded, memory, pointer_to
 from controller.step.library import Issued as IssuedC
 from controller.step.numbers import CHAINS, numbers_of
 from controller.supervision.fallback import Event
@@ -56,22 +56,16 @@ def compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | N
     return Compiled(library, numbers.vector, name, model, stage_s, reach_s)
 
 
-def supervisor_of(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Supervisor:
-    """The supervised controller `name` of `model` within `envelope`: in C where there is a compiler, else in Python
-    with `deadline_s` for the MPC. Errors as `build`.
+def supervisor_of(
+    name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf, in_c: bool = True
+) -> Supervisor:
+    """The supervised controller `name` of `model` within `envelope`: in C where that is asked for and there is a
+    compiler, else in Python with `deadline_s` for the MPC. Errors as `build`.
     """
-    found = compiled(name, model, envelope)
+    found = compiled(name, model, envelope) if in_c else None
     if found is None:
         return Supervisor(build(name, model, envelope, deadline_s), envelope)
     return CompiledSupervisor((CompiledChain(found),), envelope)
-
-
-def observer_of(name: str, model: ControlModel, envelope: Envelope, estimator: str = "default") -> Observer:
-    """The estimator of the controller `name`, likewise."""
-    found = compiled(name, model, envelope) if estimator == "default" else None
-    if found is None:
-        return estimator_for(name, model, estimator, envelope.limits.age_s)
-    return CompiledEstimator(found, envelope)
 
 
 class CompiledEstimator:
@@ -81,7 +75,7 @@ class CompiledEstimator:
         self._library, self._numbers = found.library, found.numbers
         self.model = model = found.model.sharp
         self.noise = noise_of(found.name, model, envelope.limits.age_s)
-        self._memory = np.zeros(found.library.estimator // 8 + 1)
+        self._memory = memory(found.library.estimator)
         self._belief = found.library.Belief.from_buffer(self._memory, found.library.belief_at)
         self._in = found.library.In()
         self._state, self._std, self._parameters, self._innovation = (
@@ -89,7 +83,7 @@ class CompiledEstimator:
         )
         current = any(bare(name) == "current_A" for name in model.states)
         self._channels = {str(model.drive.commanded): 1, "position_m": 0} | ({CURRENT: 2} if current else {})
-        self._at, self._given = pointer_to(self._memory), ctypes.byref(self._in)
+        self._at, self._given = ctypes.byref(self._memory), ctypes.byref(self._in)
         self._run = found.library.functions.capsule_estimate
         self.reset(0.0, 0.0)
 
@@ -139,12 +133,12 @@ class CompiledChain(Controller):
         self.compiled, self.name, self.names = found, found.name, CHAINS[found.name]
         self.library = library = found.library
         self._memory, self.given, self.out, self._belief = (
-            np.zeros(library.controller // 8 + 1),
+            memory(library.controller),
             library.In(),
             Out(),
             library.Belief(),
         )
-        self.at = pointer_to(self._memory)
+        self.at = ctypes.byref(self._memory)
         self.issued = IssuedC.from_buffer(self._memory, library.issued_at)
         self._reason = ctypes.c_int.from_buffer(self._memory, library.reason_at)
         self._positions, self._speeds = (np.frombuffer(one) for one in (self.given.position_m, self.given.speed_m_s))
@@ -222,6 +216,16 @@ class CompiledSupervisor(Supervisor):
     @property
     def active(self) -> str:
         return self._held.names[self._active] if self._active >= 0 else "stop"
+
+    def chain_for(self, name: str, model: ControlModel, deadline_s: float) -> Chain:
+        found = compiled(name, model, self.envelope)
+        return super().chain_for(name, model, deadline_s) if found is None else (CompiledChain(found),)
+
+    def observer_for(self, name: str, model: ControlModel, estimator: str) -> Observer:
+        found = compiled(name, model, self.envelope) if estimator == "default" else None
+        return (
+            super().observer_for(name, model, estimator) if found is None else CompiledEstimator(found, self.envelope)
+        )
 
     def lead_on(self, chain: Sequence[Controller], reason: str) -> None:
         super().lead_on(chain, reason)

@@ -98,7 +98,9 @@ def structures(sizes: Mapping[str, int | str]) -> tuple[Any, Any]:
         *((name, ctypes.c_int) for name in ("innovations", "lost", "learned")),
         *((name, ctypes.c_uint32) for name in ("accepted", "outliers", "unusable", "restarts", "followed")),
     )
-    return type("In", (ctypes.Structure,), {"_fields_": given}), type("Belief", (ctypes.Structure,), {"_fields_": found})
+    return type("In", (ctypes.Structure,), {"_fields_": given}), type(
+        "Belief", (ctypes.Structure,), {"_fields_": found}
+    )
 
 
 class Library:
@@ -122,6 +124,14 @@ def compiler() -> str | None:
     return shutil.which(os.environ.get("CC") or "cc")
 
 
+def available() -> bool:
+    """Whether controllers run in C here: there is a compiler, and DAQP's sources are."""
+    try:
+        return compiler() is not None and daqp_sources().is_dir()
+    except ValueError:
+        return False
+
+
 def sources_of(numbers: Numbers) -> dict[str, str]:
     """The C files of a controller by name, without DAQP's: those written by hand and those generated."""
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(SOURCES.glob("*.[ch]"))}
@@ -129,17 +139,14 @@ def sources_of(numbers: Numbers) -> dict[str, str]:
 
 
 def loaded(numbers: Numbers) -> Library | None:
-    """The compiled controller of `numbers`; None without a compiler or DAQP's sources, and where they do not work
-    together, which is said once on standard error.
+    """The compiled controller of `numbers`; None unless controllers run in C here (`available`), and where it does not
+    compile, which is said once on standard error.
     """
     cc = compiler()
-    if cc is None:
+    if cc is None or not available():
         return None
     files = sources_of(numbers) | {"layout.c": _LAYOUT}
-    try:
-        qp = daqp_sources() / "csrc" if numbers.sizes["MPC"] else None
-    except ValueError:
-        return None
+    qp = daqp_sources() / "csrc"
     machine = (cc, os.stat(cc).st_mtime, llvm.get_host_cpu_name(), FLAGS, _HERE, str(qp))
     key = hashlib.sha256(repr((machine, sorted(files.items()))).encode()).hexdigest()[:20]
     with _LOADING:
@@ -152,18 +159,16 @@ def loaded(numbers: Numbers) -> Library | None:
         return _LOADED[key]
 
 
-def _compiled(cc: str, files: Mapping[str, str], qp: Path | None, path: Path) -> str:
+def _compiled(cc: str, files: Mapping[str, str], qp: Path, path: Path) -> str:
     """Compile `files` to the shared library `path`; why not, or ""."""
     with tempfile.TemporaryDirectory(prefix=".step-", dir=path.parent) as folder:
         for name, text in files.items():
             Path(folder, name).write_text(text, encoding="utf-8")
         names = [name for name in files if name.endswith(".c")]
-        more = [] if qp is None else [f"-I{qp / 'include'}", *(str(qp / "src" / name) for name in DAQP_FILES)]
+        more = [f"-I{qp / 'include'}", *(str(qp / "src" / name) for name in DAQP_FILES)]
         command = [cc, *FLAGS, *_HERE, *_SHARED, "-o", "made.so", *names, *more, "-lm"]
         try:
-            run = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, timeout=_LONGEST_S, check=False
-            )
+            run = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_LONGEST_S, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
             return str(error)
         if run.returncode:
@@ -175,3 +180,8 @@ def _compiled(cc: str, files: Mapping[str, str], qp: Path | None, path: Path) ->
 def pointer_to(numbers: Array) -> ctypes.c_void_p:
     """The address of a contiguous array."""
     return ctypes.c_void_p(numbers.ctypes.data)
+
+
+def memory(size: int) -> "ctypes.Array[ctypes.c_double]":
+    """Zeros of `size` bytes."""
+    return (ctypes.c_double * (size // ctypes.sizeof(ctypes.c_double) + 1))()

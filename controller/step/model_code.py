@@ -201,11 +201,15 @@ def _planning(model: ControlModel, n: int) -> str:
         "    return found;",
     )
     wall = statements(s.wall_slopes, ["x[{}]", "t", _Q], ["const real found", "slopes[{}]"])
-    return text + "\n" + _function(
-        "real capsule_plan_wall(const real *x, real t, const real *q, real *slopes)",
-        ("t", "q"),
-        wall,
-        "    return found;",
+    return (
+        text
+        + "\n"
+        + _function(
+            "real capsule_plan_wall(const real *x, real t, const real *q, real *slopes)",
+            ("t", "q"),
+            wall,
+            "    return found;",
+        )
     )
 
 
@@ -222,7 +226,9 @@ def model_code(model: ControlModel, envelope: Envelope, varied: Sequence[int], p
         _looped(sharp, varied),
         "" if plain(sharp) else _sensor(sharp),
         _step("capsule_sharp_step", sharp.symbols.substep),
-        _function("real capsule_sharp_wall(const real *x, real t, const real *q)", ("x", "t", "q"), wall, "    return found;"),
+        _function(
+            "real capsule_sharp_wall(const real *x, real t, const real *q)", ("x", "t", "q"), wall, "    return found;"
+        ),
         _drive(model, envelope),
         _planning(model, len(model.states)) if planned else "",
     ]

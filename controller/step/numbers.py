@@ -81,7 +81,9 @@ def numbers_of(
     written in C, and for a model whose operations are not.
     """
     if controller not in CHAINS or envelope.shaken:
-        raise ValueError(f"controller must be one of {', '.join(CHAINS)} of a drive that moves a body; got {controller!r}")
+        raise ValueError(
+            f"controller must be one of {', '.join(CHAINS)} of a drive that moves a body; got {controller!r}"
+        )
     sharp, planned = model.sharp, controller == "mpc"
     periodic = Periodic.of(sharp, 1).index
     varied = [Level.index, *periodic.tolist()]
@@ -166,7 +168,9 @@ def _limits(envelope: Envelope) -> dict[str, float]:
     of = {"speed_m_s", "temperature_C", "derate_C", "gap_stds", "longest_tick_s"}
     limits = {f"most_{name}": getattr(envelope.limits, name) for name in sorted(of)}
     limits |= {"oldest_s": envelope.limits.age_s}
-    return {name: getattr(envelope, name) for name in ("low", "high", "rate", "acceleration", "gap_m", "sense")} | limits
+    return {
+        name: getattr(envelope, name) for name in ("low", "high", "rate", "acceleration", "gap_m", "sense")
+    } | limits
 
 
 def _rules(rules: Rules) -> dict[str, float]:

@@ -7,7 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from controller.estimator.base import Observer
 from controller.limits import Envelope, Issued, Seen, limited, number
+from controller.model.control_model import ControlModel
+from controller.registry import Chain, build, estimator_for
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.fallback import Blend, Event, FallbackChain, Rules, Swings
@@ -85,6 +88,14 @@ class Supervisor:
         self.halted = ""
         self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
         self._begin(self._chain, number(now))
+
+    def chain_for(self, name: str, model: ControlModel, deadline_s: float) -> Chain:
+        """The controllers named `name` of another `model`, to take over later. Errors as `build`."""
+        return build(name, model, self.envelope, deadline_s)
+
+    def observer_for(self, name: str, model: ControlModel, estimator: str) -> Observer:
+        """The estimator of the controller `name` of `model`, `estimator` one of `ESTIMATORS`."""
+        return estimator_for(name, model, estimator, self.envelope.limits.age_s)
 
     def offer(self, chain: Sequence[Controller], verdict: Acceptance) -> bool:
         """Keep `chain`, the controllers of a new model, for `take_offered` if its `verdict` passed; whether it did."""

@@ -1,7 +1,7 @@
 """The log of an exported controller: a lockstep run over the simulated bus, what its C functions got and answered."""
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from controller.model.control_model import ControlModel
 from controller.step.library import READINGS, Library
 from hil.app.scenario.bus_scenario import SilScenario, check_slots
 from hil.app.scenario.deployment import Deployment
-from hil.app.scenario.scenario import Control, load_track_scenario, parse_track_scenario
+from hil.app.scenario.scenario import Control, TrackScenario, load_track_scenario, parse_track_scenario
 from hil.app.sil.testbed import Bench
 from models.files.toml import parse_toml
 from models.rigs.reader import table_names
@@ -22,6 +22,12 @@ MOST_TICKS: Final = 2500
 """Ticks of a log, the first ones of the run."""
 LISTENS, BEGINS, CONTROLS = range(3)
 """Phases of a tick: the estimator alone, the controller begins, the controller goes on."""
+_IN_PLANT: Final = {
+    "force_constant_N_per_A": "gain_N_per_A",
+    "coil_resistance_Ohm": "resistance_ohm",
+    "coil_inductance_H": "inductance_H",
+}
+"""Keys of a rig file that a plant's scenario spells otherwise."""
 _LEAST_S: Final = 1.0
 """Shortest run that is simulated: the drive is enabled within it."""
 
@@ -36,11 +42,23 @@ def closed_loop(deployment: Deployment, path: Path) -> SilScenario:
     if "plant" in raw:
         loop = load_track_scenario(path.parent / raw["plant"]["scenario"])
     else:
-        own = {name: table for name, table in raw.items() if name in table_names() and name != "noise"}
-        loop = parse_track_scenario({**own, "scenario": {"duration_s": duration_s}})
+        loop = _believed_plant(raw, duration_s)
+        seen = replace(loop.instruments.localisation, std=control.seen_noise_m, quantum=control.resolution_m)
+        loop = replace(loop, instruments=replace(loop.instruments, localisation=seen))
     led = Control(tick_s=control.tick_s, controller=control.controller, judged_from_s=_LEAST_S / 2, probe=control.probe)
     loop = replace(loop, duration_s=duration_s, belief=deployment.rig, reference=deployment.reference, control=led)
     return SilScenario(replace(loop, limits=deployment.limits))
+
+
+def _believed_plant(raw: Mapping[str, Any], duration_s: float) -> TrackScenario:
+    """A plant of the numbers of a rig file. Raises ValueError where it has keys that no plant has."""
+    own = {name: dict(raw[name]) for name in table_names() if name in raw and name != "noise"}
+    rig = {_IN_PLANT.get(name, name): value for name, value in own.pop("rig").items()}
+    try:
+        run = {"scenario": {"duration_s": duration_s}, "reference": {"kind": "hold"}}
+        return parse_track_scenario({**own, **run, "rig": rig})
+    except ValueError as error:
+        raise ValueError(TEXT("controller.unlike", why=error)) from None
 
 
 def logged(scenario: SilScenario, model: ControlModel, controller: str, library: Library) -> str:

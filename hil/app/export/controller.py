@@ -1,4 +1,4 @@
-"""`capsule export controller` and `estimator`: a deployment's compiled controller as a folder of C that stands alone."""
+"""`capsule export controller` and `estimator`: a deployment's controller as a folder of C that stands alone."""
 
 import re
 import subprocess
@@ -29,6 +29,7 @@ STANDALONE: Final = Path(__file__).with_name("standalone")
 """Files of an exported folder that are the same for all, or templates."""
 TEMPLATES: Final = ("Makefile", "CMakeLists.txt", "README.md")
 _NEAR: Final = 0.01  # share of the scale within which single precision follows the log before particles differ
+_SIMPLEST: Final = "feedforward"  # leads the run that an estimator is tested with
 _PLANNING: Final = ("mpc.c", "planner.c", "qp.c")
 _OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
 
@@ -53,7 +54,7 @@ class Asked:
 def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], dict[str, Any]]:
     """The files of the folder by their path in it, and facts about them. Raises ValueError of one sentence."""
     deployment = _deployment(asked, known)
-    name = next(iter(reversed(CHAINS))) if asked.alone else deployment.control.controller
+    name = _SIMPLEST if asked.alone else deployment.control.controller
     with in_file(asked.path):
         check_word(deployment.rig.kind, "rig.kind of an exported controller", NODE_KINDS)
         check_word(name, "control.controller of an exported controller", CHAINS)
@@ -93,7 +94,9 @@ def _sources(numbers: Numbers, asked: Asked) -> dict[str, str]:
     files = sources_of(numbers) | {"numbers.c": f'#include "elementary.h"\n\n{numbers.stated}'}
     head, rest = files["controller.h"].split("#include <stdint.h>\n", 1)
     single = "#define CAPSULE_FLOAT32\n" if asked.single else ""
-    declared = rest.replace('#include "state.h"', 'extern const capsule_numbers capsule_deployment;\n\n#include "state.h"')
+    declared = rest.replace(
+        '#include "state.h"', 'extern const capsule_numbers capsule_deployment;\n\n#include "state.h"'
+    )
     files["controller.h"] = f"{head}#include <stdint.h>\n\n{single}{declared}"
     left_out = () if numbers.sizes["MPC"] else _PLANNING
     kept = [name for name in files if name not in left_out and (not asked.alone or name.endswith(".h"))]
@@ -114,9 +117,8 @@ def _daqp(numbers: Numbers, asked: Asked) -> dict[str, str | bytes]:
         return {}
     folder = daqp_sources()
     paths = [*(folder / "csrc" / "src" / name for name in DAQP_FILES), *(folder / "csrc" / "include").glob("*.h")]
-    return {"daqp/LICENSE": (folder / "LICENSE").read_bytes()} | {
-        f"daqp/{path.parent.name}/{path.name}": path.read_bytes() for path in sorted(paths)
-    }
+    files: dict[str, str | bytes] = {"daqp/LICENSE": (folder / "LICENSE").read_bytes()}
+    return files | {f"daqp/{path.parent.name}/{path.name}": path.read_bytes() for path in sorted(paths)}
 
 
 def _sizes(sources: Mapping[str, str]) -> dict[str, int]:
@@ -169,7 +171,9 @@ def _words(
     flags = [*tolerance.flags, *(["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else [])]
     flags += ["-DDAQP_SINGLE_PRECISION="] if daqp and asked.single else []
     precision = TEXT("controller.single") if asked.single else TEXT("controller.double")
-    model = TEXT("controller.file", stage=asked.stage, name=asked.model.name) if asked.model else TEXT("controller.stated")
+    model = (
+        TEXT("controller.file", stage=asked.stage, name=asked.model.name) if asked.model else TEXT("controller.stated")
+    )
     said = {"kind": deployment.rig.kind, "name": deployment.control.controller, "model": model, "precision": precision}
     limit = re.search(r"#define LIMIT (\d+)", str(files.get("qp.c", "")))
     loops = {"plans": sizes["ITERATIONS"], "iterations": limit and limit[1], "particles": sizes["PARTICLES"]}

@@ -31,7 +31,9 @@ def export(
     *,
     scenario: Annotated[
         Path | None,
-        argument("[FILE.toml]", "The scenario whose plant becomes an FMU; the deployment of a controller or estimator."),
+        argument(
+            "[FILE.toml]", "The scenario whose plant becomes an FMU; the deployment of a controller or estimator."
+        ),
     ] = None,
     model: LearnedModel = None,
     rig: Annotated[Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.")] = None,

@@ -7,11 +7,11 @@ from typing import Final
 
 import cantools
 import numpy as np
+from cantools.database import Database
 from cantools.database.can.c_source import camel_to_snake_case, generate
 
 from controller.limits import Envelope
 from controller.reference import STEP_S, Trajectory
-from controller.signals import Array
 from hil.app.scenario.deployment import Deployment
 from hil.bus.catalogue import DBC
 from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, controllers_frames, frame_map_of, frames
@@ -25,6 +25,7 @@ _STRAIGHT_M: Final = 1e-12
 def node_sources(deployment: Deployment, envelope: Envelope) -> Mapping[str, str]:
     """`frames.h`, `frames.c` and `deployment.h` of the node of a deployment."""
     database = cantools.database.load_file(DBC)
+    assert isinstance(database, Database)
     header, source, *_ = generate(
         database, "frames", "frames.h", "frames.c", "", node_name="Controller", use_round=True
     )
@@ -57,7 +58,10 @@ def _deployment_header(deployment: Deployment, envelope: Envelope) -> str:
     for part, name in named.items():
         numbers |= {f"{part}_DATA_ID": f"{known[name].data_id}u", f"{part}_CYCLE_S": repr(known[name].cycle_s)}
     times_s, places_m = knots(deployment.reference)
-    numbers |= {"REFERENCE_S": _braced(f"{t:.9g}" for t in times_s), "REFERENCE_M": _braced(f"{x:.12g}" for x in places_m)}
+    numbers |= {
+        "REFERENCE_S": _braced(f"{t:.9g}" for t in times_s),
+        "REFERENCE_M": _braced(f"{x:.12g}" for x in places_m),
+    }
     lines = "\n".join(f"#define {name} {value}" for name, value in numbers.items())
     return f"/* Generated: the deployment's frames, limits and reference. */\n#include <math.h>\n\n{lines}\n"
 
@@ -65,7 +69,7 @@ def _deployment_header(deployment: Deployment, envelope: Envelope) -> str:
 def knots(reference: Trajectory) -> tuple[list[float], list[float]]:
     """Times in s and positions in m between which a reference is straight."""
     bends = np.abs(np.diff(reference.positions, 2)) > _STRAIGHT_M
-    kept: Array = np.flatnonzero(np.concatenate([[True], bends, [True]]))
+    kept = np.flatnonzero(np.concatenate([[True], bends, [True]]))
     return (kept * STEP_S).tolist(), reference.positions[kept].tolist()
 
 

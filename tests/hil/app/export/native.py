@@ -46,7 +46,9 @@ def native(folder: Path) -> ctypes.CDLL:
     daqp = sorted((folder / "daqp" / "src").glob("*.c"))
     sources = [*own, *daqp, HERE.with_name("native_loop.c")]
     options = ["-O2", "-w", *flags.partition(":=")[2].split()]
-    found = compiled(tool("cc"), folder / "native.so", sources, folder, folder / "node", folder / "daqp/include", more=options)
+    found = compiled(
+        tool("cc"), folder / "native.so", sources, folder, folder / "node", folder / "daqp/include", more=options
+    )
     found.reason.restype = found.doubt.restype = ctypes.c_char_p
     found.reference_m.restype = found.reference_s.restype = ctypes.c_double
     found.doubt.argtypes = [ctypes.c_double]

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from controller.step.daqp_sources import daqp_sources
 from hil.app.export.ticks import closed_loop
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import SilScenario
@@ -32,27 +33,29 @@ current_limit_A = 1.0
 """
 TICKS = 600
 ALLOWED_RULES = {
-    "2.2": "a statement whose value the compiler drops",
+    "2.4": "a structure whose tag is not used",
     "2.5": "constants of the interface that this deployment does not use",
-    "5.5": "names that differ from a macro's by case alone",
+    "5.5": "a function and the macro of its name in single precision",
+    "5.9": "one name of static functions in two files",
+    "8.7": "a function of the interface that nothing in the folder calls",
     "8.14": "restrict",
-    "8.4": "the functions of the interface are declared in one header",
-    "8.9": "a table beside the function that reads it",
-    "10.1": "a truth value counted",
+    "10.1": "a truth value that is counted",
     "10.3": "whole numbers that are known to fit",
-    "10.4": "a real beside a whole number",
-    "10.5": "a truth value as a number",
-    "11.9": "a zero",
+    "10.4": "a number beside one of another kind",
+    "10.6": "a product that is widened as it is stored",
+    "10.8": "a product that is widened by a cast",
     "12.1": "the usual precedence without parentheses",
     "12.3": "declarations of several variables",
     "13.3": "a counter within an expression",
     "13.4": "an assignment within a condition",
     "14.4": "a number as a condition",
     "15.5": "more than one return",
+    "15.6": "a body without braces",
     "15.7": "an else if without an else",
     "17.7": "memcpy's value is not used",
+    "18.4": "a pointer plus an index",
     "20.1": "an include after a macro that it reads",
-    "20.7": "macros that make names",
+    "20.10": "macros that make the names of a drive's frames",
 }
 """Rules of MISRA C 2012 that the hand-written sources break, and what with."""
 
@@ -61,7 +64,7 @@ def deployment(folder: Path, controller: str) -> Path:
     """The shipped deployment with a short run under `controller`; "coil": a coil under feedforward without a plant."""
     text = (SHIPPED / "deployment.toml").read_text()
     if controller == "coil":
-        controller, text = "feedforward", re.sub(r"(?s)\[rig\].*?\n\n", COIL, text.partition("[plant]")[0], count=1)
+        controller, text = "feedforward", re.sub(r"(?s)\[rig\].*?\n\n", COIL, text.partition("\n[plant]")[0], count=1)
     text = text.replace('controller = "feedforward"', f'controller = "{controller}"')
     text = text.replace("duration_s = 10.0", f"duration_s = {2e-3 * TICKS:g}")
     (folder / "deployment.toml").write_text(text)
@@ -80,12 +83,20 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
             controller, *single = way.split()
             home = tmp_path_factory.mktemp("exported")
             args = ["export", form, str(deployment(home, controller)), "--out", str(home / "out"), *single]
-            if run(args):
-                pytest.skip("the C sources of DAQP are missing: make setup fetches them")
+            if controller == "mpc":
+                daqp_or_skip()
+            assert run(args) == 0
             folders[form, way] = home / "out"
         return folders[form, way]
 
     return folder
+
+
+def daqp_or_skip() -> None:
+    try:
+        daqp_sources()
+    except ValueError as error:
+        pytest.skip(str(error))
 
 
 def counts(said: str) -> tuple[int, int]:
@@ -148,13 +159,15 @@ def test_cppcheck_finds_nothing(way: str, made: Callable[..., Path]) -> None:
 
 def test_rules_of_misra(made: Callable[..., Path]) -> None:
     folder = made("mpc")
-    command = [tool("cppcheck"), "--quiet", "--std=c99", "--addon=misra", "--max-configs=1", "-I."]
-    said = done([*command, "--template={id} {file}:{line}", *written_by_hand(folder)], folder)
-    if "misra" not in said:
-        pytest.skip("cppcheck has no addon misra here")
-    broken = set(re.findall(r"misra-c2012-([0-9.]+)", said))
-    print(sorted(broken))
-    assert broken <= set(ALLOWED_RULES), said
+    command = [tool("cppcheck"), "--quiet", "--std=c99", "--addon=misra", "--max-configs=1", "-DNODE_CARRIAGE=1"]
+    places = ["-I.", "-Inode", "-Idaqp/include", "--template={id} {file}:{line}"]
+    said = done([*command, *places, *written_by_hand(folder)], folder)
+    if "misra-c2012" not in said:
+        pytest.skip(f"cppcheck has no addon misra here: {said[:200]}")
+    own = [line for line in said.splitlines() if "daqp/" not in line and "frames.h" not in line]
+    broken = set(re.findall(r"misra-c2012-([0-9.]+)", "\n".join(own)))
+    assert len(broken) > 5
+    assert broken <= set(ALLOWED_RULES), own
 
 
 def written_by_hand(folder: Path) -> list[Path]:
@@ -270,7 +283,7 @@ def test_refusals_are_a_sentence(
     (tmp_path / "d.toml").write_text(text)
     (tmp_path / "pid.toml").write_text(text.replace('"feedforward"', '"pid_measured"'))
     tables = re.sub(r"(?s)\[capsule\].*?\[noise\].*?\n\n", PLATE + '[rig]\nkind = "vibro"\n\n', text)
-    (tmp_path / "vibro.toml").write_text(tables)
+    (tmp_path / "vibro.toml").write_text(tables.replace('"feedforward"', '"vibro"'))
     assert run(["export", *args]) == 2
     error = capsys.readouterr().err
     assert said in error

@@ -3,13 +3,12 @@
 import ctypes
 import math
 import random
-from pathlib import Path
 
 import pytest
 
 from controller.drives import envelope_of
-from hil.app.export.native_node import knots, node_sources
 from hil.app.export.controller import STANDALONE
+from hil.app.export.native_node import knots, node_sources
 from hil.app.scenario.deployment import load_deployment
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender, crc8

@@ -16,6 +16,8 @@ from hil.app.export.ticks import closed_loop
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.deployment import load_deployment
+from models.identification.model import Model
+from tests.hil.app.export.conftest import BASE, FOLDS
 from tests.hil.app.export.native import led, native
 from tests.hil.app.export.tools import HERE, WARNINGS, done, tool
 from tests.places import ROOT
@@ -133,6 +135,19 @@ def test_replay_fails_where_a_number_is_another(way: str, made: Callable[..., Pa
     assert counts(ran.stdout)[1] > 10
 
 
+def test_a_found_model_leads(made: Callable[..., Path], tmp_path: Path) -> None:
+    values = BASE | {"magnet_stiffness_N_per_m": 24.2}
+    stages = {"nominal": values, "calibrated": values, "augmented": values | FOLDS}
+    (tmp_path / "model.toml").write_text(Model("magnetic", stages).to_toml())
+    args = ["export", "controller", str(deployment(tmp_path, "feedforward")), "--model", str(tmp_path / "model.toml")]
+    assert run([*args, "--out", str(tmp_path / "out")]) == 0
+    passed, failed = counts(done([tool("make"), "test"], tmp_path / "out"))
+    assert failed == 0
+    assert passed > 0.9 * TICKS
+    assert (tmp_path / "out" / "numbers.c").read_text() != (made("feedforward") / "numbers.c").read_text()
+    assert "the augmented model of model.toml" in (tmp_path / "out" / "README.md").read_text()
+
+
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("way", WAYS)
 def test_no_warnings(way: str, compiler: str, made: Callable[..., Path], tmp_path: Path) -> None:
@@ -236,6 +251,14 @@ def short(folder: Path, controller: str) -> SilScenario:
     path = deployment(folder, controller)
     scenario = closed_loop(load_deployment(path), path)
     return replace(scenario, loop=replace(scenario.loop, control=scenario.loop.control.but(probe=False)))
+
+
+def test_native_node_says_that_there_is_no_bus(made: Callable[..., Path]) -> None:
+    folder = made("feedforward")
+    done([tool("make"), "node"], folder)
+    ran = subprocess.run(["build/node", "nothing0"], cwd=folder, capture_output=True, text=True, check=False)
+    assert ran.returncode == 2
+    assert "CAN interface" in ran.stderr
 
 
 def test_native_node_leads_on_a_real_can_bus(made: Callable[..., Path], tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """What an exported controller needs on a Cortex-M7, how it tracks in single precision, and whether any bits may come
-in: `python -m tests.bench.bench_controller_export --out DIR [--ways WAY...] [--tick S] [--seeds N] [--ticks N]`; a Markdown table.
+in: `python -m tests.bench.bench_controller_export --out DIR [--ways WAY...] [--tick S] [--seeds N] [--ticks N]`, a
+Markdown table.
 """
 
 import argparse

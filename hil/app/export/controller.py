@@ -62,11 +62,10 @@ def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], di
         envelope = envelope_of(model.drive, deployment.limits)
         numbers = numbers_of(name, model, envelope)
         sources = _sources(numbers, asked)
+        files = {**sources, **_daqp(numbers, asked)}
         ticks = _ticks(deployment, model, name, numbers, asked.path)
-    files: dict[str, str | bytes] = dict(sources)
     if not asked.alone:
         files |= {f"node/{file}": text for file, text in node_sources(deployment, envelope).items()}
-    files |= _daqp(numbers, asked)
     sizes = _sizes(sources)
     words = _words(asked, deployment, numbers, envelope, files) | {
         "ticks": str(ticks.count("\n") - 1),
@@ -106,7 +105,6 @@ def _sources(numbers: Numbers, asked: Asked) -> dict[str, str]:
 def _ticks(deployment: Deployment, model: ControlModel, name: str, numbers: Numbers, path: Path) -> str:
     library = loaded(numbers)
     if library is None:
-        daqp_sources()
         raise ValueError(TEXT("controller.compiler"))
     return logged(closed_loop(deployment, path), model, name, library)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from controller.step import library
 from controller.step.daqp_sources import daqp_sources
 from hil.app.export.ticks import closed_loop
 from hil.app.main import run
@@ -320,6 +321,15 @@ def test_missing_sources_of_daqp_are_said(
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     assert run(["export", "controller", str(deployment(tmp_path, "mpc")), "--out", str(tmp_path / "o")]) == 2
     assert "make setup" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def test_no_compiler_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(library, "compiler", lambda: None)
+    assert run(["export", "controller", str(deployment(tmp_path, "feedforward")), "--out", str(tmp_path / "o")]) == 2
+    assert "C compiler" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
 
 

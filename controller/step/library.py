@@ -9,7 +9,6 @@ import sys
 import tempfile
 import threading
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -118,10 +117,11 @@ class Library:
         self.stages = int(numbers.sizes["STAGES"])
 
 
-@cache
 def compiler() -> str | None:
-    """The C compiler of this machine: `CC`, else `cc`; None where there is none."""
-    return shutil.which(os.environ.get("CC") or "cc")
+    """The C compiler: `CAPSULE_COMPILER`, else cc, gcc or clang; None without one, and where that is `none`."""
+    wanted = os.environ.get("CAPSULE_COMPILER", "")
+    named = () if wanted == "none" else (wanted, "cc", "gcc", "clang")
+    return next((found for name in named if name and (found := shutil.which(name))), None)
 
 
 def available() -> bool:

@@ -1,6 +1,6 @@
 """The control model in C: CasADi's functions of scalar operations written out as straight-line code."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import casadi as ca
@@ -57,18 +57,19 @@ def _power(x: str, y: str, constant: float | None) -> str:
     return product if constant > 0 else f"R(1) / ({product})"
 
 
-def statements(function: ca.Function, inputs: Sequence[str], outputs: Sequence[str], indent: str = "    ") -> str:
-    """The operations of `function` as statements. `inputs` and `outputs` are templates of C expressions, one an
-    argument and one a result, `{}` the entry. Results are written last. Raises ValueError for operations that are not
+def statements(function: ca.Function, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The operations of `function` as statements: first those that are the same in every turn of a loop over k, then
+    the others, the results last. `inputs` and `outputs` are templates of C expressions, one an argument and one a
+    result, `{}` the entry; one with `[k]` differs from turn to turn. Raises ValueError for operations that are not
     scalar.
     """
-    lines, last, value, constants = list[str](), list[str](), dict[int, str](), dict[str, float]()
-    read: dict[tuple[int, int], str] = {}
+    shared, own, last, differs = list[str](), list[str](), list[str](), set[str]()
+    value, constants, read = dict[int, str](), dict[str, float](), dict[tuple[int, int], str]()
     for k in range(function.n_instructions()):
         op, ins, outs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         name = _NAMES.get(op, "")
         if op == ca.OP_OUTPUT:
-            last.append(f"{indent}{outputs[outs[0]].format(outs[1])} = {value[ins[0]]};")
+            last.append(f"{outputs[outs[0]].format(outs[1])} = {value[ins[0]]};")
             continue
         if op == ca.OP_CONST:
             value[outs[0]] = literal(float(function.instruction_constant(k)))
@@ -80,17 +81,28 @@ def statements(function: ca.Function, inputs: Sequence[str], outputs: Sequence[s
                 value[outs[0]] = read[entry]
                 continue
             text = inputs[ins[0]].format(ins[1])
-        elif name in ("pow", "constpow"):
-            text = _power(value[ins[0]], value[ins[1]], constants.get(value[ins[1]]))
-        elif name in _WRITTEN:
-            text = _WRITTEN[name].format(*(value[i] for i in ins))
+            varies, read[entry] = "[k]" in text, f"a{k}"
         else:
-            raise ValueError(f"model must use scalar operations to be written in C; got CasADi operation {name or op}")
+            text = _operation(name, [value[i] for i in ins], constants, op)
+            varies = any(value[i] in differs for i in ins)
         value[outs[0]] = f"a{k}"
-        if op == ca.OP_INPUT:
-            read[entry] = value[outs[0]]
-        lines.append(f"{indent}const real a{k} = {text};")
-    return "\n".join([*lines, *last])
+        if varies:
+            differs.add(f"a{k}")
+        (own if varies else shared).append(f"const real a{k} = {text};")
+    return shared, own + last
+
+
+def _operation(name: str, values: Sequence[str], constants: Mapping[str, float], op: int) -> str:
+    if name in ("pow", "constpow"):
+        return _power(values[0], values[1], constants.get(values[1]))
+    if name not in _WRITTEN:
+        raise ValueError(f"model must use scalar operations to be written in C; got CasADi operation {name or op}")
+    return _WRITTEN[name].format(*values)
+
+
+def _plain(function: ca.Function, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """The operations outside of any loop."""
+    return "\n".join(f"    {line}" for part in statements(function, inputs, outputs) for line in part)
 
 
 def _function(head: str, unused: Sequence[str], *bodies: str) -> str:
@@ -104,37 +116,36 @@ _Q: Final = "q[{}]"
 
 
 def _step(name: str, substep: ca.Function) -> str:
-    body = statements(substep, ["x[{}]", "c0", "c1", "d", "t", "h", _Q], ["x[{}]"])
+    body = _plain(substep, ["x[{}]", "c0", "c1", "d", "t", "h", _Q], ["x[{}]"])
     return _function(f"void {name}(real *x, {_MOTION})", _NAMED, body)
 
 
 def _looped(model: ControlModel, varied: Sequence[int]) -> str:
     """The step of all particles, each with its own disturbance and parameters `varied`."""
-    q = {index: f"own[{k}][k]" for k, index in enumerate(varied)}
-    body = _with(model.symbols.substep, ["x[{}][k]", "c0", "c1", "d[k]", "t", "h", ""], ["x[{}][k]"], q)
+    substep, own = model.symbols.substep, {index: f"own[{k}][k]" for k, index in enumerate(varied)}
+    x, c0, c1, d, t, h = (substep.sx_in(i) for i in range(6))
+    q = [ca.SX.sym("q") for _ in range(substep.numel_in(6))]
+    split = ca.Function("split", [x, c0, c1, d, t, h, *q], [substep(x, c0, c1, d, t, h, ca.vertcat(*q))])
+    parameters = [own.get(i, f"q[{i}]") for i in range(len(q))]
     head = (
         "void capsule_particles(real (*restrict x)[CAPSULE_PARTICLES], const real *restrict d,\n"
         "                       real (*restrict own)[CAPSULE_PARTICLES], const real *restrict q,\n"
         "                       real c0, real c1, real t, real h)"
     )
-    return _loop(head, ("own", "c0", "c1", "t", "h", "q"), body)
+    inputs = ["x[{}][k]", "c0", "c1", "d[k]", "t", "h", *parameters]
+    return _loop(head, ("own", "c0", "c1", "t", "h", "q"), "PARTICLES", statements(split, inputs, ["x[{}][k]"]))
 
 
-def _loop(head: str, unused: Sequence[str], body: str) -> str:
+def _loop(head: str, unused: Sequence[str], count: str, parts: tuple[list[str], list[str]]) -> str:
+    """A function with the statements of `parts` before and in a loop over k."""
+    shared, own = (
+        "\n".join(f"{indent}{line}" for line in part) for indent, part in zip(("    ", " " * 8), parts, strict=True)
+    )
     marks = "".join(f"    (void){name};\n" for name in unused)
     return (
-        f"{head}\n{{\n    int k;\n{marks}    CAPSULE_LANES\n"
-        f"    for (k = 0; k < CAPSULE_PARTICLES; k++) {{\n{body}\n    }}\n}}\n"
+        f"{head}\n{{\n{shared}\n    int k;\n{marks}    CAPSULE_LANES\n"
+        f"    for (k = 0; k < CAPSULE_{count}; k++) {{\n{own}\n    }}\n}}\n"
     )
-
-
-def _with(function: ca.Function, inputs: Sequence[str], outputs: Sequence[str], q: dict[int, str]) -> str:
-    """`statements` with the parameters, the last argument, written as `q` says."""
-    parameters = [q.get(i, f"q[{i}]") for i in range(function.numel_in(function.n_in() - 1))]
-    marked = statements(function, [*inputs[:-1], "@{}@"], outputs, "        ")
-    for i, text in enumerate(parameters):
-        marked = marked.replace(f"@{i}@", text)
-    return marked
 
 
 def _sensor(model: ControlModel) -> str:
@@ -142,12 +153,11 @@ def _sensor(model: ControlModel) -> str:
     x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
     q = ca.SX.sym("q", len(model.symbols.parameters))
     shown = ca.Function("shown", [x, t, q], [model.symbols.measured(x, t, q)])
-    body = statements(shown, ["x[{}][k]", "t", _Q], ["shown[k]"], "        ")
     head = (
         "void capsule_shown(real (*restrict x)[CAPSULE_PARTICLES], real t, const real *restrict q,\n"
         "                   real *restrict shown)"
     )
-    return _loop(head, ("t", "q"), body)
+    return _loop(head, ("t", "q"), "PARTICLES", statements(shown, ["x[{}][k]", "t", _Q], ["shown[k]"]))
 
 
 def plain(model: ControlModel) -> bool:
@@ -170,37 +180,31 @@ def _drive(model: ControlModel, envelope: Envelope) -> str:
     inverse = ca.Function("inverse", [one, x, v, q], [ca.densify(ca.SX(wanted))])
     text = ""
     for name, function in (("capsule_drive_force", force), ("capsule_drive_command", inverse)):
-        body = statements(function, ["one", "x", "v", _Q], ["const real found"])
+        body = _plain(function, ["one", "x", "v", _Q], ["const real found"])
         head = f"real {name}(real one, real x, real v, const real *q)"
         text += _function(head, ("one", "x", "v", "q"), body, "    return found;") + "\n"
     return text
 
 
-def _planning(model: ControlModel, n: int) -> str:
+def _planning(model: ControlModel) -> str:
     """The planner's functions: a step, the slopes of all stages side by side, the inverse, the wall's force."""
     s = model.symbols
-    slopes = statements(
-        s.slopes,
-        ["x[{}][k]", "c0[k]", "c1[k]", "d", "t[k]", "h", _Q],
-        ["x[{}][k]", "J[{}][k]"],
-        "        ",
-    )
-    marks = "".join(f"    (void){name};\n" for name in ("d", "t", "h", "q"))
+    inputs = ["x[{}][k]", "c0[k]", "c1[k]", "d", "t[k]", "h", _Q]
     head = (
         "void capsule_plan_slopes(real (*restrict x)[CAPSULE_STAGES], const real *restrict c0,\n"
         "                         const real *restrict c1, real d, const real *restrict t, real h,\n"
         "                         const real *restrict q, real (*restrict J)[CAPSULE_STAGES])"
     )
-    loop = f"    CAPSULE_LANES\n    for (k = 0; k < CAPSULE_STAGES; k++) {{\n{slopes}\n    }}\n"
-    text = _step("capsule_plan_step", s.substep) + f"\n{head}\n{{\n    int k;\n{marks}{loop}}}\n\n"
-    pursuit = statements(s.pursuit, ["x[{}]", "speed", "d", "t", _Q], ["const real found"])
+    slopes = _loop(head, ("d", "t", "h", "q"), "STAGES", statements(s.slopes, inputs, ["x[{}][k]", "J[{}][k]"]))
+    text = _step("capsule_plan_step", s.substep) + f"\n{slopes}\n"
+    pursuit = _plain(s.pursuit, ["x[{}]", "speed", "d", "t", _Q], ["const real found"])
     text += _function(
         "real capsule_plan_pursuit(const real *x, real speed, real d, real t, const real *q)",
         ("speed", "d", "t", "q"),
         pursuit,
         "    return found;",
     )
-    wall = statements(s.wall_slopes, ["x[{}]", "t", _Q], ["const real found", "slopes[{}]"])
+    wall = _plain(s.wall_slopes, ["x[{}]", "t", _Q], ["const real found", "slopes[{}]"])
     return (
         text
         + "\n"
@@ -218,7 +222,7 @@ def model_code(model: ControlModel, envelope: Envelope, varied: Sequence[int], p
     parameters `varied` per particle, and, if `planned`, those of the MPC.
     """
     sharp = model.sharp
-    wall = statements(sharp.symbols.wall_force, ["x[{}]", "t", _Q], ["const real found"])
+    wall = _plain(sharp.symbols.wall_force, ["x[{}]", "t", _Q], ["const real found"])
     parts = [
         f"/* Generated from the control model of a {model.drive.name} drive; states:"
         f" {', '.join(str(bare(name)) for name in model.states)}. */",
@@ -230,6 +234,6 @@ def model_code(model: ControlModel, envelope: Envelope, varied: Sequence[int], p
             "real capsule_sharp_wall(const real *x, real t, const real *q)", ("x", "t", "q"), wall, "    return found;"
         ),
         _drive(model, envelope),
-        _planning(model, len(model.states)) if planned else "",
+        _planning(model) if planned else "",
     ]
     return "\n".join(part for part in parts if part)

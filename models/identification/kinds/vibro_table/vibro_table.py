@@ -57,17 +57,13 @@ class VibroTableKind(TableKind):
                 f"rig must have a drive and a plate for kind {VIBRO_TABLE.id!r}; got kind {rig.kind!r} without them"
             )
 
-        def number(name: str, value: float, unit: str, low: float, high: float) -> Parameter:
-            ends = sorted((low * value, high * value))
-            return Parameter(name, value, unit, ends[0], ends[1], _BELIEF, fit=low < high)
-
+        masses = ("body_mass_kg", rig.capsule.mass_kg, "kg"), ("inner_mass_kg", drive.inner_mass_kg, "kg")
+        fixed = (("force_N", drive.force_N, "N"), *masses)
         base = (
-            number("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
+            Parameter.near("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2, _BELIEF),
             Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
-            number("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7),
-            number("force_N", drive.force_N, "N", 1.0, 1.0),
-            number("body_mass_kg", rig.capsule.mass_kg, "kg", 1.0, 1.0),
-            number("inner_mass_kg", drive.inner_mass_kg, "kg", 1.0, 1.0),
+            Parameter.near("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7, _BELIEF),
+            *(Parameter(name, value, unit, value, value, _BELIEF) for name, value, unit in fixed),
             Parameter("mirror", 1.0, "1", -1.0, 1.0, "settled once from the records"),
         )
         made = cls(base, drive.reaction_on_body)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from models.files.access import LARGEST_TEXT, read_text
+from models.files.access import read_text
 from models.files.units import unit, unit_of
 from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
@@ -60,9 +60,9 @@ def in_file(path: Path) -> Iterator[None]:
         raise ValueError(str(error) if said else f"{path}: {error}") from None
 
 
-def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[str, Any], str]:
+def read_toml(path: Path, what: str) -> tuple[dict[str, Any], str]:
     """The tables of a file and its text. Errors as `read_text`."""
-    text = read_text(path, what, largest)
+    text = read_text(path, what)
     return parse_toml(text, f"{path}: {what}"), text
 
 

@@ -12,7 +12,7 @@ from models.effects.effect import Effect
 from models.identification.kind import Array, Split
 from models.identification.kinds.table import TableKind, distinct, left_out_in_turn
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
-from models.identification.kinds.vibro_table.solver import STEP_S, mean_velocities
+from models.identification.kinds.vibro_table.solver import mean_velocities
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -41,7 +41,6 @@ class VibroTableKind(TableKind):
     reaction_on_body: bool = True
     model_error_m_s: float = 2.0e-3
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: CATALOGUE.acting_on(VIBRO_TABLE.id, VARIANTS))
-    step_s: float = STEP_S
     name: str = VIBRO_TABLE.id
     catalogue: Catalogue = CATALOGUE
     quantity: str = "mean_velocity_m_s"
@@ -88,7 +87,7 @@ class VibroTableKind(TableKind):
         values = self.nominal() | theta
         runs, index = self.conditions(record)
         period, duty, cycles = runs.T
-        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body), step=self.step_s)
+        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body))
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:

@@ -164,7 +164,7 @@ class _File:
             return self.read("tissue", model, optional).tissue()
         self.used.add("tissue")
         try:
-            content = with_contact_angle(self.raw["tissue"], capsule.radius_m, "tissue")
+            content = with_contact_angle(self.raw["tissue"], capsule.radius_m)
         except ValueError as error:
             raise ValueError(f"{self.where}: {error}") from None
         return checked(self.where, "tissue", model, content).tissue()

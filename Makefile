@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 INSTALLED := $(VENV)/.installed
+DAQP := $(VENV)/share/capsule/daqp
 
 .PHONY: demo test docs setup lint sbom audit
 demo: setup
@@ -19,13 +20,20 @@ lint: setup
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
-setup: $(INSTALLED)
+setup: $(INSTALLED) $(DAQP)/LICENSE
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or later; set PYTHON=" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@
+
+# The C sources of DAQP, which the compiled controller carries along. Without a package index all else works.
+$(DAQP)/LICENSE: $(INSTALLED)
+	@rm -rf build/daqp $(DAQP) && mkdir -p $(DAQP)
+	@$(VENV)/bin/python -m pip download --quiet --disable-pip-version-check --retries 1 -c constraints.txt --no-deps \
+		--no-binary daqp -d build/daqp daqp && tar -xzmf build/daqp/daqp-*.tar.gz --strip-components 1 -C $(DAQP) \
+		|| echo "DAQP's C sources could not be fetched: capsule export controller will ask for make setup" >&2
 
 $(VENV)/.installed-docs: $(INSTALLED)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'

@@ -12,11 +12,10 @@ import numpy as np
 from controller.drives import envelope_of, friction_command
 from controller.limits import Limits
 from controller.model.control_model import ControlModel
-from controller.registry import build
 from controller.signals import Action, Estimate, Measurement, Reference
+from controller.step.compiled import supervisor_of
 from controller.supervision.contradiction import Contradiction
 from controller.supervision.model_switch import ModelSwitch, Offer
-from controller.supervision.supervisor import Supervisor
 
 
 class World(Protocol):
@@ -68,7 +67,7 @@ class ClosedLoop:
         """Raises ValueError for a controller that cannot lead this rig."""
         envelope = envelope_of(model.drive, asked.limits)
         self.asked, self.tick_s = asked, model.tick_s
-        self.supervisor = Supervisor(build(controller, model, envelope), envelope)
+        self.supervisor = supervisor_of(controller, model, envelope)
         beside: dict[str, Any] = {"estimator": asked.estimator, "others": others}
         self.estimator = ModelSwitch(self.supervisor, controller, model, offer, **beside)
         self._watch = Contradiction(envelope, asked.noise_m, friction_command(model, envelope))

@@ -34,7 +34,7 @@ class Inverse:
         self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))
         self._d = np.zeros(1)
-        self._remembers = envelope.placed and not all(isinstance(name, str) for name in model.states)
+        self._remembers = remembers(model, envelope)
         self._before = math.nan
 
     def command(
@@ -97,6 +97,20 @@ with the capsule and learns nothing.
 """
 
 
+def remembers(model: ControlModel, envelope: Envelope) -> bool:
+    """Whether `model` remembers the carriage's path, as play does."""
+    return envelope.placed and not all(isinstance(name, str) for name in model.states)
+
+
+def loop_of(model: ControlModel, loop: Correction | None = None) -> tuple[Correction, float]:
+    """The position loop of `model`'s drive, or `loop`, no faster than a lagging drive, and the inverse's reach in s."""
+    loop = driven_of(model.drive).correction if loop is None else loop
+    reach_s = max(loop.reach_s, _RESPONDING * model.response_s)
+    if model.response_s > 0:
+        loop = replace(loop, gain_1_s=min(loop.gain_1_s, _NO_FASTER / reach_s))
+    return loop, reach_s
+
+
 class Feedforward(Controller):
     """The command is the model's inverse from the reference's speed to its next one with a `Correction`, at the
     estimated wall displacement, slip and drive states, against the estimated disturbance.
@@ -109,11 +123,7 @@ class Feedforward(Controller):
     name = "feedforward"
 
     def __init__(self, model: ControlModel, envelope: Envelope, loop: Correction | None = None) -> None:
-        loop = driven_of(model.drive).correction if loop is None else loop
-        self._reach_s = max(loop.reach_s, _RESPONDING * model.response_s)
-        self.loop = (
-            replace(loop, gain_1_s=min(loop.gain_1_s, _NO_FASTER / self._reach_s)) if model.response_s > 0 else loop
-        )
+        self.loop, self._reach_s = loop_of(model, loop)
         self._slowest_1_s = _CALMEST * self.loop.gain_1_s
         self._inverse = Inverse(model, envelope, self._reach_s)
         self._envelope = envelope

@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 
 from controller.drives import driven_of
-from controller.estimator.base import Estimator
+from controller.estimator.base import Observer
 from controller.model.control_model import ControlModel, mean_friction
 from controller.signals import Estimate
 
@@ -193,7 +193,7 @@ class Monitor:
     raises, takes bounded time and memory.
     """
 
-    def __init__(self, estimator: Estimator) -> None:
+    def __init__(self, estimator: Observer) -> None:
         model = estimator.model
         self._estimator = estimator
         self._expected = driven_of(model.drive).expected

@@ -10,7 +10,7 @@ from typing import Final
 
 from controller.baselines import LQR, PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
-from controller.estimator.base import Estimator, trusting
+from controller.estimator.base import Observer, trusting
 from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
@@ -74,14 +74,18 @@ ESTIMATORS = ("default", "ukf")
 """The estimators of a scenario or deployment: the default of the controller, or filterpy's."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
-Observer = Estimator | KinematicFilter
+
+
+def horizon_of(model: ControlModel, deadline_s: float = math.inf) -> Horizon:
+    """The horizon of `model`'s MPC."""
+    off = level_off(model)
+    late = LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
+    return Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
 
 
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    off = level_off(model)
-    late = LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
-    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
-    return (MPC(model, envelope, horizon=horizon), Feedforward(model, envelope), PID(model, envelope))
+    first = MPC(model, envelope, horizon=horizon_of(model, deadline_s))
+    return (first, Feedforward(model, envelope), PID(model, envelope))
 
 
 _INNER_MASS: Mapping[str, Builder] = {
@@ -150,6 +154,13 @@ def _own(cls: type[Controller]) -> Builder:
     return chain
 
 
+def noise_of(name: str, model: ControlModel, age_s: float) -> FilterNoise:
+    """The noise of the estimator before the controller `name`, with positions up to `age_s` old."""
+    noise = trusting(model).up_to(age_s)
+    pushed = name == "mpc" and driven_of(model.drive).placed
+    return replace(noise, push_wander_N=MPC_PUSH_N) if pushed else noise
+
+
 def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
     """The estimator of the controller `name` for measurements up to `age_s` old, unless `estimator` is another."""
     driven = driven_of(model.drive)
@@ -164,9 +175,7 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
         return UnscentedEstimator(sharp, noise)
     if driven.shaken:
         return CubatureEstimator(sharp, noise)
-    if name == "mpc" and driven.placed:
-        noise = replace(noise, push_wander_N=MPC_PUSH_N)
-    return ParticleEstimator(sharp, noise)
+    return ParticleEstimator(sharp, noise_of(name, sharp, age_s))
 
 
 def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -144,6 +144,25 @@ class Level:
         return float(self._held[0])
 
 
+class Observer(Protocol):
+    """What every estimator is: `offset` in the command's unit is by how much a drive's report is off its command."""
+
+    model: ControlModel
+    noise: FilterNoise
+    counts: Counts
+
+    @property
+    def offset(self) -> float: ...
+
+    def reset(self, now: float, command: float) -> None:
+        """Forget all but the `command` in force at `now`; the first position starts an estimate."""
+        ...
+
+    def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
+        """The estimate at `now`, a tick after the last; `command` in force and `measurements` that arrived since."""
+        ...
+
+
 class Estimator(ABC):
     """Position, speed, wall, drive and the friction that the model lacks, from localisation (`position_m`) and drive
     feedback.
@@ -168,6 +187,10 @@ class Estimator(ABC):
     @property
     def counts(self) -> Counts:
         return self._watch.counts
+
+    @counts.setter
+    def counts(self, counts: Counts) -> None:
+        self._watch.counts = counts
 
     def reset(self, now: float, command: float) -> None:
         """Forget all but the `command` in force at `now`; the first position starts an estimate."""

@@ -25,13 +25,17 @@ class KinematicFilter:
             raise ValueError(f"jerkiness must be a positive number; got {jerkiness!r}")
         self.model, self.jerkiness = model, jerkiness
         self.noise = FilterNoise() if noise is None else noise
-        self._blank = model.initial()
+        self._blank, self.offset = model.initial(), 0.0
         self._watch = Watch(self.noise)
         self.reset(0.0, 0.0)
 
     @property
     def counts(self) -> Counts:
         return self._watch.counts
+
+    @counts.setter
+    def counts(self, counts: Counts) -> None:
+        self._watch.counts = counts
 
     def reset(self, now: float, command: float) -> None:
         """The first position starts an estimate."""

@@ -16,7 +16,8 @@ from controller.tuned import FilterNoise
 _RENEWED: Final = 0.5  # share of effective particles below which all are resampled
 _LEADS: Final = np.array([1.5, 1.5, 2.5])
 """Standard deviations of position, level and wall beyond which a leader no longer represents the particles."""
-_SCATTER_S: Final = 0.01  # between two draws of the random walks
+SCATTER_S: Final = 0.01  # between two draws of the random walks
+PARTICLES: Final = 300
 _REDRAWN_1_S: Final = 0.3  # rate at which a particle redraws whether its level is brisk
 
 
@@ -35,7 +36,7 @@ class ParticleEstimator(Estimator):
     suffice.
     """
 
-    def __init__(self, model: ControlModel, noise: FilterNoise | None = None, *, count: int = 300) -> None:
+    def __init__(self, model: ControlModel, noise: FilterNoise | None = None, *, count: int = PARTICLES) -> None:
         super().__init__(model, noise)
         P, n = count, len(model.states)
         self._size, self._states, self._past = P, np.zeros((P, n)), np.zeros((self._kept, P))
@@ -44,7 +45,7 @@ class ParticleEstimator(Estimator):
         self._which = np.append(self._level.index, self._periodic.index)
         self._values = np.zeros((self._which.size, P))
         self._chosen, self._normals, self._chances = np.zeros(P, dtype=np.int64), np.zeros((3, P)), np.zeros(P)
-        self._every = max(1, round(_SCATTER_S / model.tick_s))
+        self._every = max(1, round(SCATTER_S / model.tick_s))
         self._bounds = np.array([self._level.low, self._level.high])
         self._mean, self._std, self._currents = np.zeros(n), np.zeros(n), np.zeros(self._kept)
         self._modes = [model.index(name) for name in model.modes]

@@ -47,11 +47,35 @@ class Start(NamedTuple):
     parameters: Array | None = None
 
 
-class Planner:
-    """Plans over a horizon of one model; arrays are allocated here, once. `force_per_command` converts the weights' N/s
-    into the command's rate. `follows` is 1 if a command that moves with the reference costs nothing (a carriage), else
-    0.
+class PlanNumbers(NamedTuple):
+    """`scales` (5,): position, speed, rate, jump, final; `soft` and `penalty` (3,): bounds of gap, speed and wall force
+    and their weights; `hard` (4,): low, high, rate, acceleration. `follows` is 1 if a command that moves with the
+    reference costs nothing (a carriage), else 0.
     """
+
+    scales: Array
+    soft: Array
+    penalty: Array
+    hard: Array
+    follows: float
+
+
+def plan_numbers(model: ControlModel, envelope: Envelope, weights: Weights, horizon: Horizon) -> PlanNumbers:
+    """A plan's weights and bounds in the command's unit: the force per command converts the weights' N/s."""
+    gain = model.force_per_command
+    scales = (weights.position_m, weights.speed_m_s, weights.rate_N_s / gain, weights.jump_N_s / gain, weights.final)
+    most = min(envelope.rate, (envelope.high - envelope.low) / horizon.stage_s)
+    return PlanNumbers(
+        np.array(scales),
+        np.minimum([envelope.gap_m, envelope.limits.speed_m_s, envelope.limits.force_N], FREE),
+        np.array([weights.gap, weights.speed, weights.force]),
+        np.array([envelope.low, envelope.high, most, min(envelope.acceleration, FREE)]),
+        1.0 if model.drive.gap_limit_m is not None else 0.0,
+    )
+
+
+class Planner:
+    """Plans over a horizon of one model; arrays are allocated here, once."""
 
     def __init__(
         self,
@@ -63,15 +87,9 @@ class Planner:
     ) -> None:
         self.model, self.horizon, self.clock = model, horizon, clock
         n, N = len(model.states), horizon.stages
-        gain = model.force_per_command
-        rate = weights.rate_N_s / gain
-        self.follows = 1.0 if model.drive.gap_limit_m is not None else 0.0
-        self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
-        self.soft = np.minimum([envelope.gap_m, envelope.limits.speed_m_s, envelope.limits.force_N], FREE)
-        self.penalty = np.array([weights.gap, weights.speed, weights.force])
-        most = min(envelope.rate, (envelope.high - envelope.low) / horizon.stage_s)
-        self.hard = np.array([envelope.low, envelope.high, most, min(envelope.acceleration, FREE)])
-        self.program = Program(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
+        self.scales, self.soft, self.penalty, self.hard, self.follows = plan_numbers(model, envelope, weights, horizon)
+        unit = float(self.scales[2])
+        self.program = Program(N, horizon.stage_s, model.tick_s, unit, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
         self.allowed: int | None = None

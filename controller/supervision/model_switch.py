@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from controller.estimator.base import Counts, Estimator
+from controller.estimator.base import Counts, Observer
+from controller.estimator.kinematic_filter import KinematicFilter
 from controller.model.control_model import ControlModel
 from controller.monitor import NOT_WATCHED, Health, Monitor
-from controller.registry import Chain, Observer, build, estimator_for
+from controller.registry import Chain
 from controller.signals import Array, Estimate, Measurement
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.others import Others
@@ -96,8 +97,8 @@ class ModelSwitch:
     ):
         """Raises ValueError for a model that this controller cannot use, or one with another tick."""
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
-        self._estimator, self._age_s = estimator, supervisor.envelope.limits.age_s
-        self._present: Observer = estimator_for(controller, model, estimator, self._age_s)
+        self._estimator = estimator
+        self._present = supervisor.observer_for(controller, model, estimator)
         self._waiting: deque[Prepared] = deque()
         self.taken_at, self.switches = math.nan, 0
         self.origin_s = math.inf  # when the reference began, on the clock of `observe`
@@ -109,7 +110,7 @@ class ModelSwitch:
             {
                 name: (one.observer, one.monitor)
                 for name, one in self._beside.items()
-                if isinstance(one.observer, Estimator) and one.monitor is not None
+                if not isinstance(one.observer, KinematicFilter) and one.monitor is not None
             }
         )
         if offer is not None:
@@ -123,8 +124,8 @@ class ModelSwitch:
         """The slow part of an offer; another thread may do it. Errors as the constructor."""
         if offer.model.tick_s != self.tick_s:
             raise ValueError(f"offered model must have the tick in use, {self.tick_s:g} s; got {offer.model.tick_s:g}")
-        chain = build(self._controller, offer.model, self._supervisor.envelope, self._deadline_s)
-        observer = estimator_for(self._controller, offer.model, self._estimator, self._age_s)
+        chain = self._supervisor.chain_for(self._controller, offer.model, self._deadline_s)
+        observer = self._supervisor.observer_for(self._controller, offer.model, self._estimator)
         return Prepared(offer, chain, observer, _monitor_of(observer))
 
     def put(self, prepared: Prepared) -> None:
@@ -193,8 +194,7 @@ class ModelSwitch:
 
     def _take_over(self, prepared: Prepared, now: float) -> None:
         """Continue with the `prepared` model: nothing is built in this tick."""
-        for field in fields(Counts):
-            setattr(prepared.observer.counts, field.name, getattr(self._present.counts, field.name))
+        prepared.observer.counts = replace(self._present.counts)
         self._present = prepared.observer
         self.switches += 1
         if self._waiting:
@@ -208,4 +208,4 @@ class ModelSwitch:
 
 def _monitor_of(observer: Observer) -> Monitor | None:
     """The monitor of an estimator's model; None for an estimator without one."""
-    return Monitor(observer) if isinstance(observer, Estimator) else None
+    return None if isinstance(observer, KinematicFilter) else Monitor(observer)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from controller.estimator.base import Estimator
+from controller.estimator.base import Observer
 from controller.monitor import Monitor
 from controller.signals import Estimate, Measurement
 
@@ -16,7 +16,7 @@ class Others:
     each estimates and forecasts from the same readings: a tick then takes as much longer as it has estimators.
     """
 
-    def __init__(self, watched: Mapping[str, tuple[Estimator, Monitor]]) -> None:
+    def __init__(self, watched: Mapping[str, tuple[Observer, Monitor]]) -> None:
         """Raises ValueError for more than `MOST`."""
         if len(watched) > MOST:
             raise ValueError(f"others must be {MOST} models or fewer; got {len(watched)}")

@@ -7,7 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from controller.estimator.base import Observer
 from controller.limits import Envelope, Issued, Seen, limited, number
+from controller.model.control_model import ControlModel
+from controller.registry import Chain, build, estimator_for
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.fallback import Blend, Event, FallbackChain, Rules, Swings
@@ -65,6 +68,7 @@ class Supervisor:
         self._cut_after: int | None = None
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
+        self._resting_s = -math.inf
         self._unfollowed_s = 0.0
         self._swings = Swings(math.inf if self.envelope.shaken else self.rules.swing_m, self.rules.swing_s)
         self._stopped_at, self._stop_from = math.inf, 0.0
@@ -85,6 +89,14 @@ class Supervisor:
         self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
         self._begin(self._chain, number(now))
 
+    def chain_for(self, name: str, model: ControlModel, deadline_s: float) -> Chain:
+        """The controllers named `name` of another `model`, to take over later. Errors as `build`."""
+        return build(name, model, self.envelope, deadline_s)
+
+    def observer_for(self, name: str, model: ControlModel, estimator: str) -> Observer:
+        """The estimator of the controller `name` of `model`, `estimator` one of `ESTIMATORS`."""
+        return estimator_for(name, model, estimator, self.envelope.limits.age_s)
+
     def offer(self, chain: Sequence[Controller], verdict: Acceptance) -> bool:
         """Keep `chain`, the controllers of a new model, for `take_offered` if its `verdict` passed; whether it did."""
         if verdict.passed and chain:
@@ -95,7 +107,7 @@ class Supervisor:
 
     def take_offered(self) -> bool:
         """Take the offered chain over if capsule and reference have been at rest long enough; whether so."""
-        if self._offered is None or not self._elapsed - self._rest_since >= self.rules.rest_s:
+        if self._offered is None or not self._resting_s >= self.rules.rest_s:
             return False
         chain, self._offered = self._offered, None
         self._begin(chain, self._now)
@@ -249,6 +261,7 @@ class Supervisor:
         speeds = (seen.speed_m_s, _at(lambda t: reference.speed(t), self._now))
         resting = not seen.lost and all(abs(speed) <= self.rules.rest_speed_m_s for speed in speeds)
         self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
+        self._resting_s = self._elapsed - self._rest_since
 
     def _seen(self, now: float, estimate: Estimate) -> Seen:
         """The capsule in the estimate; lost if unreadable."""

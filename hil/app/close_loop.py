@@ -222,7 +222,7 @@ def print_summary(finding: Finding, out: Path) -> None:
         say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):
         more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
-        say(f"{alike[0].severity}: {alike[0].sentence}{more}")
+        say(f"{alike[0].severity}: {alike[0].sentence} {more}".rstrip())
     say(*map(disagreement_words, finding.disagreeing))
     console.print(*map(error_table, finding.by_column), sep="\n")
     say(*finding.leading[1:])

@@ -125,6 +125,11 @@ def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterat
         yield report
 
 
+def part_of(report: Callable[[str, float], None], number: int, count: int) -> Callable[[str, float], None]:
+    """The `report` of part `number` of `count` equal ones."""
+    return lambda stage, share: report(stage, (number + share) / count)
+
+
 def stage_lines(
     console: Console,
     title: str,

@@ -15,6 +15,7 @@ import can
 
 from controller.limits import Limits
 from controller.signals import Action
+from controller.step.library import available
 from hil.bus.catalogue import FrameCatalogue
 from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, Logged
 from hil.log.log import NodeLog
@@ -127,6 +128,7 @@ def log_record(
         "limits": asdict(limits),
         "catalogue": catalogue.fingerprint,
         "code": code_version(),
+        "in_c": available(),
         **more,
     }
 

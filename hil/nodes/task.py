@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.reference import Experiment
-from controller.registry import build
 from controller.signals import Reference
+from controller.step.compiled import supervisor_of
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from hil.nodes.operator import OperatorLimits
@@ -20,7 +20,8 @@ class Task:
     noise `seen_noise_m` and `resolution_m` of the localisation; `deadline_s` of the MPC's plan within a tick (inf: no
     deadline); an `offer` that takes over while the capsule rests; `others` that lead on once the model is broken; an
     `estimator` of `ESTIMATORS`; the models `learned`
-    and the `experiments` of a run that is replayed; the limits of an `operator`; whether a `probe` comes first.
+    and the `experiments` of a run that is replayed; the limits of an `operator`; whether a `probe` comes first, and
+    whether the controller runs in C where that is `available`.
     """
 
     model: ControlModel
@@ -37,10 +38,11 @@ class Task:
     experiments: tuple[Experiment, ...] = ()
     operator: OperatorLimits | None = None
     probe: bool = False
+    in_c: bool = True
 
     def built(self, envelope: Envelope) -> tuple[Supervisor, ModelSwitch]:
         """The supervised controllers within `envelope`, and the estimator. Raises ValueError where they do not fit."""
-        supervisor = Supervisor(build(self.controller, self.model, envelope, self.deadline_s), envelope)
+        supervisor = supervisor_of(self.controller, self.model, envelope, self.deadline_s, self.in_c)
         asked = self.controller, self.model, self.offer, self.deadline_s, self.estimator, self.others
         estimator = ModelSwitch(supervisor, *asked)
         for offer in self.learned:

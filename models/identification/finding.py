@@ -158,7 +158,8 @@ class ResidualSurface:
 class Term:
     """A term that follows a curve: `amplitude (offset + shape)`, the function `form` of `models.effects.shapes` over
     `variable` (`sized`: over its size) with the fitted `numbers` and those that are `given`; `level` is the resistance
-    that it is compared with where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
+    that it is compared with where it acts against the motion (`along` "-v"). `constant` is amplitude times offset,
+    `text` all of it as a formula with its numbers, `left`
     the share of the curve's variance beyond its own uncertainty that it does not follow.
     """
 
@@ -168,6 +169,7 @@ class Term:
     form: str
     text: str
     amplitude: Fitted
+    constant: Fitted
     offset: float
     numbers: dict[str, Fitted]
     given: dict[str, float | tuple[float, ...]]

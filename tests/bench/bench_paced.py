@@ -19,9 +19,8 @@ import numpy as np
 from controller.drives import envelope_of
 from controller.model.control_model import control_model
 from controller.reference import by_speeds
-from controller.registry import build, estimator_for
 from controller.signals import Measurement
-from controller.supervision.supervisor import Supervisor
+from controller.step.compiled import supervisor_of
 from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
@@ -98,17 +97,17 @@ def measured(frames: list[tuple[str, dict[str, float]]], now: float) -> list[Mea
     ]
 
 
-def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
-    """Run the loop; (ticks,) of tick to sent and the thread's own time in ms, error in mm, whether the plan was cut or
-    failed.
+def paced(ticks: int, tick_s: float, in_c: bool) -> dict[str, np.ndarray]:
+    """Run the loop with the controller in C or in Python; (ticks,) of tick to sent, the thread's own time and that of
+    estimate and command in ms, error in mm, whether the plan was cut or failed.
     """
     model = control_model(believed(), Theta(), tick_s)
     envelope, reference = envelope_of(model.drive), by_speeds([0.0, 1e-3], [0.3, ticks * tick_s])
-    chain = build("mpc", model, envelope, PLANNING * tick_s)
-    supervisor, estimator = Supervisor(chain, envelope), estimator_for("mpc", model)
+    supervisor = supervisor_of("mpc", model, envelope, PLANNING * tick_s, in_c)
+    estimator = supervisor.observer_for("mpc", model, "default")
     buses = [can.Bus(interface="virtual", channel="paced") for _ in range(2)]
     port, peer = Port(buses[0], ("CarriageCommand",), ("CapsuleLocalisation", "CarriageFeedback")), Peer(buses[1])
-    sent, own, error = np.zeros(ticks), np.zeros(ticks), np.zeros(ticks)
+    sent, own, step, error = (np.zeros(ticks) for _ in range(4))
     odd = np.zeros(ticks, dtype=bool)
     gc.collect()
     gc.freeze()
@@ -119,7 +118,9 @@ def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
             pass
         mine = time.thread_time()
         arrived = measured(port.receive(now), now)
+        began_step = time.thread_time()
         action = supervisor.act(now, estimator.observe(now, supervisor.issued.command, arrived), reference)
+        step[k] = 1e3 * (time.thread_time() - began_step)
         speed = min(max(supervisor.issued.rate, -0.4), 0.4)
         port.send(
             "CarriageCommand",
@@ -132,7 +133,7 @@ def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
     gc.unfreeze()
     for bus in buses:
         bus.shutdown()
-    return {"sent": sent[WARM:], "own": own[WARM:], "error": error[WARM:], "odd": odd[WARM:]}
+    return {"sent": sent[WARM:], "own": own[WARM:], "step": step[WARM:], "error": error[WARM:], "odd": odd[WARM:]}
 
 
 def main() -> None:
@@ -141,11 +142,18 @@ def main() -> None:
     options.add_argument("--ticks", type=int, default=5000)
     options.add_argument("--tick_ms", type=float, default=1.0)
     chosen = options.parse_args()
-    found = paced(chosen.ticks + WARM, 1e-3 * chosen.tick_ms)
     print(f"{chosen.ticks} ticks of {chosen.tick_ms:g} ms, load {os.getloadavg()[0]:.1f}")
-    for name, times in (("tick to sent, wall ms", found["sent"]), ("the same, own ms", found["own"])):
-        print(f"{name:24s} median {np.median(times):.3f}  p99 {np.percentile(times, 99):.3f}  max {times.max():.3f}")
-    late = [int(np.sum(times > chosen.tick_ms)) for times in (found["sent"], found["own"])]
+    for in_c in (False, True):
+        print("controller in C" if in_c else "controller in Python")
+        report(paced(chosen.ticks + WARM, 1e-3 * chosen.tick_ms, in_c), chosen.tick_ms)
+
+
+def report(found: dict[str, np.ndarray], tick_ms: float) -> None:
+    """Print the figures of one controller."""
+    of = {"tick to sent, wall ms": "sent", "the same, own ms": "own", "estimate and command, own": "step"}
+    for name, times in ((name, found[key]) for name, key in of.items()):
+        print(f"{name:25s} median {np.median(times):.3f}  p99 {np.percentile(times, 99):.3f}  max {times.max():.3f}")
+    late = [int(np.sum(times > tick_ms)) for times in (found["sent"], found["own"])]
     print(
         f"commands after the tick's end {late[0]} by the wall, {late[1]} by own time; plans cut or not ok"
         f" {int(found['odd'].sum())}"

@@ -1,8 +1,10 @@
-"""`capsule export`: a plant or a found model as an FMU, as a friction table, as a MuJoCo body."""
+"""`capsule export`: a plant or a found model as an FMU, a friction table, a MuJoCo body; a controller as C."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
+
+import typer
 
 from hil.app.console import answer, json_text, note, output_to_notes
 from hil.app.export.fmu_archive import FmuUnit, fmu
@@ -13,20 +15,27 @@ from hil.app.write import check_file, check_folder, check_targets, table_text, w
 from hil.report.words import beyond_words, covered_words
 from models.effects import Catalogue
 from models.files.toml import check_word
+from models.identification.finding import STAGES
 from models.identification.validity import beyond
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
-FORMS: Final = ("fmu", "table", "mujoco")
+IN_C: Final = ("controller", "estimator")
+FORMS: Final = ("fmu", "table", "mujoco", *IN_C)
 VOLTAGE: Final = "coil_voltage_V"
 TABLE: Final = ("friction.csv", "friction.json")
 
 
 def export(
-    form: Annotated[str, argument("fmu/table/mujoco", "What to write.")],
-    out: Annotated[Path, option("--out", "FILE/DIR", "An .fmu, an .xml for mujoco, a folder for table.")],
+    form: Annotated[str, argument("fmu/table/mujoco/controller/estimator", "What to write.")],
+    out: Annotated[Path, option("--out", "FILE/DIR", "An .fmu, an .xml for mujoco, else a folder.")],
     *,
     scenario: Annotated[
-        Path | None, argument("SCENARIO.toml", "The scenario whose plant becomes an FMU.", "scenario")
+        Path | None,
+        argument(
+            "FILE.toml",
+            "The scenario whose plant becomes an FMU; the deployment of a controller or estimator.",
+            "scenario or deployment file",
+        ),
     ] = None,
     model: LearnedModel = None,
     rig: Annotated[
@@ -34,11 +43,21 @@ def export(
     ] = None,
     stage: Stage = "augmented",
     driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
+    single: Annotated[bool, typer.Option("--float32", help="A controller or estimator in single precision.")] = False,
     json_output: Json = False,
     effects: OwnEffects,
 ) -> None:
-    """Write a scenario's plant or a rig's model, complete or not at all, and say what the form cannot hold."""
+    """Write a scenario's plant or a rig's model, complete or not at all, and say what the form cannot hold; or a
+    deployment's controller.
+    """
     check_word(form, "form", FORMS)
+    if form in IN_C:
+        if scenario is None or rig is not None or driven:
+            raise ValueError(f"export {form} must have DEPLOYMENT.toml, and neither --rig nor --driven")
+        _in_c(form, scenario, model, stage, single, out, Catalogue.read(effects), json_output)
+        return
+    if single:
+        raise ValueError(f"--float32 must stand with export {' or '.join(IN_C)}; got it with export {form}")
     if scenario is not None and (model is not None or rig is not None):
         raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
     if scenario is not None and form != "fmu":
@@ -65,6 +84,33 @@ def export(
     found = {"form": form, "files": [str(path) for path in targets], **found}
     missing = (f"not mapped: {name}: {why}" for name, why in found["not_mapped"].items())
     answer(json_output, found, *(f"{form}: {path}" for path in targets), *missing)
+
+
+def _in_c(
+    form: str,
+    path: Path,
+    model: Path | None,
+    stage: str,
+    single: bool,
+    out: Path,
+    known: Catalogue,
+    json_output: bool,
+) -> None:
+    """Write the folder of a compiled controller or estimator."""
+    from hil.app.export.controller import Asked, exported
+
+    check_word(stage, "--stage", STAGES)
+    if out.exists():
+        check_folder(out, "--out")
+    with output_to_notes():
+        files, facts = exported(Asked(path, model, stage, form, single), known)
+    contents = {out / name: content for name, content in files.items()}
+    check_targets(list(contents), "--out", [p for p in (path, model) if p is not None])
+    for folder in sorted({target.parent for target in contents}):
+        check_folder(folder, "--out")
+    write_files(contents)
+    found = {"form": form, "files": [str(target) for target in contents], **facts}
+    answer(json_output, found, TEXT("written", form=form, out=out, **facts))
 
 
 def _validity(found: Found, form: str) -> dict[str, Any]:

@@ -2,10 +2,8 @@
 
 import hashlib
 import io
-import os
 import platform
 import re
-import shutil
 import subprocess
 import sys
 import uuid
@@ -16,6 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from controller.step.library import compiler
 
 _FMI: Final = Path(__file__).with_name("fmi3.c")
 _FLAGS: Final = ("-O2", "-std=gnu11", "-fPIC", "-shared", "-fvisibility=hidden")
@@ -149,9 +149,7 @@ def _platform() -> tuple[str, str]:
 
 
 def _compiled(source: str, objects: Mapping[str, bytes]) -> bytes:
-    wanted = os.environ.get("CAPSULE_COMPILER", "")
-    named = () if wanted == "none" else (wanted, "cc", "gcc", "clang")
-    tool = next((found for name in named if name and (found := shutil.which(name))), None)
+    tool = compiler()
     if tool is None:
         raise ValueError("export fmu must have a C compiler, CAPSULE_COMPILER, cc, gcc or clang; got none")
     with TemporaryDirectory() as folder:

@@ -161,9 +161,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s
         loop = replace(loop, control=loop.control.but(tick_s=cycle))
-    slots = loop.control.tick_s / SLOT_S
-    if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
-        raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
+    check_slots(loop.control.tick_s)
     check_tick(loop.control.tick_s, loop.kind, loop.limits)
     bus, faults = SimulatedBusTable.read(raw), read_faults(raw.get("faults", []), loop.duration_s)
     drive = read_actuator(raw, loop.kind, loop.limits)
@@ -178,6 +176,13 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     _check_faults({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
     return SilScenario(loop, bus, faults, drive, plant, held, jog, LearningTable.read(raw))
+
+
+def check_slots(tick_s: float) -> None:
+    """Refuse a tick that is no multiple of the simulated drive's slot. Raises ValueError."""
+    slots = tick_s / SLOT_S
+    if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
+        raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {tick_s:g}")
 
 
 _MISSING: Final[Mapping[str, str]] = MappingProxyType(

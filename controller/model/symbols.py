@@ -94,7 +94,7 @@ class _Model:
     def measured(self, t: Any) -> Any:
         """The sensor's reading of the position."""
         stepper = self.stepper()
-        return stepper.active.measured(self.signals(stepper, t), self.now["x"])
+        return stepper.active.through("measured", self.signals(stepper, t), self.now["x"])
 
     def wall_force(self, t: Any) -> Any:
         """`F_e v/(|v| + eps) + T(u) + F_v(w)` in N, on a plate Coulomb friction alone."""

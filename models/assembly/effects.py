@@ -45,17 +45,11 @@ class Active:
             s = replace(s, command=e.command(s, p, z))
         return s.command
 
-    def measured(self, s: Signals, y: Any) -> Any:
-        """The reading of `y` through all effects, one after the other."""
+    def through(self, hook: str, s: Signals, value: Any, *more: Any) -> Any:
+        """`value` through the `hook` of all effects, one after the other: a reading, or a speed of the wall."""
         for e, p, z in self._each():
-            y = e.measured(s, p, z, y)
-        return y
-
-    def recovery(self, s: Signals, speed: Any, onset: Any) -> Any:
-        """Speed at which a slipping wall draws back, through all effects, one after the other."""
-        for e, p, z in self._each():
-            speed = e.recovery(s, p, z, speed, onset)
-        return speed
+            value = getattr(e, hook)(s, p, z, value, *more)
+        return value
 
     def levels(self, s: Signals) -> Shares:
         """Factors on F_e and on the two parts of the slip limit, by the weight and by the wall's pressure."""

@@ -65,7 +65,7 @@ class Stepper:
         if not self.surface.dragged:
             return Grip(friction, levels[0])
         u_c = self.slipping_drag(onset, s)
-        recovery = self.active.recovery(s, u_c / self.surface.recovery_time_s, u_c)
+        recovery = self.active.through("recovery", s, u_c / self.surface.recovery_time_s, u_c)
         return Grip(friction, levels[0], onset, recovery)
 
     def slipping_drag(self, onset: Any, s: Signals) -> Any:
@@ -151,7 +151,7 @@ class Stepper:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
         new = _motion(now, x_next, v_next, dragged, s, h, rest) | own
         seen = replace(active_next, z=active_next.follow(s, output, h))
-        return new | dict(seen.z), seen.measured(s, output)
+        return new | dict(seen.z), seen.through("measured", s, output)
 
     def _slowed(
         self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any

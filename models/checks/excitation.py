@@ -76,7 +76,7 @@ class Excitation:
             "logged": any(varied(n, np.concatenate([v.record[n] for v in self.views])) for n in there),
             "turning": all(view.turns for view in self.views),
             "samples": rate > 2 * SET.mains_top,
-            "wall": surface is None or surface.is_gut,
+            "wall": surface is None or surface.kind == "gut",
         }
         values = {
             "speed": view.length(float(high), "/s"),

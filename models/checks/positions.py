@@ -11,6 +11,7 @@ from models.checks.view import View
 
 POSITIONS = ("position_m", "carriage_position_m", "angle_rad")
 """Columns that hold a position."""
+_NONE = np.zeros(0, dtype=np.int64)
 _USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # angles and counters that begin again
 
 
@@ -19,7 +20,7 @@ def jumps(view: View) -> NDArray[np.int64]:
     move the capsule in a sampling interval.
     """
     if view.measured != "position_m" or view.kind.stage:
-        return _none()
+        return _NONE
     interval = view.dt / float(np.mean(fresh(view)))
     least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
     rows = _within(view, _steps(view.y, least))
@@ -30,7 +31,7 @@ def slips(view: View, name: str) -> NDArray[np.int64]:
     """Rows (k,) before which a place `name` of a machine jumps, far beyond its usual steps, and stays."""
     size = np.abs(np.diff(view.record[name]))
     if name not in POSITIONS or not len(size) or not size.any() or len(wraps(view.record[name])):
-        return _none()
+        return _NONE
     usual = float(np.quantile(size, 1 - SET.jump_most / max(len(size), SET.jump_most + 1)))
     least = max(SET.jump_far * usual, SET.jump_noises * white_noise(view.record[name]))
     return _within(view, _steps(view.record[name], least))
@@ -41,21 +42,17 @@ def _within(view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return rows[np.diff(view.t)[rows - 1] < SET.stamps_near * view.dt]
 
 
-def _none() -> NDArray[np.int64]:
-    return np.zeros(0, dtype=np.int64)
-
-
 def _steps(values: Array, least: float) -> NDArray[np.int64]:
     """Rows before which `values` step by more than `least`, alone among their neighbours, and stay there."""
     n, size = SET.beside, np.abs(np.diff(values))
     if len(values) < 4 * n:
-        return _none()
+        return _NONE
     beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
     rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
     rows = rows[(rows >= n) & (rows <= len(values) - n)]
     left = [abs(np.median(values[k : k + n]) - np.median(values[k - n : k])) for k in rows]
     rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
-    return rows if len(rows) <= SET.jump_most else _none()
+    return rows if len(rows) <= SET.jump_most else _NONE
 
 
 def check_jumps(view: View) -> Findings:
@@ -63,7 +60,7 @@ def check_jumps(view: View) -> Findings:
     machine's far beyond its usual steps.
     """
     machine = view.moving_column if view.kind.stage else view.driven
-    for name, rows in ((view.measured, jumps(view)), (machine, slips(view, machine) if machine else _none())):
+    for name, rows in ((view.measured, jumps(view)), (machine, slips(view, machine) if machine else _NONE)):
         if len(rows) and name:
             largest = view.length(float(np.max(np.abs(np.diff(view.record[name])[rows - 1]))))
             case = "place_jumps" if name != machine else f"place_jumps.{'stage' if view.kind.stage else 'driven'}"
@@ -102,10 +99,10 @@ def wraps(values: Array) -> NDArray[np.int64]:
     """Rows (k,) before which `values` (n,) jump back through most of their span while they go on as before; none where
     a jump is of another kind, like the step of a command. Flicker at one passage counts once.
     """
-    none, side, few = np.zeros(0, dtype=np.int64), SET.side, SET.few
+    side, few = SET.side, SET.few
     rows = np.flatnonzero(np.abs(np.diff(values)) > SET.wrap_jump * np.ptp(values)) + 1
     if not len(rows) or len(rows) > SET.wrap_most * len(values):
-        return none
+        return _NONE
     passages = np.split(rows, np.flatnonzero(np.diff(rows) > side) + 1)
     sure, sudden = 3 * white_noise(values), []
     for first, last in ((p[0], p[-1]) for p in passages if len(p) % 2 and p[0] > side and p[-1] < len(values) - side):
@@ -113,7 +110,7 @@ def wraps(values: Array) -> NDArray[np.int64]:
         before, after = (np.median(values[b : b + few]) - np.median(values[a : a + few]) for a, b in ends)
         back = -np.sign(values[last] - values[first - 1])
         if min(back * before, back * after) < -sure:
-            return none
+            return _NONE
         sudden += [first] if min(back * before, back * after) > sure else []
     return np.array(sudden, dtype=np.int64)
 

@@ -174,7 +174,7 @@ def check_place_zero(view: View) -> Findings:
     if sides is not None and -sides.friction > max(sides.unsure, late):
         lead = view.length(-sides.friction)
         yield _exchanged(view, view.driven, "columns_exchanged.magnet", lead=lead)
-    elif sides is not None and sides.apart and not (view.rig.surface and view.rig.surface.is_air):
+    elif sides is not None and sides.apart and not (view.rig.surface and view.rig.surface.kind == "air"):
         off = view.length(abs(sides.middle))
         line = _zero_line(view, -sides.middle)
         yield view.notes("zeros_apart.position", offset=off, ahead=sides.middle < 0, line=line)

@@ -20,6 +20,7 @@ class AxisForce(Drive):
     turning: ClassVar[bool] = True
     launched: ClassVar[bool] = True
     remembers_s: ClassVar[float] = 0.2
+    leaves_open: ClassVar[tuple[str, ...]] = ()
     holds: bool = True
 
     @property
@@ -37,9 +38,6 @@ class AxisForce(Drive):
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return force + p[self.rail.names[3]]
-
-    def unidentifiable(self) -> list[str]:
-        return []
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from models.drives.drive import TEXT, Actuation, Drive, Push, Values
+from models.drives.drive import Actuation, Drive, Push, Values
 from models.formula import Line, equal, named, symbols
 from models.parameter import Parameter
 
@@ -99,14 +99,12 @@ class VoltageCoil(Coil):
 
     commanded: ClassVar[str] = "coil_voltage_V"
     by_voltage: ClassVar[bool] = True
+    leaves_open: ClassVar[tuple[str, ...]] = ("start", "resistance")
     states: ClassVar[tuple[str, ...]] = ("current_A",)
     winding: Winding = Winding()
 
     def equations(self, p: Values) -> list[Line]:
         return [*super().equations(p), self.winding.equation(p, "v")]
-
-    def unidentifiable(self) -> list[str]:
-        return [TEXT("start"), TEXT("resistance")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return p["coil_resistance_ohm"] * super().command_for(force, x, v, p) + p["back_emf_V_s_per_m"] * v

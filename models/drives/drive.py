@@ -54,7 +54,8 @@ class Drive:
     body turns or stops, for drives that shake it in every cycle. `held`: the command is a switch, which keeps over a
     step its value at the beginning; else it changes linearly. `by_voltage`: the command is a coil's voltage, and its
     current a state. `launched`: a body of inertia that starts with the place and the speed that its record begins with;
-    an observer corrects both within about `remembers_s`.
+    an observer corrects both within about `remembers_s`. `leaves_open` are keys of the sentences on what records do not
+    identify.
     """
 
     name: ClassVar[str] = ""
@@ -68,6 +69,7 @@ class Drive:
     by_voltage: ClassVar[bool] = False
     launched: ClassVar[bool] = False
     remembers_s: ClassVar[float] = 0.0
+    leaves_open: ClassVar[tuple[str, ...]] = ("start",)
 
     @property
     def stepped(self) -> bool:
@@ -99,7 +101,7 @@ class Drive:
 
     def unidentifiable(self) -> list[str]:
         """Sentences on what records under this drive cannot identify."""
-        return [] if self.imposed else [TEXT("start")]
+        return [TEXT(key) for key in self.leaves_open]
 
     def inertia(self, p: Values) -> float:
         """Inertia in kg (kg m2) that comes with the drive and not with the body."""

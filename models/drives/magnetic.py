@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.drives.drive import TEXT, Drive, Values
+from models.drives.drive import Drive, Values
 from models.formula import Formula, Line, equal, named, symbols
 from models.laws.dipole import PAIRINGS, Orientation, attraction, pull
 from models.parameter import Parameter
@@ -23,6 +23,7 @@ class Magnetic(Drive):
     commanded: ClassVar[str] = "carriage_position_m"
     measured: ClassVar[str] = "position_m"
     anchored: ClassVar[bool] = True
+    leaves_open: ClassVar[tuple[str, ...]] = ("magnet",)
     stiffness_N_per_m: float = 25.0
     range_m: float = 0.02
 
@@ -41,9 +42,6 @@ class Magnetic(Drive):
         F_act, d, carriage, x = symbols("F_act d u x")
         pull = Formula.of(p["magnet_stiffness_N_per_m"]) * d / (1 + (d / named("r", self.range_m, d)) ** 2) ** 2
         return [[equal(F_act, pull), ", ", equal(d, carriage - x)]]
-
-    def unidentifiable(self) -> list[str]:
-        return [TEXT("magnet")]
 
     def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
         return x + _gap(force / p["magnet_stiffness_N_per_m"], self.range_m)

@@ -15,3 +15,4 @@ class Pull(Drive):
     measured: ClassVar[str] = "force_N"
     imposed: ClassVar[bool] = True
     anchored: ClassVar[bool] = True
+    leaves_open: ClassVar[tuple[str, ...]] = ()

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from models.drives.coil import Winding
-from models.drives.drive import TEXT, Actuation, Drive, Push, Values
+from models.drives.drive import Actuation, Drive, Push, Values
 from models.formula import Formula, Line, called, equal, symbols
 from models.parameter import Parameter
 
@@ -132,6 +132,7 @@ class VoltageVibro(Vibro):
     commanded: ClassVar[str] = "coil_voltage_V"
     states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s", "current_A")
     by_voltage: ClassVar[bool] = True
+    leaves_open: ClassVar[tuple[str, ...]] = ("start", "resistance")
     coil_force_N_per_A: float = 0.5
     winding: Winding = Winding()
 
@@ -140,9 +141,6 @@ class VoltageVibro(Vibro):
 
     def _pushing(self, p: Values) -> Any:
         return p["coil_force_N_per_A"] * Formula("i")
-
-    def unidentifiable(self) -> list[str]:
-        return [TEXT("start"), TEXT("resistance")]
 
     def parameters(self) -> tuple[Parameter, ...]:
         k, source = self.coil_force_N_per_A, "rig file; several percent off"

@@ -139,10 +139,10 @@ _PULSES = "contractions are pulses rather than sines"
 RATIO = 1.09
 
 
-def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tuple[float, ...]:
-    """Frequencies in Hz in steps of `ratio` from `lowest_Hz` up to `highest_Hz`, the last one within both."""
-    count = math.floor(math.log(highest_Hz / lowest_Hz) / math.log(ratio) + 1e-9) + 1
-    return tuple(lowest_Hz * ratio**k for k in range(count))
+def frequencies(lowest_Hz: float, highest_Hz: float) -> tuple[float, ...]:
+    """Frequencies in Hz in steps of `RATIO` from `lowest_Hz` up to `highest_Hz`, the last one within both."""
+    count = math.floor(math.log(highest_Hz / lowest_Hz) / math.log(RATIO) + 1e-9) + 1
+    return tuple(lowest_Hz * RATIO**k for k in range(count))
 
 
 def with_harmonics(wave: Value, turn: Value, p: Values, first: int, names: tuple[str, ...]) -> Value:
@@ -244,10 +244,7 @@ class AddedMass(Effect):
     symbols = by_name(acceleration="v'")
     kinds = frozenset({"pull"})
     needs = ("speeds",)
-    states = (
-        "acceleration",
-        "speed",
-    )
+    states = ("acceleration", "speed")
     probe = 0.01
     confounders = ("actuator_lag",)
     separated_by = "faster reversals"

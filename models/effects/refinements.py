@@ -177,7 +177,6 @@ class FurtherLag(ActuatorLag):
     """Lag `tau_2 u' = u_cmd - u` of what the first lag lets through."""
 
     id = "further_lag"
-    symbols = by_name(command="u")
     words = "a second lag of the drive"
     summary = "the command passes a second first-order lag"
     source = "a current loop under a position loop: drives are of second order or more"
@@ -192,7 +191,6 @@ class FurtherLowpass(SensorLowpass):
     """Reading `tau_2 y' = y_0 - y` of what the first low-pass lets through."""
 
     id = "further_lowpass"
-    symbols = by_name(smooth="y")
     words = "a second low-pass of the sensor"
     summary = "a second smoothing of the measurement"
     source = "an amplifier's filter before a digital one: smoothing is of second order or more"

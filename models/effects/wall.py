@@ -96,7 +96,6 @@ class BroadRelaxation(Effect):
     kinds = frozenset({"dma"})
     grid = by_name(exponent=(0.1, 0.25, 0.4, 0.6))
     probe = 1e4
-    confounders = ()
     separated_by = "frequencies over three decades"
 
     stiffness_Pa = number(0.0, "Pa", 0.0, 1e7, symbol="K")

@@ -45,9 +45,9 @@ def opened(path: Path, what: str, largest: int = LARGEST_DATA) -> BinaryIO:
     raise ValueError(f"{path}: {what} must be a regular file; got {got}")
 
 
-def check_source(path: Path, what: str, largest: int = LARGEST_DATA) -> int:
+def check_source(path: Path, what: str) -> int:
     """The size in bytes of a file that a library will open by its name. Errors as `opened`."""
-    with opened(path, what, largest) as file:
+    with opened(path, what) as file:
         return os.fstat(file.fileno()).st_size
 
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from models.files.access import LARGEST_TEXT, read_text
+from models.files.access import read_text
 from models.files.units import unit, unit_of
 from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
@@ -60,9 +60,9 @@ def in_file(path: Path) -> Iterator[None]:
         raise ValueError(str(error) if said else f"{path}: {error}") from None
 
 
-def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[str, Any], str]:
+def read_toml(path: Path, what: str) -> tuple[dict[str, Any], str]:
     """The tables of a file and its text. Errors as `read_text`."""
-    text = read_text(path, what, largest)
+    text = read_text(path, what)
     return parse_toml(text, f"{path}: {what}"), text
 
 
@@ -98,19 +98,19 @@ def check_magnitude(value: Any, where: str) -> None:
             raise ValueError(f"{where} must be 0 or {least:g} to {most:g}, positive or negative; got {number:g}")
 
 
-def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
+def with_contact_angle(table: Table, radius_m: float) -> Table:
     """A table `[tissue]` with the contact angle in place of `lumen_diameter_m`. Raises ValueError where both are given
     or a capsule of `radius_m` does not stretch that lumen.
     """
     if "lumen_diameter_m" not in table:
         return table
     if "contact_angle_deg" in table:
-        raise ValueError(f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both")
-    diameter = converted(table["lumen_diameter_m"], float, f"{where}.lumen_diameter_m")
+        raise ValueError("[tissue] must have lumen_diameter_m or contact_angle_deg; got both")
+    diameter = converted(table["lumen_diameter_m"], float, "tissue.lumen_diameter_m")
     try:
         angle = contact_angle_deg(diameter, radius_m)
     except ValueError as error:
-        raise ValueError(f"[{where}] {error}") from None
+        raise ValueError(f"[tissue] {error}") from None
     return {key: value for key, value in table.items() if key != "lumen_diameter_m"} | {"contact_angle_deg": angle}
 
 
@@ -140,8 +140,3 @@ def shown(value: Any, most: int = 60) -> str:
     """A value of a file on one short line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
-
-
-def choice(table: Table, where: str, choices: tuple[str, ...]) -> str:
-    """The value of the key at the end of `where`. Raises ValueError unless it is one of `choices`."""
-    return check_word(table.get(where.rpartition(".")[2]), where, choices)

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from models.identification.kind import Array
+from models.identification.kinds.series.drive_input import interval
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.settings import SET
 from models.records.record import Record
@@ -29,7 +30,7 @@ class DriveRoom:
     @property
     def dt(self) -> float:
         """Usual time between samples in s."""
-        return float(np.median([np.ptp(record["t_s"]) / (len(record) - 1) for record in self.records]))
+        return float(np.median(list(map(interval, self.records))))
 
     @property
     def switched(self) -> bool:

@@ -12,7 +12,6 @@ from models.checks.excitation import cannot_show, inseparable
 from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
 from models.identification.answer import answer
-from models.identification.effort import seconds_of_search
 from models.identification.finding import STAGES, Finding, Trace
 from models.identification.fitting.confidence import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
@@ -43,6 +42,9 @@ from models.words.sentences import Quantity, Sentences
 from models.workers import worker_count
 
 TEXT: Final = Sentences(__file__)
+_POINTS: Final = 8  # that a kind simulates at once
+_BATCHES: Final = 1500.0  # of points, in the search of an effect
+_TRIES: Final = 3  # of a timing: the shortest counts
 
 
 def close(
@@ -117,6 +119,20 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     if isinstance(kind, SeriesKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
+
+
+def seconds_of_search(kind: AnyKind, records: Sequence[Record]) -> float:
+    """About how long the search for one effect takes in `records`, on the workers that there are: from the time of one
+    simulation.
+    """
+    values = [kind.nominal()] * _POINTS
+    spent = []
+    for _ in range(_TRIES):
+        began = time.perf_counter()
+        for record in kind.searched(records):
+            kind.predictions(record, values)
+        spent.append(time.perf_counter() - began)
+    return _BATCHES * min(spent) / worker_count()
 
 
 def smallest(kind: AnyKind, records: Sequence[Record]) -> dict[str, Quantity]:

@@ -63,7 +63,7 @@ class Kind(ABC):
     @property
     def quantities(self) -> tuple[str, ...]:
         """Each measured column."""
-        return (self.quantity,)
+        return self.channels
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -154,9 +154,9 @@ class Kind(ABC):
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual may depend on, by name."""
 
-    @abstractmethod
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        """A prediction as the columns of a file."""
+        """A prediction as the columns of a file: of a time series at its times."""
+        return {"t_s": record["t_s"], self.quantity: predicted}
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
         """The residual of `record` at `theta` as an extra force along +x, and the force that moves the body, both (n,)

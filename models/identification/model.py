@@ -172,10 +172,9 @@ class Model:
         stages = {stage: _values(getattr(file, stage), stage, catalogue) for stage in STAGES}
         provenance = {key: str(value) for key, value in file.provenance.items()}
         possible = {name: _values(values, f"possible.{name}", catalogue) for name, values in file.possible.items()}
-        known = (file.kind, stages, file.verdict, provenance, file.held_out, file.own_effects, file.cautions)
-        unexplained = {name: vars(push) for name, push in file.unexplained.items()}
-        more = (file.barred, file.refuted, possible, unexplained, file.validity)
-        return cls(*known, *more, CHECKSUM in raw, _misfit(raw))
+        made: dict[str, Any] = {"stages": stages, "provenance": provenance, "possible": possible}
+        as_read = file.model_dump(exclude={*STAGES, *made})
+        return cls(**made, **as_read, sealed=CHECKSUM in raw, misfit=_misfit(raw))
 
     def check_whole(self) -> None:
         """Raises ValueError where its file has the checksum of another content."""

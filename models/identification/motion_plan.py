@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from models.identification.kind import Array
+from models.identification.kinds.series.drive_input import interval
 from models.identification.settings import SET
 from models.records.record import Record
 
@@ -33,7 +34,7 @@ class Room:
     def of(cls, records: Sequence[Record], column: str) -> Room:
         """The range of `records`; a motion is half as long as they are on average."""
         positions = np.concatenate([r[column] for r in records])
-        dt = float(np.median([(r["t_s"][-1] - r["t_s"][0]) / (len(r) - 1) for r in records]))
+        dt = float(np.median(list(map(interval, records))))
         lengths = [float(r["t_s"][-1] - r["t_s"][0]) for r in records]
         speeds = np.abs(np.concatenate([_speeds(r, column) for r in records]))
         moving = speeds[speeds > SET.plan_moves * speeds.max(initial=0.0)]
@@ -62,7 +63,7 @@ class Room:
 
 def _speeds(record: Record, column: str) -> Array:
     """Mean speeds in m/s over windows of `SET.plan_over_s`."""
-    dt = float(record["t_s"][-1] - record["t_s"][0]) / (len(record) - 1)
+    dt = interval(record)
     n = max(1, min(round(SET.plan_over_s / dt), len(record) - 1))
     x = record[column]
     return np.asarray((x[n:] - x[:-n]) / (n * dt))

@@ -35,7 +35,9 @@ def choice_of(
     if not rig.of_capsule or rig.imposed or not isinstance(prepared.kind, SeriesKind):
         return Choice()
     errors = predicted.error["holdout"] or predicted.error["train"]
-    members, not_to_lead = dict(_members(prepared, found)), barred(prepared, found, judged)
+    # with each effect that the records do not separate from a found one in its place, as it was fitted
+    members = {rival.effect: prepared.kind.nominal() | rival.fitted.thetas[0] for *_, rival in found.doubts}
+    not_to_lead = barred(prepared, found, judged)
     able = [*([] if STAGES[-1] in not_to_lead else [predicted.thetas[STAGES[-1]]]), *members.values()]
     mean = {CLASS: mean_of(prepared.kind, able)} if len(able) > 1 else {}
     possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
@@ -43,12 +45,6 @@ def choice_of(
     worlds = {**predicted.thetas, **possible}
     left = {name: left_by(prepared.kind, train, theta) for name, theta in worlds.items() if name not in excluded}
     return Choice(possible, not_to_lead, excluded, {name: push for name, push in left.items() if push})
-
-
-def _members(prepared: Prepared, found: Search) -> Iterator[tuple[str, Theta]]:
-    """The model with each effect that the records do not separate from a found one in its place, as it was fitted."""
-    for _, _, rival in found.doubts:
-        yield rival.effect, prepared.kind.nominal() | rival.fitted.thetas[0]
 
 
 def mean_of(kind: AnyKind, members: Sequence[Theta]) -> Theta:

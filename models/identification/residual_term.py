@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -82,13 +83,12 @@ def term_of(curve: ResidualCurve, unit: str, level: float) -> Term | None:
 
 @dataclass(frozen=True)
 class _Fitted:
-    """A form fitted to a curve: `values` are amplitude, constant and the form's numbers; `deviations` theirs."""
+    """A form fitted to a curve: `values` are amplitude, constant and the form's numbers."""
 
     form: Form
     curve: ResidualCurve
     given: Mapping[str, Any]
     values: Array
-    deviations: Array
 
     @classmethod
     def best(cls, form: Form, curve: ResidualCurve) -> _Fitted:
@@ -123,15 +123,15 @@ class _Fitted:
         if form.name == "wave":  # of the same waves the one that rises within half a turn
             values[3] = np.angle(values[0] * np.exp(1j * values[3]))
             values[0] = abs(values[0])
-        made = cls(form, curve, given, values, np.zeros(len(values)))
-        return cls(form, curve, given, values, made._spread())
+        return cls(form, curve, given, values)
 
     def at(self, z: Any, values: Array | None = None) -> Any:
         """The term over `z`."""
         amplitude, constant, *numbers = self.values if values is None else values
         return constant + amplitude * self.form.at(z, dict(zip(self.form.numbers, numbers, strict=True)), self.given)
 
-    def _spread(self) -> Array:
+    @cached_property
+    def deviations(self) -> Array:
         """Standard deviations of the values by least squares, widened for the misfit of the form."""
         z, weight = self.curve.centres, 1 / _errors(self.curve)
         here = scipy.optimize.least_squares(
@@ -266,5 +266,4 @@ def _knotted(curve: ResidualCurve) -> _Fitted:
         "places": tuple(float(p) for p in knots),
         "values": tuple(float(h) for h in (heights - constant) / size),
     }
-    made = _Fitted(Form("knots", {}), curve, given, np.array([size, constant]), np.zeros(2))
-    return _Fitted(made.form, curve, given, made.values, made._spread())
+    return _Fitted(Form("knots", {}), curve, given, np.array([size, constant]))

@@ -89,7 +89,8 @@ def checks_of_model(
     on the records. `longest_s` is the length of the longest record.
     """
     at_bound = _check("bounds", len(at_bounds(kind, found.augmented, found.effects)), 0)
-    own = _of_effects(kind, found, spread, held_out, longest_s) if found.effects else _of_none(findings)
+    weak = _check("records", sum(finding.severity == "weakens" for finding in findings), 0)
+    own = _of_effects(kind, found, spread, held_out, longest_s) if found.effects else (weak,)
     return (at_bound, *own, *_information(spread))
 
 
@@ -105,10 +106,6 @@ def _of_effects(
     if held_out:
         share = held_out["augmented"] / max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
         yield _check("held_out_gain", share, 1)
-
-
-def _of_none(findings: Sequence[RecordFinding]) -> Iterator[Check]:
-    yield _check("records", sum(finding.severity == "weakens" for finding in findings), 0)
 
 
 def _information(spread: Mapping[Name, Fitted]) -> Iterator[Check]:

@@ -8,6 +8,8 @@ import numpy as np
 
 from models.parameter import load_set
 
+_JUMP_M_S, _WIDE_M_S = 0.020, 0.002  # middle and width of the step between the two sets
+
 
 @dataclass(frozen=True)
 class Moduli:
@@ -40,9 +42,9 @@ def high_speed_moduli() -> Moduli:
     return Moduli(s["E1"], s["E2"], s["E3"], s["eta1"], s["eta2"])
 
 
-def blend_weight(speed: Any, centre_m_s: float = 0.020, width_m_s: float = 0.002) -> Any:
-    """Share of the high-speed set: a smooth step from 0 to 1 about `centre` (where paper V jumps), `width` wide."""
-    s = np.clip((speed - centre_m_s) / width_m_s + 0.5, 0.0, 1.0)
+def blend_weight(speed: Any) -> Any:
+    """Share of the high-speed set at `speed` in m/s: a smooth step from 0 to 1 about 20 mm/s (where paper V jumps)."""
+    s = np.clip((speed - _JUMP_M_S) / _WIDE_M_S + 0.5, 0.0, 1.0)
     return s * s * (3 - 2 * s)
 
 

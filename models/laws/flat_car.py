@@ -25,9 +25,9 @@ class FlatCar:
     wall: WallConstants
 
     @classmethod
-    def from_set(cls, name: str = "zhang2014_constant_velocity") -> FlatCar:
+    def from_set(cls) -> FlatCar:
         """Read the printed parameters (paper C Table 1)."""
-        s = load_set(name)
+        s = load_set("zhang2014_constant_velocity")
         alpha, theta = (math.radians(s[key]) for key in ("contact_angle_deg", "force_angle_deg"))
         return cls(s["radius_m"], s["capsule_length_m"], alpha, theta, s["car_speed_m_s"], WallConstants.from_set())
 

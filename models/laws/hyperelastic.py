@@ -23,9 +23,9 @@ class WallConstants:
     k2_lm: float
 
     @classmethod
-    def from_set(cls, name: str = "zhang2016_analytical") -> WallConstants:
-        """Read the constants from a parameter set."""
-        s = load_set(name)
+    def from_set(cls) -> WallConstants:
+        """Read the printed constants."""
+        s = load_set("zhang2016_analytical")
         return cls(*(s[key] for key in cls.__dataclass_fields__))
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -167,20 +166,19 @@ def record_of(
     rig: Rig,
     *,
     where: str = "",
-    units: Mapping[str, str] = MappingProxyType({}),
     driven_only: bool = False,
     notes: tuple[str, ...] = (),
     lost: tuple[LeftOut, ...] = (),
     lenient: bool = False,
 ) -> Record:
-    """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file.
+    """A record of `rig` from arrays (n,) by column name, checked as `read_record` checks a file.
     A measured column of a time series may hold NaN, where nothing was measured.
     """
     where, header = where or name, list(columns)
     lengths = {column: np.shape(values) for column, values in columns.items()}
     if not columns or len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
-    sources = find_columns(where, rig, header, units, driven_only)
+    sources = find_columns(where, rig, header, {}, driven_only)
     for target, source in sources.items():
         if target in _free(KINDS[rig.kind]) or not source.column:
             continue
@@ -190,7 +188,7 @@ def record_of(
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
-    table = CsvTable(header, units, values, np.arange(1, len(values) + 1))
+    table = CsvTable(header, {}, values, np.arange(1, len(values) + 1))
     made = _record(name, where, rig, table, sources, driven_only, lenient, "sample")
     return replace(made, notes=(*notes, *made.notes), left_out=(*lost, *made.left_out), lines=None)
 

@@ -1,5 +1,6 @@
 """Rigs that are no capsule in motion: a machine's axis, a contact, tables of runs or periods, a sample of the wall."""
 
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -7,41 +8,30 @@ import numpy as np
 from models.drives.axis_force import AxisForce, AxisTorque
 from models.rigs.capsules import VIBRO
 from models.rigs.columns import LOADS, SLOWEST_PULL, Columns, Range
-from models.rigs.kind import Array, Record, RigKind, Tables
+from models.rigs.kind import Record, RigKind, Tables
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import key
 from models.rigs.tables import Axis, BodyTable, Contact, DriveTable, PaperCapsuleTable, PaperTissueTable, SurfaceTable
 
 
-def _line_template(rng: np.random.Generator) -> tuple[Tables, Record]:
-    """Motion at two frequencies, and the force of mass and friction that differ from the nominal ones, with noise."""
-    t, x, v, a = _swings((0.05, 0.01))
-    force = 95.0 * a + 210.0 * v + 22.0 * np.sign(v) + 0.5 * rng.standard_normal(t.size)
-    nominal = {"mass_kg": 100.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": 0.0}
-    return {"rig": {"kind": AXIS.id}, "axis": nominal}, {"t_s": t, "position_m": x, "force_N": force}
-
-
-def _turning_template(rng: np.random.Generator) -> tuple[Tables, Record]:
-    """The same of a joint that turns by one and a half radians."""
-    t, x, v, a = _swings((0.7, 0.1))
-    torque = 0.38 * a + 1.25 * v + 2.1 * np.sign(v) + 0.05 * rng.standard_normal(t.size)
-    nominal = {
-        "inertia_kg_m2": 0.4,
-        "viscous_friction_N_m_s_per_rad": 1.2,
-        "coulomb_friction_N_m": 2.0,
-        "offset_N_m": 0.0,
-    }
-    return {"rig": {"kind": AXIS.id}, "axis": nominal}, {"t_s": t, "angle_rad": x, "torque_N_m": torque}
-
-
-def _swings(sizes: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
-    """Time, position, speed and acceleration of 20 s of a slow swing and a fast one, of these sizes."""
+def _axis_template(
+    drive: type[AxisForce],
+    sizes: tuple[float, float],
+    true: tuple[float, float, float],
+    nominal: tuple[float, float, float, float],
+    noise: float,
+    rng: np.random.Generator,
+) -> tuple[Tables, Record]:
+    """20 s of a slow swing and a fast one of these `sizes`, and the force (torque) of the `true` mass (inertia) and
+    friction, which differ from the `nominal` ones, with `noise`.
+    """
     t = np.arange(0, 20, 2e-3)
-    turns = 2 * np.pi * np.array([[0.2], [0.5]])
-    size = np.array(sizes)[:, None]
+    turns, size = 2 * np.pi * np.array([[0.2], [0.5]]), np.array(sizes)[:, None]
     x = np.sum(size * (1 - np.cos(turns * t)), axis=0)
     v, a = np.sum(size * turns * np.sin(turns * t), axis=0), np.sum(size * turns**2 * np.cos(turns * t), axis=0)
-    return t, x, v, a
+    force = true[0] * a + true[1] * v + true[2] * np.sign(v) + noise * rng.standard_normal(t.size)
+    tables: Tables = {"rig": {"kind": AXIS.id}, "axis": dict(zip(drive.rail.names, nominal, strict=True))}
+    return tables, {"t_s": t, drive.measured: x, drive.commanded: force}
 
 
 _DRIVES = ("force_N", "torque_N_m", "coil_current_A", "coil_voltage_V")
@@ -72,8 +62,8 @@ AXIS = RigKind(
         "force_N": Range(-1e6, 1e6, "between -1e6 and 1e6 N"),
     },
     tables={"axis": Axis},
-    template=_line_template,
-    turning_template=_turning_template,
+    template=partial(_axis_template, AxisForce, (0.05, 0.01), (95.0, 210.0, 22.0), (100.0, 200.0, 20.0, 0.0), 0.5),
+    turning_template=partial(_axis_template, AxisTorque, (0.7, 0.1), (0.38, 1.25, 2.1), (0.4, 1.2, 2.0, 0.0), 0.05),
     wanted="more records, or one of at least four stretches of motion that last more than 0.4 s each",
     stage=True,
     may_drive=_DRIVES[2:],

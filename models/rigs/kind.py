@@ -11,7 +11,7 @@ from models.drives.drive import Drive
 from models.rigs.columns import RANGES, Columns, Range
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import Table
-from models.rigs.tables import CapsuleTable, PaperCapsuleTable, TissueTable
+from models.rigs.tables import CapsuleTable, TissueTable
 from models.surfaces.surface import Surface
 
 Tables = Mapping[str, Mapping[str, Any]]
@@ -110,11 +110,6 @@ class RigKind:
     def led(self) -> bool:
         """Whether the capsule is led along a path."""
         return self.drawn or self.follows
-
-    @property
-    def of_paper(self) -> bool:
-        """Whether capsule and gut are the papers' where nothing is stated."""
-        return self.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
 
     @property
     def known(self) -> tuple[str, ...]:

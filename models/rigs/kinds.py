@@ -59,14 +59,9 @@ def drive_of(rig: Rig, driven: str = "") -> Drive:
     return drive(rig, driven == "coil_voltage_V")
 
 
-def _plate(rig: Rig) -> Surface:
-    friction = None if rig.surface is None else rig.surface.friction_coefficient
-    return Plate(rig.capsule.mass_kg) if friction is None else Plate(rig.capsule.mass_kg, friction)
-
-
 SURFACES: Final[dict[str, Callable[[Rig], Surface]]] = {
     "gut": lambda rig: Wall.around(rig.capsule, rig.tissue),
-    "plate": _plate,
+    "plate": lambda rig: Plate(rig.capsule.mass_kg, rig.needed(rig.needed(rig.surface).friction_coefficient)),
     "air": lambda rig: Air(rig.capsule.mass_kg),
 }
 """The surfaces, by `kind` of `[surface]`."""

@@ -148,8 +148,11 @@ class _File:
         return checked(self.where, "rig", head, content, owners).parts(nested)
 
     def body(self, surface: SurfaceTable | None) -> tuple[Capsule, Tissue]:
-        """Body and gut of a rig whose body lies on `surface`; None is the gut."""
-        paper, gut = self.kind.of_paper, surface is None or surface.is_gut
+        """Body and gut of a rig whose body lies on `surface`; None is the gut. Both are the papers' where a
+        kind has no table of its own.
+        """
+        paper = self.kind.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
+        gut = surface is None or surface.kind == "gut"
         body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable
         capsule = self.read("capsule", body, optional=paper).capsule()
         if paper or not gut:
@@ -161,7 +164,7 @@ class _File:
             return self.read("tissue", model, optional).tissue()
         self.used.add("tissue")
         try:
-            content = with_contact_angle(self.raw["tissue"], capsule.radius_m, "tissue")
+            content = with_contact_angle(self.raw["tissue"], capsule.radius_m)
         except ValueError as error:
             raise ValueError(f"{self.where}: {error}") from None
         return checked(self.where, "tissue", model, content).tissue()

@@ -142,17 +142,16 @@ def _table_of(cls: type[Any], where: str) -> type[NamedTable]:
     """The table whose keys are the fields of a dataclass."""
     hints = typing.get_type_hints(cls)
     keys: dict[str, Any] = {
-        one.name: (_from_toml(hints[one.name], f"{where}.{one.name}"), ... if _required(one) else None)
+        one.name: (
+            _from_toml(hints[one.name], f"{where}.{one.name}"),
+            ... if one.default is one.default_factory is MISSING else None,
+        )
         for one in fields(cls)
         if one.name != "folder"
     }
     made = create_model(cls.__name__, __base__=NamedTable, **keys)
     made.where, made.weighed = where, False
     return made
-
-
-def _required(field: Any) -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
 
 
 def _from_toml(hint: Any, where: str) -> Any:

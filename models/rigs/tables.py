@@ -158,16 +158,6 @@ class SurfaceTable(Table):
                 "[surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is missing"
             )
 
-    @property
-    def is_gut(self) -> bool:
-        """Whether a wall is around the body."""
-        return self.kind == "gut"
-
-    @property
-    def is_air(self) -> bool:
-        """Whether nothing holds the body."""
-        return self.kind == "air"
-
 
 class CoilTable(Table):
     """The coil's force `k_c i` on the capsule, falling with the distance from the coil where a range is

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.formula import Formula, Line, called, equal, symbols
+from models.formula import Formula, Line, called, equal, polynomial, symbols
 from models.laws.five_elements import blend_weight
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants, wall_tension
@@ -23,13 +23,6 @@ _DEGREE, _DEGREE_BEYOND = 12, 4  # of the polynomials up to `FAST` and beyond
 _TINY = 1e-12  # a difference that is none, in m or N
 
 
-def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:
-    result = coefficients[-1]
-    for c in reversed(coefficients[:-1]):
-        result = result * value + c
-    return result
-
-
 Fitted = tuple[tuple[float, ...], tuple[float, ...]]
 """Coefficients of an integral up to `FAST`, and beyond."""
 
@@ -37,7 +30,7 @@ Fitted = tuple[tuple[float, ...], tuple[float, ...]]
 def _integral(speed: Any, sets: tuple[Fitted, ...]) -> Any:
     """One of V's integrals in N at `speed` >= 0 in m/s, from the polynomials of each set of moduli."""
     at, end = np.log1p(np.minimum(speed, FASTEST) / _KNEE), np.log1p(FAST / _KNEE)
-    slow, *fast = (np.where(at < end, _polynomial(at, below), _polynomial(at, beyond)) for below, beyond in sets)
+    slow, *fast = (np.where(at < end, polynomial(at, *below), polynomial(at, *beyond)) for below, beyond in sets)
     return slow + blend_weight(speed) * (fast[0] - slow) if fast else slow
 
 
@@ -133,7 +126,7 @@ class Wall(Surface):
 
     def tension(self, u: Any) -> Any:
         """`T(u)` in N at the drag `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm."""
-        return u * _polynomial(np.abs(u) / LONGEST, self.tension_coefficients)
+        return u * polynomial(np.abs(u) / LONGEST, *self.tension_coefficients)
 
     def stiffness(self) -> float:
         """`dT/du` at u = 0 in N/m, about 150 for the default capsule."""
@@ -141,7 +134,7 @@ class Wall(Surface):
 
     def drag_at(self, tension: Any) -> Any:
         """`u_c` in m with `T(u_c)` = `tension` >= 0 in N, a polynomial, within 1e-6 up to 3 mm of drag."""
-        return _polynomial(tension, self.drag_coefficients)
+        return polynomial(tension, *self.drag_coefficients)
 
 
 @dataclass(frozen=True)

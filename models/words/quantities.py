@@ -62,8 +62,8 @@ def fixed(value: float | None, places: int) -> str:
     return _signed(text.removeprefix("-") if float(text) == 0 else text)
 
 
-def percent(share: float | None, digits: int = 2) -> str:
-    return DASH if share is None else amount(100 * share, "%", digits)
+def percent(share: float | None) -> str:
+    return DASH if share is None else amount(100 * share, "%", 2)
 
 
 def change(value: float, before: float) -> str:

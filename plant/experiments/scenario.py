@@ -11,7 +11,7 @@ import numpy as np
 
 from models.files.access import draft
 from models.files.toml import (
-    choice,
+    check_word,
     converted,
     in_file,
     is_number,
@@ -154,7 +154,7 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
             f"scenario.duration_s must be {run.step_s:g} to {MOST_STEPS * run.step_s:g} s, at most {MOST_STEPS:.0e}"
             f" steps of {run.step_s:g} s; got {run.duration_s:g} s"
         )
-    kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
+    kind = check_word(raw.get("rig", {}).get("kind"), "rig.kind", DRIVES)
     body = BodyTable if raw.get("surface", {}).get("kind", "gut") != "gut" else CapsuleTable
     models: dict[str, type[RigTable]] = {"capsule": body, "tissue": TissueTable, "noise": NoiseTable}
     models |= {"surface": SurfaceTable, **_DRIVE_TABLES.get(DRIVES[kind], {})}
@@ -197,12 +197,12 @@ def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
     hoop = converted(table.get("hoop_stress_factor", 1.0), float, "tissue.hoop_stress_factor")
     if not 0.01 <= hoop <= 100:
         raise ValueError(f"tissue.hoop_stress_factor must be 0.01 to 100; got {hoop:g}")
-    table = with_contact_angle(table, capsule.radius_m, "tissue")
+    table = with_contact_angle(table, capsule.radius_m)
     return from_table(Tissue, table, "tissue", skip=("preset", "hoop_stress_factor")), hoop
 
 
 def _surface(table: Table) -> TruePlate | None:
-    kind = choice(table, "surface.kind", ("gut", "plate", "air"))
+    kind = check_word(table.get("kind"), "surface.kind", ("gut", "plate", "air"))
     if kind != "plate" and len(table) > 1:
         raise ValueError(
             f"[surface] of kind {kind} must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
@@ -242,7 +242,7 @@ def _effects(table: Table, kind: str) -> dict[str, dict[str, float]]:
 
 
 def _profile(table: Table, folder: Path) -> Profile:
-    kind = choice(table, "profile.kind", tuple(PROFILES))
+    kind = check_word(table.get("kind"), "profile.kind", PROFILES)
     profile = from_table(PROFILES[kind], table, "profile", skip=("kind",))
     return replace(profile, folder=str(folder)) if isinstance(profile, Recorded) else profile
 

@@ -9,7 +9,7 @@ from pydantic import Field, Strict
 
 from controller.limits import Limits
 from controller.reference import LONGEST_S, STEP_S, Trajectory, by_positions, by_speeds, through
-from models.files.toml import choice, read_toml
+from models.files.toml import check_word, read_toml
 from models.rigs.schema import NamedTable, Numbers, key
 
 MM: Final = 1e-3  # in metres
@@ -113,7 +113,7 @@ REFERENCES: Final[Mapping[str, type[ReferenceTable]]] = {
 
 def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits | None = None) -> Trajectory:
     """The reference of a table over `duration_s`, within `limits` where given. Raises ValueError."""
-    kind = choice(table, "reference.kind", tuple(REFERENCES))
+    kind = check_word(table.get("kind"), "reference.kind", REFERENCES)
     shape = REFERENCES[kind](**{name: value for name, value in table.items() if name != "kind"})
     start = getattr(shape, "start_s", 0.0)
     if not 0 <= start < duration_s:

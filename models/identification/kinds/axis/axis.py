@@ -44,6 +44,7 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 
 T = TypeVar("T")
+_BLOCKS = 4  # of a record's cycle of motion, of which each is left out once
 _BELIEF = "rig file; without it only a start for the calibration"
 
 
@@ -240,9 +241,6 @@ class AxisKind(Kind):
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
         return self.predict(record, theta) - record[self.quantity], record[self.quantity]
 
-    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        return {"t_s": record["t_s"], self.quantity: predicted}
-
     def _moved(self, record: Record) -> Moved:
         names = ("t_s", self.coordinates.position, self.coordinates.velocity, CARRIED[0])
         key = tuple(id(record.columns.get(name)) for name in names)
@@ -327,11 +325,11 @@ def splits_of(
     ]
 
 
-def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[Split]:
-    """Splits by `count` blocks of the record's cycle of motion (else of its length), each left out once."""
+def blocks_of_cycle(record: Record, position: str) -> list[Split]:
+    """Splits by four blocks of the record's cycle of motion (else of its length), each left out once."""
     rate = sampling_rate(record["t_s"])
     lag = repeat_lag(record[position], rate) or len(record)
-    block = (np.arange(len(record)) % lag) * count // lag
+    block = (np.arange(len(record)) % lag) * _BLOCKS // lag
     edges = [0, *(np.flatnonzero(np.diff(block)) + 1), len(record)]
     pieces = [(int(block[a]), record.rows(slice(a, b))) for a, b in pairwise(edges) if b - a > SET.piece_s * rate]
-    return [([p for k, p in pieces if k != out], [p for k, p in pieces if k == out]) for out in range(count)]
+    return [([p for k, p in pieces if k != out], [p for k, p in pieces if k == out]) for out in range(_BLOCKS)]

@@ -104,8 +104,7 @@ def _of_loads(effect: type[Effect], loads: Sequence[Logged], c: Coordinates, for
         for one, unit, low, high in zip(chosen, units, least, most, strict=True)
     ]
     made = (*rows, *more)
-    space = {"__doc__": effect.__doc__, "parameters": classmethod(lambda cls: made), "probe": 0.002 * most[0]}
-    return type(effect.__name__, (effect,), space)
+    return ranged(effect, Ranges(probe=0.002 * most[0]), parameters=classmethod(lambda cls: made))
 
 
 def _ratio(one: str, other: str) -> str:

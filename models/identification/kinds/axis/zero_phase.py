@@ -12,6 +12,9 @@ from models.identification.kind import Array
 from models.identification.settings import SET
 from models.records.record import USED, Record
 
+_WINDOW = 25  # differences of which the quietest tenth shows the noise
+_SHORTEST_S = 1.0  # cycle of a motion that repeats
+
 
 @dataclass(frozen=True)
 class AxisMotion:
@@ -130,14 +133,14 @@ def passed(rate: float, band: float = SET.band_hz) -> float:
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 
-def quiet_roughness(signal: Array, window: int = 25, order: int = 2) -> float:
+def quiet_roughness(signal: Array, order: int) -> float:
     """Standard deviation of a signal's noise from its differences of an `order`, in its quietest tenth of windows."""
     bends = np.diff(signal, order) / np.sqrt(comb(2 * order, order))
-    parts = bends[: len(bends) // window * window].reshape(-1, window) if len(bends) >= window else bends[None, :]
+    parts = bends[: len(bends) // _WINDOW * _WINDOW].reshape(-1, _WINDOW) if len(bends) >= _WINDOW else bends[None, :]
     return float(np.percentile(np.sqrt(np.mean(parts**2, axis=1)), 10))
 
 
-def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | None:
+def repeat_lag(position: Array, rate: float) -> int | None:
     """Samples after which the motion repeats to 1e-4 of its range over a third of the record, else None."""
     n = len(position)
     limit = 1e-4 * float(np.ptp(position))
@@ -145,7 +148,7 @@ def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | N
     def mismatch(lag: int, stride: int) -> float:
         return float(np.sqrt(np.mean((position[lag::stride] - position[: n - lag : stride]) ** 2)))
 
-    coarse = range(round(shortest_s * rate), 2 * n // 3, max(1, round(0.01 * rate)))
+    coarse = range(round(_SHORTEST_S * rate), 2 * n // 3, max(1, round(0.01 * rate)))
     scores = [mismatch(lag, 8) for lag in coarse]
     for i in range(1, len(scores) - 1):
         if scores[i] <= min(scores[i - 1], scores[i + 1]) and scores[i] < 100 * limit:

@@ -131,10 +131,6 @@ class SeriesKind(Kind):
         return self.column or self.drive.measured
 
     @property
-    def quantities(self) -> tuple[str, ...]:
-        return self.channels
-
-    @property
     def channels(self) -> tuple[str, ...]:
         return (self.column,) if self.column else (self.drive.measured, *self.beside)
 
@@ -322,9 +318,6 @@ class SeriesKind(Kind):
         measured = np.concatenate([record[self.quantity] for record in records])
         errors = (measured - np.concatenate(own) for own in zip(*outputs, strict=True))
         return [float(np.sqrt(np.mean(error**2))) for error in errors]
-
-    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
-        return {"t_s": record["t_s"], self.quantity: predicted}
 
 
 def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:

@@ -298,20 +298,18 @@ def _phase(
 
 
 @_compiled
-def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: float, q: VibroCycle) -> float:
-    """Mean speed of the body in m/s over `cycles` periods after `settle` periods from rest.
+def mean_velocity(period_s: float, duty: float, cycles: int, step: float, q: VibroCycle) -> float:
+    """Mean speed of the body in m/s over `cycles` periods from rest.
 
     The drive is on for `duty * period_s`, then off; steps of at most `step` s are aligned with the switching edges.
     Once a period leaves the state as it found it the remaining ones are not stepped through.
     """
     s = BodyState(0.0, 0.0, 0.0, 0.0, 0)
-    current, pull, begin = 0.0, 0.0, 0.0
+    current, pull = 0.0, 0.0
     for lag in (q.current_lag_s, q.force_lag_s):
         if lag > 0.0:
             step = min(step, max(lag, _SHORTEST_LAG_S))
-    for cycle in range(settle + cycles):
-        if cycle == settle:
-            begin = s.x
+    for cycle in range(cycles):
         last, last_pull = s, pull
         if duty > 0.0:
             s, current, pull = _phase(s, current, pull, 1.0, duty * period_s, step, q)
@@ -319,25 +317,20 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
             s, current, pull = _phase(s, current, pull, 0.0, (1.0 - duty) * period_s, step, q)
         change = max(abs(s.v - last.v), abs(s.stretch - last.stretch), abs(s.rate - last.rate), abs(pull - last_pull))
         if change < _PERIODIC and s.mode == last.mode:
-            advance = s.x - last.x
-            if cycle < settle:
-                return advance / period_s
-            return (s.x - begin + advance * (settle + cycles - 1 - cycle)) / (cycles * period_s)
-    return (s.x - begin) / (cycles * period_s)
+            return (s.x + (s.x - last.x) * (cycles - 1 - cycle)) / (cycles * period_s)
+    return s.x / (cycles * period_s)
 
 
 @_compiled
-def table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float, q: VibroCycle) -> Array:
-    """Mean speeds in m/s (n,) at periods in s, duties and numbers of cycles (n,), each after `settle` cycles."""
+def table(period_s: Array, duty: Array, cycles: Array, step: float, q: VibroCycle) -> Array:
+    """Mean speeds in m/s (n,) at periods in s, duties and numbers of cycles (n,)."""
     speeds = np.empty(period_s.size)
     for i in range(period_s.size):
-        speeds[i] = mean_velocity(period_s[i], duty[i], int(cycles[i]), settle, step, q)
+        speeds[i] = mean_velocity(period_s[i], duty[i], int(cycles[i]), step, q)
     return speeds
 
 
-def mean_velocities(
-    period_s: Any, duty: Any, cycles: Any, q: VibroCycle, settle: int = 0, step: float = STEP_S
-) -> Array:
+def mean_velocities(period_s: Any, duty: Any, cycles: Any, q: VibroCycle, step: float = STEP_S) -> Array:
     """Mean speeds in m/s, one a condition, of a body started from rest; arrays of one length n, SI.
 
     `M v' = S(xi, xi') - r F + incline - Coulomb - drag`, `m (v' + xi'') = F - S`, with the suspension's force S, the
@@ -354,5 +347,5 @@ def mean_velocities(
         if not good.all():
             raise ValueError(f"{rule}; got {values[~good][0]:g}")
     p, d, c = (np.ascontiguousarray(a, dtype=float).ravel() for a in (period, share, count))
-    speeds: Array = table(p, d, c, settle, step, q)
+    speeds: Array = table(p, d, c, step, q)
     return speeds.reshape(period.shape)

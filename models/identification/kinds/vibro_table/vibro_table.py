@@ -12,7 +12,7 @@ from models.effects.effect import Effect
 from models.identification.kind import Array, Split
 from models.identification.kinds.table import TableKind, distinct, left_out_in_turn
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
-from models.identification.kinds.vibro_table.solver import STEP_S, mean_velocities
+from models.identification.kinds.vibro_table.solver import mean_velocities
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
@@ -41,7 +41,6 @@ class VibroTableKind(TableKind):
     reaction_on_body: bool = True
     model_error_m_s: float = 2.0e-3
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: CATALOGUE.acting_on(VIBRO_TABLE.id, VARIANTS))
-    step_s: float = STEP_S
     name: str = VIBRO_TABLE.id
     catalogue: Catalogue = CATALOGUE
     quantity: str = "mean_velocity_m_s"
@@ -57,17 +56,13 @@ class VibroTableKind(TableKind):
                 f"rig must have a drive and a plate for kind {VIBRO_TABLE.id!r}; got kind {rig.kind!r} without them"
             )
 
-        def number(name: str, value: float, unit: str, low: float, high: float) -> Parameter:
-            ends = sorted((low * value, high * value))
-            return Parameter(name, value, unit, ends[0], ends[1], _BELIEF, fit=low < high)
-
+        masses = ("body_mass_kg", rig.capsule.mass_kg, "kg"), ("inner_mass_kg", drive.inner_mass_kg, "kg")
+        fixed = (("force_N", drive.force_N, "N"), *masses)
         base = (
-            number("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
+            Parameter.near("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2, _BELIEF),
             Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
-            number("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7),
-            number("force_N", drive.force_N, "N", 1.0, 1.0),
-            number("body_mass_kg", rig.capsule.mass_kg, "kg", 1.0, 1.0),
-            number("inner_mass_kg", drive.inner_mass_kg, "kg", 1.0, 1.0),
+            Parameter.near("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7, _BELIEF),
+            *(Parameter(name, value, unit, value, value, _BELIEF) for name, value, unit in fixed),
             Parameter("mirror", 1.0, "1", -1.0, 1.0, "settled once from the records"),
         )
         made = cls(base, drive.reaction_on_body)
@@ -94,7 +89,7 @@ class VibroTableKind(TableKind):
         values = self.nominal() | theta
         runs, index = self.conditions(record)
         period, duty, cycles = runs.T
-        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body), step=self.step_s)
+        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body))
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:

@@ -26,6 +26,7 @@ from models.identification.search.search import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.theta import Theta
+from tests.models.running import settled
 
 RIG = {
     "rig": {"kind": "vibro_table"},
@@ -53,22 +54,22 @@ def record(period: object, duty: object, cycles: object, speed: object = 0.0) ->
     [(NOMINAL, 0.060, 0.3, -8.275e-3), (NOMINAL, 0.097, 0.14, 19.625e-3), (SMALL, 0.0441, 0.785, -75.85e-3)],
 )
 def test_steady_speeds_of_the_reference(drive: VibroCycle, period: float, duty: float, speed: float) -> None:
-    assert mean_velocities(period, duty, 200, drive, settle=400) == pytest.approx(speed, rel=2e-3)
+    assert settled(period, duty, 200, drive, settle=400) == pytest.approx(speed, rel=2e-3)
 
 
 def test_linear_drive_is_antisymmetric_in_duty() -> None:
     duty = np.array([0.1, 0.25, 0.3, 0.4, 0.45])
-    forward = mean_velocities(0.085, duty, 100, NOMINAL, settle=600)
-    backward = mean_velocities(0.085, 1 - duty, 100, NOMINAL, settle=600)
+    forward = settled(0.085, duty, 100, NOMINAL, settle=600)
+    backward = settled(0.085, 1 - duty, 100, NOMINAL, settle=600)
     assert np.max(np.abs(forward)) > 2e-3
     np.testing.assert_allclose(backward, -forward, atol=2e-5)
-    assert mean_velocities(0.085, 0.5, 100, NOMINAL, settle=600) == pytest.approx(0, abs=2e-5)
+    assert settled(0.085, 0.5, 100, NOMINAL, settle=600) == pytest.approx(0, abs=2e-5)
 
 
 def test_a_squared_current_breaks_the_antisymmetry_and_a_lagging_force_does_not() -> None:
     plain = NOMINAL._replace(damping=1.0)
     for lagged, broken in ((plain._replace(force_lag_s=0.003), False), (plain._replace(current_lag_s=0.003), True)):
-        pair = mean_velocities(0.06, np.array([0.3, 0.7]), 50, lagged, settle=100)
+        pair = settled(0.06, np.array([0.3, 0.7]), 50, lagged, settle=100)
         assert bool(abs(pair.sum()) > 1e-4) is broken
 
 
@@ -86,7 +87,7 @@ def test_the_step_converges_and_the_periodic_short_cut_changes_nothing() -> None
     assert errors[1] < 0.3 * errors[0]
     assert errors[2] < 0.3 * errors[1]
     long = mean_velocities(period, duty, 4000, drive)
-    assert long == pytest.approx(mean_velocities(period, duty, 50, drive, settle=100), abs=2e-5)
+    assert long == pytest.approx(settled(period, duty, 50, drive, settle=100), abs=2e-5)
 
 
 def test_friction_carries_the_momentum_that_the_outside_force_brings() -> None:

@@ -2,6 +2,23 @@
 
 Nothing is printed. `progress` may be left out, else it is called with a sentence and a share from 0 to 1. What cannot
 be used is a ValueError of one sentence. The same input and seed give the same numbers.
+
+```python
+from hil import api
+
+rig = api.load_rig("rig.toml")
+train = [api.load_record(f"pull_{k}.csv", rig) for k in (1, 2)]
+held_out = api.load_record("held_out.csv", rig)
+found = api.identify(rig, train, [held_out])
+print(found.finding.verdict, [effect.id for effect in found.finding.effects], found.finding.error["holdout"])
+found.write("out")  # report.html with its figures, report.json, model.toml
+model = api.load_model("out/model.toml", rig.kind)
+force_N = api.predict(model, rig, held_out)["force_N"]
+print("rms of the rest in mN:", 1e3 * float((held_out["force_N"] - force_N).std()))
+```
+
+These lines run in `examples/own_record`. For a figure of your own, each of `found.finding.traces` has the arrays
+`abscissa`, `measured` and `predicted[stage]` of a record.
 """
 
 from __future__ import annotations

@@ -1,32 +1,50 @@
 """`capsule check`: what is wrong with records before any fit, and what they cannot show."""
 
 from collections.abc import Sequence
-from typing import Final
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Final
 
 from rich.console import Console
 
 from hil.app.close_loop import read_series, sizes_table
-from hil.app.console import print_json, say, summary
+from hil.app.console import json_text, print_json, say, summary
 from hil.app.scenario.rig_file import read_deployed_rig
-from hil.app.shared_options import Json, OwnEffects, Records, RigFile
+from hil.app.shared_options import Json, OwnEffects, Records, RigFile, option
+from hil.app.write import check_targets, own_folder, write_files
 from hil.report.words import grouped
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
-from models.effects import Catalogue
+from models.effects import Catalogue, effect_words
 from models.identification.identify import narrowed, smallest
 from models.identification.kinds import kind_for, ready
 from models.identification.record_checks import check_records
-from models.records.record import Record
+from models.records.record import Record, as_measured
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
+PAGE, NUMBERS = "check.html", "check.json"
 STOPPED = 1  # exit status where a finding would stop a fit
 
 
-def check(records: Records, rig: RigFile, *, json_output: Json = False, effects: OwnEffects) -> int:
+def check(
+    records: Records,
+    rig: RigFile,
+    *,
+    out: Annotated[Path | None, option("--out", "DIR", "Folder for check.html and check.json.")] = None,
+    json_output: Json = False,
+    effects: OwnEffects,
+) -> int:
     """Print the findings and the effects that the records cannot show; status 1 where a finding stops a fit."""
+    with own_folder(out, "--out"):
+        if out is not None:
+            check_targets([out / PAGE, out / NUMBERS], "--out", [*records, rig])
+        return _checked(records, rig, out, json_output, effects)
+
+
+def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: bool, effects: Sequence[Path]) -> int:
     belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
     read, _ = read_series(records, (), belief, lenient=True)
     findings = examine(belief, read)
@@ -35,17 +53,50 @@ def check(records: Records, rig: RigFile, *, json_output: Json = False, effects:
     stops = stopping(findings) is not None
     hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
     sizes = {} if stops else _smallest(catalogue.given_to(belief), read)
+    document = {
+        "findings": [finding.to_dict() for finding in findings],
+        "cannot_show": hidden,
+        "smallest_detectable": {name: size.value for name, size in sizes.items()},
+    }
+    if out is not None:
+        write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
     if json_output:
-        values = {name: size.value for name, size in sizes.items()}
-        found = [finding.to_dict() for finding in findings]
-        print_json({"findings": found, "cannot_show": hidden, "smallest_detectable": values})
+        print_json(document)
     else:
         show(summary(), findings, hidden)
-        if not findings:
-            say(TEXT("check.nothing"))
+        say(headline(findings))
         if sizes:
             summary().print(sizes_table(sizes))
+        if out is not None:
+            say(TEXT("check.report", path=out / PAGE))
     return STOPPED if stopping(findings) else 0
+
+
+def headline(findings: Sequence[RecordFinding]) -> str:
+    """How many findings, and what they do to a fit."""
+    if not findings:
+        return TEXT("check.nothing")
+    worst = next(one for one in ("stops", "weakens", "note") if any(f.severity == one for f in findings))
+    return TEXT("check.some", count=len(findings), worst=TEXT(f"check.{worst}"))
+
+
+def page_html(
+    read: Sequence[Record], findings: Sequence[RecordFinding], hidden: dict[str, str], sizes: dict[str, Quantity]
+) -> str:
+    """One self-contained page: findings, the records, what they would show at least."""
+    from hil.report.builder import page  # what draws takes half a second to load
+    from hil.report.figure_records import columns_figure, names
+
+    return page(
+        "check.html.j2",
+        title=headline(findings),
+        kind="named" if all(finding.severity == "note" for finding in findings) else "unknown",
+        records=names(read),
+        groups=[*grouped(findings)],
+        hidden=hidden,
+        drawn=columns_figure([replace(record, columns=as_measured(record)) for record in read]),
+        sizes=[[effect_words(name), str(size)] for name, size in sizes.items()],
+    )
 
 
 def _refused(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:

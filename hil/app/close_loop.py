@@ -1,18 +1,32 @@
 """`capsule close-loop`: measured records in; report, numbers and the better model out."""
 
+import hashlib
 import math
 import os
 import signal
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 from rich.table import Table
 
 from hil.app.cluster import Workers, spread
-from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
+from hil.app.console import (
+    InterruptionError,
+    json_text,
+    note,
+    notes,
+    output_to_notes,
+    print_json,
+    progress_bar,
+    say,
+    summary,
+    text_table,
+)
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import (
     Json,
@@ -26,6 +40,7 @@ from hil.app.shared_options import (
     seconds,
     several,
 )
+from hil.app.version import program_version
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.rig_record import read_rig_record
 from hil.report.closed_loop import report_html
@@ -33,28 +48,31 @@ from hil.report.dependence import dependence_words
 from hil.report.numbers import report_json
 from hil.report.words import PARTS, confidence_words, disagreement_words, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue, effect_words
+from models.files.access import cache_folder, opened, private_folder
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
 from models.records.record import Record
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
+from models.workers import keeping
 
 TEXT: Final = Sentences(__file__)
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)
 _MM = 1e3  # in a metre
+_KEPT_S = 30 * 86400.0  # for which an interrupted search can go on
 
 
 def close_loop(
     records: Annotated[
-        list[Path], argument("RECORD...", "Training records: CSV, CAN logs, or files that convert reads.")
+        list[Path], argument("RECORD", "Training records: CSV, CAN logs, or files that convert reads.", "record")
     ],
     rig: RigFile,
     out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
     holdout: Annotated[
         list[Path],
-        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch."),
+        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch.", reads="record"),
     ],
     *,
     budget: Annotated[
@@ -71,7 +89,7 @@ def close_loop(
     """
     on, budget_s = Workers(workers, scheduler), math.inf if budget is None else seconds(budget, "--budget")
     with sole_writer(out, "--out"), spread(on):
-        finding = _closed(records, rig, out, holdout, seed, Catalogue.read(effects), budget_s)
+        finding = _closed(records, rig, out, holdout, seed, effects, budget_s)
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
     else:
@@ -84,17 +102,40 @@ def _closed(
     out: Path,
     holdout: Sequence[Path],
     seed: int,
-    effects: Catalogue,
+    own: Sequence[Path],
     budget_s: float,
 ) -> Finding:
     check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
-    belief = effects.given_to(read_deployed_rig(rig))
+    belief = Catalogue.read(own).given_to(read_deployed_rig(rig))
     train, held = read_series(records, holdout, belief)
     for part, read in (("train", train), ("holdout", held)):
         for record in read:
             notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
-    with _termination_interrupts():
-        return find_and_write(belief, train, held, out, "close-loop", seed, budget_s)
+    same = _same_search([*records, *holdout, rig, *own], f"{seed} {budget_s} {len(holdout)} {out.resolve()}")
+    with _termination_interrupts(), keeping(same) as done:
+        if done:
+            note(TEXT("close_loop.goes_on", count=done))
+        try:
+            return find_and_write(belief, train, held, out, "close-loop", seed, budget_s)
+        except KeyboardInterrupt:
+            raise InterruptionError(TEXT("close_loop.interrupted")) from None
+
+
+def _same_search(files: Sequence[Path], asked: str) -> Path:
+    """Where this program keeps what it has done of the search in these `files`; what nobody went on with for a month is
+    removed.
+    """
+    folder = private_folder(cache_folder() / "searches")
+    for old in folder.iterdir():
+        if time.time() - old.stat().st_mtime > _KEPT_S:
+            old.unlink(missing_ok=True)
+    inputs = hashlib.sha256(f"{program_version()} {asked}".encode())
+    for path in files:
+        inputs.update(f"{path.name}\n".encode())
+        with opened(path, "record") as file:
+            for block in iter(partial(file.read, 1 << 20), b""):
+                inputs.update(block)
+    return folder / inputs.hexdigest()
 
 
 @contextmanager
@@ -181,7 +222,7 @@ def print_summary(finding: Finding, out: Path) -> None:
         say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):
         more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
-        say(f"{alike[0].severity}: {alike[0].sentence}{more}")
+        say(f"{alike[0].severity}: {alike[0].sentence} {more}".rstrip())
     say(*map(disagreement_words, finding.disagreeing))
     console.print(*map(error_table, finding.by_column), sep="\n")
     say(*finding.leading[1:])

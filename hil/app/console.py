@@ -98,10 +98,10 @@ def output_to_notes() -> Iterator[None]:
 @contextlib.contextmanager
 def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterator[Callable[[str, float], None]]:
     """Progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S`. `even` work
-    also gets its remaining time, from the pace since `done` of it. Yields `report(stage, fraction)`; what follows a
-    colon in `stage` is a step of it.
+    also gets its remaining time, from the pace since `done` of it. Yields `report(stage, fraction)`, of which the
+    largest fraction so far counts; what follows a colon in `stage` is a step of it.
     """
-    console = notes()
+    console, most = notes(), 0.0
     if not console.is_terminal:
         yield stage_lines(console, title, even=even, done=done)
         return
@@ -117,11 +117,17 @@ def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterat
         task = progress.add_task(title, total=_STEPS, completed=round(_STEPS * done), percent=math.floor(100 * done))
 
         def report(stage: str, fraction: float) -> None:
-            part = min(max(fraction, 0.0), 1.0)
+            nonlocal most
+            most = part = min(max(fraction, most), 1.0)
             said = escape(printable(f"{title}: {stage}"))
             progress.update(task, description=said, completed=_STEPS * part, percent=math.floor(100 * part))
 
         yield report
+
+
+def part_of(report: Callable[[str, float], None], number: int, count: int) -> Callable[[str, float], None]:
+    """The `report` of part `number` of `count` equal ones."""
+    return lambda stage, share: report(stage, (number + share) / count)
 
 
 def stage_lines(
@@ -134,11 +140,12 @@ def stage_lines(
 ) -> Callable[[str, float], None]:
     """The `report(stage, fraction)` of `progress_bar` off a terminal: it prints lines."""
     began = said = clock()
-    last = ""
+    last, most = "", 0.0
 
     def report(stage: str, fraction: float) -> None:
-        nonlocal last, said
-        now, part = clock(), min(max(fraction, 0.0), 1.0)
+        nonlocal last, said, most
+        now, most = clock(), min(max(fraction, most), 1.0)
+        part = most
         head = stage.partition(":")[0]
         if head == last and now - said < QUIET_S:
             return

@@ -47,7 +47,7 @@ class Converted:
 def convert(
     paths: Annotated[
         list[Path],
-        argument("IN...", "CSV, TSV, Parquet, MF4, MCAP, ROS bag, TDMS, MATLAB, HDF5, or a CAN log of ours."),
+        argument("IN", "CSV, TSV, Parquet, MF4, MCAP, ROS bag, TDMS, MATLAB, HDF5, or a CAN log of ours.", "record"),
     ],
     out: Annotated[
         str,
@@ -56,7 +56,8 @@ def convert(
         ),
     ],
     rig: Annotated[
-        Path | None, option("--rig", "RIG.toml", "Rig file with the kind and [columns] to read; else all channels.")
+        Path | None,
+        option("--rig", "RIG.toml", "Rig file with the kind and [columns] to read; else all channels.", "rig file"),
     ] = None,
     kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
     json_output: Json = False,

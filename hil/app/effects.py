@@ -21,12 +21,12 @@ def effects(
     action: Annotated[
         str,
         argument(
-            "[check/propose]",
+            "check|propose",
             "check: run the conformance checks on a file of your own; propose: write what a report proposes for"
             " its residual as such a file.",
         ),
     ] = "list",
-    file: Annotated[Path | None, argument("[FILE.py/DIR]", "The file to check, or the folder of the report.")] = None,
+    file: Annotated[Path | None, argument("FILE.py|DIR", "The file to check, or the folder of the report.")] = None,
     own: OwnEffects,
     out: Annotated[Path | None, option("--out", "FILE.py", "Where propose writes the effect.")] = None,
     json_output: Json = False,

@@ -4,6 +4,7 @@ import math
 import os
 import re
 import select
+import shutil
 import sys
 import termios
 import time
@@ -21,7 +22,7 @@ from hil.app.scenario.bus_scenario import Step, steps
 from hil.app.scenario.deployment import read_operator
 from hil.app.shared_options import Json, argument, option
 from hil.nodes.operator import OperatorLimits
-from hil.nodes.operator_sender import CYCLE_S, OperatorSender
+from hil.nodes.operator_sender import CYCLE_S, OperatorSender, refusal_words, steering_words
 from models.files.toml import check_word, in_file
 from models.words.sentences import Sentences
 
@@ -36,7 +37,9 @@ _SHOWN_S: Final = 0.1  # between two lines on the terminal
 
 
 def jog(
-    path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.")],
+    path: Annotated[
+        Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.", "deployment file")
+    ],
     source: Annotated[
         str, option("--source", "NAME", "Sender: keyboard, cockpit, joystick, ros, script, other.")
     ] = "keyboard",
@@ -71,7 +74,7 @@ def jog(
             note(TEXT("jog.keys"))
             with raw_terminal(sys.stdin.fileno()):
                 _by_keys(sender, limits, signals)
-            sys.stderr.write("\n")
+            sys.stderr.write("\r\x1b[J")
         else:
             _send(sender, planned, signals)
         signals.wanted = ""
@@ -126,19 +129,10 @@ def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: StopSignal
         sender.listen()
         if now - shown >= _SHOWN_S:
             shown = now
-            sys.stderr.write(f"\r\x1b[K{1e3 * speed:.2f} mm/s  {_answer(sender)}")
+            line = f"{1e3 * speed:.2f} mm/s  {steering_words(sender.answer, sender.led, sender.source)}"
+            rows = (len(line) - 1) // shutil.get_terminal_size().columns
+            sys.stderr.write(f"\r\x1b[J{line}" + f"\x1b[{rows}A" * (rows > 0))
             sys.stderr.flush()
-
-
-def _answer(sender: OperatorSender) -> str:
-    """The newest answer of a controller, in words."""
-    newest = sender.answer
-    if newest is None:
-        return TEXT("jog.silent")
-    at = TEXT("jog.answer", state=newest.state, source=newest.source, mm=1e3 * newest.position_m)
-    if newest.source == sender.source:
-        return at + (TEXT("jog.range") if newest.refused == "range" else "")
-    return at + (TEXT("jog.refused", reason=newest.refused) if newest.refused != "none" else "")
 
 
 def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
@@ -146,11 +140,13 @@ def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
     newest, unsent = sender.answer, sender.transmitter.unsent
     counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
     last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}
-    more = {"refused": dict(sender.refused), "others": sender.others, "last": last}
-    said = [TEXT("jog.sent", count=counts["sent"], answer=_answer(sender))]
+    state = steering_words(newest, sender.led, sender.source)
+    more = {"refused": dict(sender.refused), "others": sender.others, "last": last, "state": state}
+    said = [TEXT("jog.sent", count=counts["sent"], answer=state)]
     if sender.refused:
-        reasons, count = [f"{why} {n}" for why, n in sorted(sender.refused.items())], sender.refused.total()
-        said.append(TEXT("jog.refusals", count=count, held=sender.taken + count, reasons=reasons))
+        count, last_source = sender.refused.total(), newest.source if newest is not None else ""
+        said.append(TEXT("jog.refusals", count=count, held=sender.taken + count))
+        said += [TEXT("jog.reason", n=n, why=refusal_words(w, last_source)) for w, n in sorted(sender.refused.items())]
     if sender.others:
         said.append(TEXT("jog.twin", source=sender.source))
     answer(json_output, {"deployment": str(path), **counts, **more}, "; ".join(said))

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Final
 
 import typer
 from threadpoolctl import threadpool_limits
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from hil.app.console import InterruptionError, printable
-from hil.app.shared_options import loaded
+from hil.app.console import InterruptionError, note, print_json, printable
+from hil.app.shared_options import declared
 from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
 from models.parameter import nearest
@@ -25,38 +25,45 @@ FILES = (
     "--out", "--rig", "--model", "--reference", "--holdout", "--log", "--mcap", "--plot", "--effects", "--controllers",
 )  # fmt: skip
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
-    "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
+    "demo": ("hil.app.demo.demo:demo", "--out out/demo"),
     "init": ("hil.app.init:init", "magnetic my_rig"),
+    "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
+    "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
+    "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
     "close-loop": (
         "hil.app.close_loop:close_loop",
         "run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
     ),
-    "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
-    "effects": ("hil.app.effects:effects", "check my_effect.py"),
-    "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
-    "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
     "predict": (
         "hil.app.predict:predict",
         "run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv",
     ),
-    "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),
+    "effects": ("hil.app.effects:effects", "check my_effect.py"),
+    "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
     "simulate": ("hil.app.simulate:simulate", "hil/scenarios/pull_over_folds.toml --out record.csv"),
     "design": ("hil.app.design.design:design", "rig.toml --out design"),
     "track": ("hil.app.track.track:track", "hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out"),
     "sil": ("hil.app.sil.sil:sil", "hil/scenarios/sil_magnetic_drop.toml --out out"),
-    "run": ("hil.app.run.run:run", "deployment.toml check"),
+    "campaign": ("hil.app.campaign.campaign:campaign", "hil/scenarios/campaign_magnetic.toml --out out/campaign"),
+    "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),
     "plant": ("hil.app.run.simulated_plant:plant", "examples/deployment/deployment.toml --seconds 60"),
+    "run": ("hil.app.run.run:run", "deployment.toml check"),
     "cockpit": ("hil.app.cockpit.cockpit:cockpit", "deployment.toml"),
     "jog": ("hil.app.jog:jog", "examples/deployment/deployment.toml"),
     "replay": ("hil.app.run.replay:replay", "run.blf"),
-    "campaign": ("hil.app.campaign.campaign:campaign", "hil/scenarios/campaign_magnetic.toml --out out/campaign"),
-    "demo": ("hil.app.demo.demo:demo", "--out out/demo"),
 }
-"""Commands in the order of the help: the function that declares the options and does the work, and an example."""
+"""Commands in the order of use: the function that declares the options and does the work, and an example."""
+GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+    "start": ("demo", "init", "convert", "plot"),
+    "find": ("check", "close-loop", "predict", "effects", "seeds"),
+    "simulate": ("simulate", "design", "track", "sil", "campaign", "export"),
+    "lead": ("plant", "run", "cockpit", "jog", "replay"),
+}
+"""Commands below each heading of the help."""
 
 
 class _Command(TyperCommand):
-    """A command whose module is loaded as it is called, so that `capsule --help` answers at once."""
+    """A command whose module is loaded once its words are understood and its files are there."""
 
     def __init__(self, name: str) -> None:
         self.target, example = COMMANDS[name]
@@ -67,8 +74,21 @@ class _Command(TyperCommand):
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """The context of the command that the function's signature declares."""
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(self.name, help=self.help, epilog=self.epilog)(loaded(self.target))
-        return typer.main.get_command(app).make_context(info_name, args, parent, **extra)
+        app.command(self.name, help=self.help, epilog=self.epilog)(declared(self.target))
+        command = typer.main.get_command(app)
+        for one in command.params:
+            if isinstance(one, TyperArgument):  # its metavar says more than `<list[Path]>`
+                vars(one)["display_type_rich"] = lambda ctx: ""
+        return command.make_context(info_name, args, parent, **extra)
+
+
+class _Program(TyperGroup):
+    """The commands in groups, each with the first clause of its help, which fits on a line."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for heading, names in GROUPS.items():
+            with formatter.section(TEXT(f"group.{heading}")):
+                formatter.write_dl([(name, re.split("[:;.]", TEXT(f"help.{name}"))[0]) for name in names])
 
 
 def spread_option(option: str, args: Sequence[str]) -> list[str]:
@@ -103,7 +123,7 @@ def _show_version(wanted: bool) -> None:
 
 
 def _program() -> TyperGroup:
-    app = typer.Typer(name="capsule", help=TEXT("program"), rich_markup_mode=None)
+    app = typer.Typer(name="capsule", cls=_Program, help=TEXT("program"), rich_markup_mode=None)
 
     @app.callback()
     def _options(
@@ -128,31 +148,48 @@ def one_thread() -> None:
 
 
 def run(args: Sequence[str]) -> int:
+    """The exit status of the command line `args`. What is wrong goes to standard error in a sentence, and with `--json`
+    to standard output as `{"error": "...", "status": 2}`.
+    """
+    status, sentence, pasted = _run(args)
+    if sentence:
+        print("capsule:", printable(" ".join(sentence.split())), file=sys.stderr)
+        if "--json" in args:
+            print_json({"error": " ".join(sentence.split()), "status": status})
+    for text in pasted:
+        print(printable(text), file=sys.stderr)
+    return status
+
+
+def _run(args: Sequence[str]) -> tuple[int, str, Sequence[str]]:
+    """The status, the sentence that says what is wrong, and what may be pasted into a file."""
     one_thread()
     for before, word in pairwise(("capsule", *args)):
         if word.removesuffix("=") in FILES and word.endswith("="):
-            return _said(f"{word[:-1]} must name a file or a folder; got nothing", BAD_INPUT)
+            return BAD_INPUT, f"{word[:-1]} must name a file or a folder; got nothing", ()
         if not word and (before in FILES or not before.startswith("-")):
             what = before if before in FILES else f"what follows {before[:60]!r}"
-            return _said(f"{what} must name a file or a folder; got nothing", BAD_INPUT)
+            return BAD_INPUT, f"{what} must name a file or a folder; got nothing", ()
     try:
         words = spread_option("--holdout", args) or ["--help"]
+        if words.count("--holdout") > args.count("--holdout"):
+            note(TEXT("held", names=[word for before, word in pairwise(words) if before == "--holdout"]))
         status = _program().main(words, prog_name="capsule", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
-        return _said(INTERRUPTION, INTERRUPTED)
+        return INTERRUPTED, INTERRUPTION, ()
     except InterruptionError as error:
-        return _said(str(error), INTERRUPTED)
+        return INTERRUPTED, str(error), ()
     except typer.TyperException as error:
-        return _said(_usage(error, args), BAD_INPUT)
+        return BAD_INPUT, _usage(error, args), ()
     except OSError as error:
-        return _said(file_trouble(error), BAD_INPUT)
+        return BAD_INPUT, file_trouble(error), ()
     except ValueError as error:
         if os.environ.get("CAPSULE_TRACEBACK"):
             raise
-        return _said(str(error), BAD_INPUT, getattr(error, "__notes__", ()))
+        return BAD_INPUT, str(error), getattr(error, "__notes__", ())
     if status == INTERRUPTED:
-        return _said(INTERRUPTION, INTERRUPTED)
-    return status if isinstance(status, int) else 0
+        return INTERRUPTED, INTERRUPTION, ()
+    return (status if isinstance(status, int) else 0), "", ()
 
 
 def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
@@ -165,11 +202,3 @@ def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
     if args[0] in COMMANDS:
         return f"{message}; see 'capsule {args[0]} --help'"
     return f"{message.split('. Did you')[0]}; {nearest(args[0], COMMANDS)}"
-
-
-def _said(sentence: str, status: int, pasted: Sequence[str] = ()) -> int:
-    """Print a sentence, and below it what may be pasted into a file; the status."""
-    print("capsule:", printable(" ".join(sentence.split())), file=sys.stderr)
-    for text in pasted:
-        print(printable(text), file=sys.stderr)
-    return status

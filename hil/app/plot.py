@@ -5,8 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
-
 from hil.app.close_loop import read_series
 from hil.app.console import answer
 from hil.app.scenario.rig_file import read_deployed_rig
@@ -16,16 +14,16 @@ from hil.formats.channels import refusing
 from hil.formats.clock import by_clock, one_table
 from hil.log.record import file_channels
 from hil.report import builder
-from hil.report.theme import axes, line, line_look
-from hil.report.words import column_words
+from hil.report.figure_records import columns_figure, names
 from models.records.record import Record, as_measured
 from models.rigs.columns import TIME
-from models.words.sentences import listed
 
 
 def plot(
     records: Records,
-    rig: Annotated[Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.")] = None,
+    rig: Annotated[
+        Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.", "rig file")
+    ] = None,
     out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
     json_output: Json = False,
 ) -> None:
@@ -53,24 +51,7 @@ def unchanged(path: Path) -> list[Record]:
 
 
 def page(records: Sequence[Record]) -> str:
-    """The page of records of one kind: a panel for each column, a line for each record."""
-    over = "t_s" if all("t_s" in record.columns for record in records) else next(iter(records[0].columns))
-    columns = [name for name in dict.fromkeys(name for r in records for name in r.columns) if name != over]
-    height = 120 + 240 * len(columns)
-    figure = axes(_title(over), [*map(_title, columns)], height, spacing=0.1 / len(columns))
-    figure.update_layout(legend={"y": 1 + 24 / height})
-    mode = "lines" if over == "t_s" else "markers"
-    for number, record in enumerate(record for record in records if over in record.columns):
-        look = line_look(number)
-        more = {"mode": mode, "marker": {"color": look["color"]}}
-        for row, name in ((r, n) for r, n in enumerate(columns, start=1) if n in record.columns):
-            there = np.isfinite(record[name])
-            line(figure, record[over][there], record[name][there], record.name, look | {"width": None}, row, **more)
-    title = listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
+    """The page of records of one kind."""
     eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
-    return builder.page("plot.html.j2", title=title, eyebrow=eyebrow, lead="", heading="Columns", drawn=figure)
-
-
-def _title(column: str) -> str:
-    words, unit = column_words(column)
-    return f"{words} in {unit}" if unit else words
+    drawn = columns_figure(records)
+    return builder.page("plot.html.j2", title=names(records), eyebrow=eyebrow, lead="", heading="Columns", drawn=drawn)

@@ -22,9 +22,9 @@ from models.words.sentences import Quantity
 
 
 def predict(
-    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.")],
+    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.", "record")],
     rig: RigFile,
-    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.")],
+    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.", "model")],
     out: Annotated[Path, option("--out", "PRED.csv", "Where the prediction goes.")],
     *,
     stage: Stage = "augmented",
@@ -49,11 +49,14 @@ def predict(
         beyond = learned.beyond(belief, driven, columns)
     note_beyond(beyond)
     write_table(out, columns)
-    differences = compare(driven, columns)
+    differences, measured = compare(driven, columns), learned.errors(belief, driven, stage)
     rows = len(next(iter(columns.values())))
-    document = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
+    document: dict[str, Any] = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
     errors = {name: Quantity(value, unit_at_end(name)[1]) for name, value in differences.items()}
-    lines = (TEXT("predict.rms", column=name, rms=error) for name, error in errors.items())
+    lines = [TEXT("predict.rms", column=name, rms=error) for name, error in errors.items()]
+    for name, (value, unit, measure) in measured.items():
+        lines.append(TEXT("predict.error", column=name, error=Quantity(value, unit), measure=measure))
+    document["error"] = {name: dict(zip(("value", "unit", "measure"), e, strict=True)) for name, e in measured.items()}
     done = TEXT("predict.done", stage=stage, rows=rows, out=out)
     answer(json_output, {**document, "rows": rows, "rms": differences, "beyond_records": beyond}, done, *lines)
 

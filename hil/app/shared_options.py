@@ -1,15 +1,22 @@
 """Options and arguments that several commands share, each declared once."""
 
+import ast
 import math
 import re
+import sys
+import typing
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from models.files.access import opened
+
 MOST_SEED = (1 << 63) - 1  # what a signed word of 64 bits holds
+OWN_EFFECTS = "Python file with effects"
 _STAGES = "nominal/calibrated/augmented"
 
 
@@ -20,9 +27,35 @@ def loaded(target: str) -> Callable[..., Any]:
     return function
 
 
-def option(name: str, metavar: str, words: str) -> Any:
-    """The option `--name METAVAR` with its `words` in the help."""
-    return typer.Option(name, metavar=metavar, help=words)
+def declared(target: str) -> Callable[..., Any]:
+    """The function `module:name`, which is imported once it is called: importing it takes seconds, and a missing file
+    or an unknown option is said at once. Its parameters are read from the source, and may name what this module has.
+    """
+    module, _, name = target.partition(":")
+    source = Path(str(getattr(find_spec(module), "origin", "")))
+    found = next(n for n in ast.parse(source.read_bytes()).body if isinstance(n, ast.FunctionDef) and n.name == name)
+    found.body, found.returns = [ast.parse(f"return _loaded({target!r})(**locals())").body[0]], None
+    here = {**vars(typing), **vars(sys.modules[__name__]), "options": sys.modules[__name__], "_loaded": loaded}
+    exec(compile(ast.fix_missing_locations(ast.Module([found], [])), str(source), "exec"), here)
+    declaration: Callable[..., Any] = here[name]
+    return declaration
+
+
+def option(name: str, metavar: str, words: str, reads: str = "") -> Any:
+    """The option `--name METAVAR` with its `words` in the help; `reads`: what the file is that it names."""
+    return typer.Option(name, metavar=metavar, help=words, callback=_readable(reads))
+
+
+def _readable(what: str) -> Callable[[Any], Any] | None:
+    """A look at the file or the files that a word names before anything large is loaded; None without `what`."""
+
+    def look(value: Any) -> Any:
+        for path in value if isinstance(value, (list, tuple)) else [value]:
+            if path is not None and not Path(path).is_dir():
+                opened(Path(path), what).close()
+        return value
+
+    return look if what else None
 
 
 def seconds(text: str, name: str) -> float:
@@ -34,41 +67,45 @@ def seconds(text: str, name: str) -> float:
     return value
 
 
-def several(name: str, metavar: str, words: str, taken_in: str = "") -> Any:
+def several(name: str, metavar: str, words: str, taken_in: str = "", reads: str = "") -> Any:
     """An option that may be given several times; the function `taken_in` (`module:name`) reads it first."""
 
     def take_in(paths: list[Path]) -> list[Path]:
-        loaded(taken_in)(paths)
+        if paths:
+            loaded(taken_in)(paths)
         return paths
 
-    use = take_in if taken_in else None
+    use = take_in if taken_in else _readable(reads)
     return typer.Option(name, metavar=metavar, help=words, default_factory=list, show_default=False, callback=use)
 
 
-def argument(metavar: str, words: str) -> Any:
-    """The argument METAVAR with its `words` in the help."""
-    return typer.Argument(metavar=metavar, help=words)
+def argument(metavar: str, words: str, reads: str = "") -> Any:
+    """The argument METAVAR with its `words` in the help; `reads`: what the file is that it names."""
+    return typer.Argument(metavar=metavar, help=words, callback=_readable(reads))
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
-RigFile = Annotated[Path, option("--rig", "RIG.toml", "The rig file with the nominal values.")]
-Records = Annotated[list[Path], argument("RECORD...", "Records of one rig.")]
+RigFile = Annotated[Path, option("--rig", "RIG.toml", "The rig file with the nominal values.", "rig file")]
+Records = Annotated[list[Path], argument("RECORD", "Records of one rig.", "record")]
 Learn = Annotated[
     bool, typer.Option("--learn", help="When the model breaks, identify in the background and use a model that passes.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help="Sets every random number.")]
 RunSeed = Annotated[
-    int | None, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number; else the scenario's.")
+    int | None,
+    typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help="Sets every random number; else the scenario's."),
 ]
 WorkerCount = Annotated[int | None, option("--workers", "N", "Number of processes; else one per core.")]
 Scheduler = Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")]
 ControllerName = Annotated[str | None, option("--controller", "NAME", "Which controller.")]
-LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.")]
+LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.", "model")]
 Stage = Annotated[str, option("--stage", _STAGES, "Which model.")]
 StageOrScenario = Annotated[
     str | None, option("--stage", f"{_STAGES}/chosen", "Which model; chosen: what is expected to track best.")
 ]
-OwnEffects = Annotated[list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.")]
+OwnEffects = Annotated[
+    list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.", reads=OWN_EFFECTS)
+]
 OwnControllers = Annotated[
     list[Path],
     several(
@@ -80,7 +117,12 @@ OwnControllers = Annotated[
 ]
 ReferenceFile = Annotated[
     Path | None,
-    option("--reference", "FILE.toml", "Reference in place of its own: next_experiment.toml of close-loop."),
+    option(
+        "--reference",
+        "FILE.toml",
+        "Reference in place of its own: next_experiment.toml of close-loop.",
+        "reference file",
+    ),
 ]
 McapFile = Annotated[
     Path | None, option("--mcap", "FILE.mcap", "Signals of the bus as MCAP, beside the log, while it runs.")

@@ -10,7 +10,7 @@ from plant.experiments.scenario import load_scenario, record_scenario, write_rec
 
 
 def simulate(
-    scenario: Annotated[Path, argument("SCENARIO.toml", "Rig, drive and hidden effects.")],
+    scenario: Annotated[Path, argument("SCENARIO.toml", "Rig, drive and hidden effects.", "scenario")],
     out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
     json_output: Json = False,
 ) -> None:

@@ -21,7 +21,7 @@ from hil.nodes.frame_map import Observer, answer_of, frame_map_of, heartbeat
 from hil.nodes.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.operator import STATUS, STATUS_S, Operator, gap_words, paused
 from hil.nodes.plausibility import Onlooker, Plausibility
-from hil.nodes.receive import FrameReceiver
+from hil.nodes.receive import BY_OPERATOR, SAFE_STOP, FrameReceiver
 from hil.nodes.task import Task
 
 
@@ -73,7 +73,7 @@ class ControllerNode:
     `now` is in s of the clock that stamps received messages. The node begins idle. `start` takes the drive through
     ready to enabled, `stop` back. A stop by the node itself is latched with its `reason` until `start`, which first
     acknowledges a latched fault of the drive; `acknowledge` does only that. Another controller on the bus stops the
-    node; it sends a SafeStop to all drives as long as the other one speaks.
+    node; it sends a SafeStop to all drives as long as the other one speaks. An operator's safe stop stops it, too.
 
     Missed ticks are made up for while the last command is valid; after a longer step of the clock the node stops
     (`gap_words`). With an `operator` the reference is the task's own until an operator takes charge; when nobody has
@@ -128,6 +128,7 @@ class ControllerNode:
             self.operator.begin()
         self._enabled_s = -math.inf
         self.receiver.foreign.clear()
+        self.receiver.stopped_at = -math.inf
         self._plausibility.settle(self.estimator.counts.restarts)
         self.acknowledge()
 
@@ -288,12 +289,16 @@ class ControllerNode:
         return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
-        """Send a SafeStop: to all drives beside another controller, to the own one while it moves by itself."""
+        """Send a SafeStop: to all drives beside another controller, to the own one while it moves by itself or an
+        operator stops it.
+        """
         crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
+        stopped = self.state == FAULTY and 0 <= now - self.receiver.stopped_at < _CROWDED_S
         restless = bool(self.answer.unrest) and self.state != IDLE
-        if self.guard.dry or not (crowded or restless) or not self._due("SafeStop", STOP_PERIOD_S, now):
+        if self.guard.dry or not (crowded or restless or stopped) or not self._due("SafeStop", STOP_PERIOD_S, now):
             return
-        target, reason = (0, OTHER_CONTROLLER) if crowded else (self.frame_map.target, GUARD_REASON)
+        alone = self.frame_map.target, BY_OPERATOR if stopped else GUARD_REASON
+        target, reason = (0, OTHER_CONTROLLER) if crowded else alone
         self.guard.send("SafeStop", {"Target": target, "Reason": reason}, now)
 
     def _steer(self, now: float, estimate: Estimate) -> None:
@@ -345,8 +350,8 @@ class ControllerNode:
             self._begin_reference(now + self.tick_s, self.wanted_m(now))
 
     def _judge(self, now: float, arrived: list[Measurement], evidence: Evidence) -> None:
-        if self.receiver.foreign and not self.guard.dry:
-            self._fail(self.receiver.other_controller)
+        if not self.guard.dry and (self.receiver.foreign or math.isfinite(self.receiver.stopped_at)):
+            self._fail(self.receiver.other_controller or SAFE_STOP)
         self.answer.rests(self.receiver.state, self.receiver.still)
         if self.answer.unrest:
             self._fail(self.answer.unrest)
@@ -371,7 +376,7 @@ class ControllerNode:
     def _fail(self, reason: str) -> None:
         if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
-            ends = {CONTRADICT: "sensor_or_drive", "the drive does not rest": "no_rest"}
+            ends = {CONTRADICT: "sensor_or_drive", "the drive does not rest": "no_rest", SAFE_STOP: "safe_stop"}
             self.end = ends.get(reason.partition(":")[0], "stopped")
 
     def _mode(self, evidence: Evidence, estimate: Estimate) -> int:

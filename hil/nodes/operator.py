@@ -215,14 +215,13 @@ class Operator:
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
         here, speed = sampled(reference, now)
-        state = HELD if self.taken else READY
-        state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
-        if self._at_end:
-            self._why, self._why_at = self._reasons["range"], now
+        moves = self.source != NOBODY and isinstance(reference, SetpointMove) and now < reference.times[-1]
+        state = STOPPED if self.resting(now) else MOVING if moves else HELD if self.taken else READY
+        why = self._why if 0 <= now - self._why_at <= _REPORTED_S else 0
         return {
             "State": state if leading else OFF,
             "Source": self.source,
-            "Refused": self._why if 0 <= now - self._why_at <= _REPORTED_S else 0,
+            "Refused": self._reasons["range"] if self._at_end and leading else why,
             "Position_m": within(here, _REACH_M),
             "Velocity_m_s": within(speed, _FASTEST_M_S),
         }

@@ -12,10 +12,15 @@ import can
 from hil.bus.codec import Refusal
 from hil.bus.protection import FrameTransmitter, Receiver
 from hil.bus.wrapping import plain, waiting
-from hil.nodes.frame_map import frames
+from hil.nodes.frame_map import controllers_frames, frames
 from hil.nodes.operator import SETPOINT, STATUS
+from models.words.quantities import fixed
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 CYCLE_S: Final = 0.02  # period of setpoints, released ones included
+_NOBODY: Final = "nobody"  # `source` of an answer without an operator
 _MOST: Final = 256  # frames that are read in one call
 _READ_S: Final = 0.02  # An answer covers the setpoints sent at least so long before it
 
@@ -31,13 +36,33 @@ class OperatorAnswer:
     speed_m_s: float
 
 
+def steering_words(answer: OperatorAnswer | None, led: bool, source: str) -> str:
+    """The state of steering for the sender `source`, with its cause and remedy; `led`: a controller was heard."""
+    if answer is None:
+        return TEXT("steering.not_accepted" if led else "steering.no_controller")
+    reason, state, free = answer.refused, answer.state, answer.source == _NOBODY
+    if reason == "range" and not free:
+        state = "end"
+    elif reason != "none" and answer.source != source:
+        return refusal_words(reason, answer.source)
+    elif state == "held" and not free:
+        state = "holds"
+    return TEXT(f"steering.{state}", source=answer.source, mm=fixed(1e3 * answer.position_m, 2))
+
+
+def refusal_words(reason: str, source: str) -> str:
+    """Why setpoints are refused, and what helps; `source` is in charge."""
+    return TEXT(f"refused.{reason}", source="another sender" if source == _NOBODY else source)
+
+
 class OperatorSender:
     """Sends OperatorSetpoint on `bus` as `source`; each setpoint is valid for `life_ms`, 1 to 200.
 
     Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: the controller accepts a sender
     only after a `release`. The counter rises by one each `CYCLE_S` of `clock`, also after a late call. Of the setpoints
     with the switch pressed, `taken` counts those for which this source was in charge and `refused` the others by
-    reason; `others` counts those that another node sends as this source. Raises ValueError for an unknown source.
+    reason; `others` counts those that another node sends as this source, `led` says that a controller was heard.
+    Raises ValueError for an unknown source.
     """
 
     def __init__(
@@ -52,7 +77,7 @@ class OperatorSender:
         if not life.lower <= life_ms <= life.upper:
             raise ValueError(f"life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {life_ms:g}")
         self.bus, self.answer, self.answers, self.sent = bus, None, 0, 0
-        self.taken, self.others = 0, 0
+        self.taken, self.others, self.led = 0, 0, False
         self.refused: Counter[str] = Counter()
         self.transmitter = FrameTransmitter(bus, (SETPOINT,))
         self.source = source
@@ -60,7 +85,7 @@ class OperatorSender:
         self._clock, self._said_at, self._behind_s = clock, math.inf, 0.0
         self._common = {"TimeToLive_ms": life_ms, "Source": float(frame.field("Source").number(source))}
         self._modes = {raw: float(frame.field("Mode").number(raw)) for raw in ("position", "speed")}
-        self._id, self._receiver = status.id, Receiver(status)
+        self._id, self._receiver, self._controllers = status.id, Receiver(status), controllers_frames()
         setpoint = frame.field("Source")
         self._setpoint, self._shift, self._mask = frame.id, setpoint.start, (1 << setpoint.length) - 1
         self._names = {name: status.field(name).names for name in ("State", "Source", "Refused")}
@@ -91,6 +116,7 @@ class OperatorSender:
         for message in waiting(self.bus, _MOST):
             if not plain(message):
                 continue
+            self.led = self.led or message.arbitration_id in self._controllers
             if message.arbitration_id == self._id:
                 self._take(message)
             elif message.arbitration_id == self._setpoint:

@@ -9,13 +9,15 @@ import can
 
 from controller.signals import Measurement
 from hil.bus.catalogue import Frame
-from hil.bus.codec import Refusal
-from hil.bus.protection import Reception, crc8
+from hil.bus.codec import Reason, Refusal
+from hil.bus.protection import Receiver, Reception, crc8
 from hil.bus.wrapping import plain, waiting
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames
 from hil.nodes.guard import Evidence
 from hil.nodes.operator import SETPOINT, Operator
+from models.words.sentences import Sentences
 
+TEXT: Final = Sentences(__file__)
 BACK_S: Final = 0.5  # decrease of an uptime that counts: larger than by frames that a link swaps or repeats
 BACKS: Final = 3  # decreases that mean two nodes; a node that reboots causes one
 WITHIN_S: Final = 0.5  # within which these decreases happen
@@ -50,6 +52,20 @@ MOST: Final = 256  # frames of a tick
 SKIPPED: Final = 20_000  # frames that are discarded before the node begins
 HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
+SAFE_STOP: Final = "safe stop by an operator"
+BY_OPERATOR: Final = 0  # `Reason` of an operator's SafeStop
+
+
+def refusal_cause(reason: str) -> str:
+    """Why frames are refused for this reason of the protection, and what helps."""
+    return TEXT(f"frame.{reason}")
+
+
+def operators_stop(message: can.Message) -> bool:
+    """Whether a frame is a SafeStop that an operator sends; its counter does not count, as it only stops."""
+    frame = frames()["SafeStop"]
+    values = Receiver(frame).accept(message.data, 0.0) if message.arbitration_id == frame.id else Refusal("unknown")
+    return not isinstance(values, Refusal) and values["Reason"] == BY_OPERATOR
 
 
 class FrameReceiver:
@@ -60,8 +76,9 @@ class FrameReceiver:
     constant while the drive is disabled. The last `listen` found `frames` good frames, of which `feedbacks` were the
     drive's; `full` counts ticks that reached the 256 frames; `age_s` is the age of the newest localisation when read.
 
-    `foreign` counts frames that only a controller sends, by name; `strange` counts frames other than classic data
-    frames with an 11-bit identifier, by type; `deaf` counts ticks in which the bus raised.
+    `foreign` counts frames that only a controller sends, by name; `stopped_at` is the time of an operator's safe stop,
+    which is none of them. `strange` counts frames other than classic data frames with an 11-bit identifier, by type;
+    `deaf` counts ticks in which the bus raised.
     """
 
     def __init__(
@@ -85,7 +102,7 @@ class FrameReceiver:
         self.deaf, self.deaf_words = 0, ""
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
-        self.foreign_at = -math.inf
+        self.foreign_at = self.stopped_at = -math.inf
         self._foreign = controllers_frames()
         self._fingerprint, self._other = frames().fingerprint, False
         self._bus, self._observer, self.operator = bus, observer, operator
@@ -118,8 +135,11 @@ class FrameReceiver:
                 self.strange[_type_of(message)] += 1
                 continue
             if message.arbitration_id in self._foreign:
-                self.foreign[self._foreign[message.arbitration_id]] += 1
-                self.foreign_at = now
+                if operators_stop(message):
+                    self.stopped_at = now
+                else:
+                    self.foreign[self._foreign[message.arbitration_id]] += 1
+                    self.foreign_at = now
                 continue
             if self.operator is not None and message.arbitration_id == self.operator.id:
                 self.operator.accept(message.data, message.timestamp, now)
@@ -164,7 +184,8 @@ class FrameReceiver:
         words = [f"{sum(whys.values())} {name} refused ({_listed(whys)})" for name, whys in self.refused.items()]
         words += [f"{self.strange.total()} frames of other types ({_listed(self.strange)})"] if self.strange else []
         words += [f"{self.deaf} times the bus could not be read ({self.deaf_words})"] if self.deaf else []
-        return ", ".join(words)
+        causes = sum((r.refused for r in self.reception.receivers.values()), Counter[Reason]())
+        return ", ".join(words) + "".join(f": {refusal_cause(reason)}" for reason, _ in causes.most_common(1))
 
     def evidence(self, now: float) -> Evidence:
         """Ages of localisation and feedback at `now`, and the drive's state."""
@@ -177,7 +198,8 @@ class FrameReceiver:
         if self._other:
             return "drive knows another DBC"
         if self.fault:
-            return f"drive fault {self.fault}"
+            names = frames()[self.frame_map.fault].field("Code").names
+            return f"drive fault {self.fault} ({names[self.fault].replace('_', ' ')})"
         if now - self._beat_at > HEARTBEAT_LOST_S:
             refused = now - self._beats[0].heard_at <= HEARTBEAT_LOST_S
             return "drive heartbeat refused: its counters are not one node's" if refused else "drive heartbeat lost"

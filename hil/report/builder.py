@@ -44,7 +44,7 @@ def environment(folder: Path = TEMPLATES) -> Environment:
         (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}
-    made.filters |= {"indexed": _indexed, "equations": equations_html, "exp": math.exp}
+    made.filters |= {"indexed": _indexed, "breakable": _breakable, "equations": equations_html, "exp": math.exp}
     made.globals |= {"DASH": quantities.DASH, "library": cache(lambda: base64.b64encode(PLOTLY.read_bytes()).decode())}
     return made
 
@@ -52,6 +52,11 @@ def environment(folder: Path = TEMPLATES) -> Environment:
 def _indexed(text: str) -> Markup:
     """A sentence with its indexed letters, as in F_e, typeset."""
     return Markup(re.sub(r"\b([A-Za-z])_([A-Za-z])\b", r"<i>\1</i><sub>\2</sub>", str(escape(text))))
+
+
+def _breakable(text: str) -> Markup:
+    """A path or a name that may go on in the next line after a slash or an underscore."""
+    return Markup(re.sub(r"([/_])", r"\1<wbr>", str(escape(text))))
 
 
 class _Parts:
@@ -78,17 +83,18 @@ class _Parts:
         return ""
 
     def figure(self, figure: go.Figure | None) -> str:
-        """A figure, drawn once it comes into view; panels side by side have a least width."""
+        """A figure, drawn once it comes into view; panels side by side, and names beside bars, have a least width."""
         if figure is None:
             return ""
         self.figures += 1
         columns = {trace.xaxis or "x" for trace in figure.data if hasattr(trace, "xaxis")}
         beside = len({getattr(figure.layout, f"xaxis{axis[1:]}").domain for axis in columns}) if columns else 1
+        named = any(trace.orientation == "h" for trace in figure.data if hasattr(trace, "orientation"))
         return Markup(
             '<div class="figure" tabindex="0"><div{}><div class="plot" id="figure-{}" style="height: {}px"></div>'
             '<script type="application/json">{}</script></div></div>'
         ).format(
-            Markup(' style="min-width: 640px"') if beside > 1 else "",
+            Markup(' style="min-width: 640px"') if beside > 1 or named else "",
             self.figures,
             int(figure.layout.height or 420),
             Markup(str(pio.to_json(figure, validate=False)).replace("<", "\\u003c")),

@@ -3,8 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from hil.report.builder import page
 from hil.report.dependence import curves_figure, dependence_words, surface_figure
 from hil.report.figure_profiles import profile_figure
@@ -28,7 +26,7 @@ from hil.report.words import (
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
-from models.identification.residual_term import law_of
+from models.identification.residual_term import law_of, numbers_of, points_of
 from models.identification.verdict import WORSE
 from models.rigs.kinds import KINDS
 from models.words.quantities import measured_unit
@@ -37,8 +35,8 @@ POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 
 
 def report_html(finding: Finding) -> str:
-    """The page: verdict first, then what to measure next, the error, the records, the residual, the candidates, the new
-    model and how sure it is.
+    """The page: verdict first, then what is left, the error, the effects, what to measure next, how sure this is, the
+    records, the residual, the candidates and the new model.
     """
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     before, after = ("calibrated", "augmented") if finding.effects else ("nominal", "calibrated")
@@ -151,8 +149,11 @@ def _depends(found: Dependence | None) -> dict[str, Any]:
     term = found.term
     if term is None:
         return shown
+    numbers = numbers_of(term)
+    letters = {name: letter for name, (letter, _) in numbers.items()}
+    estimates = {name: estimate for name, (_, estimate) in numbers.items()}
     return shown | {
         "term": equations_html([[law_of(term)]]),
-        "term_numbers": {"amplitude": term.amplitude, **term.numbers},
-        "term_given": {name: np.atleast_1d(value).tolist() for name, value in term.given.items()},
+        "term_numbers": parameters(estimates, symbols=letters),
+        "term_points": points_of(term),
     }

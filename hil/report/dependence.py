@@ -11,7 +11,7 @@ from models.words.quantities import scale
 
 _SHOWN = 4  # curves in the list
 _OVER = {"+x": "over", "-v": "resistance"}
-_BAND = "rgba(14, 110, 115, 0.18)"
+_BAND = "rgba(14, 132, 144, 0.25)"
 
 
 def dependence_words(found: Dependence) -> list[str]:
@@ -28,7 +28,7 @@ def dependence_words(found: Dependence) -> list[str]:
         before, after = found.inside
         said.append(TEXT("depends.inside", variable=column_words(term.variable)[0], before=before, after=after))
     if term is not None:
-        said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text, unit=term.amplitude.unit))
+        said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text))
     return said
 
 

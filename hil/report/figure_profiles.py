@@ -1,6 +1,7 @@
 """The profile likelihoods of the fitted parameters, as small multiples: a flat one is seen at a glance."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -13,6 +14,7 @@ from models.identification.fitting.profile import LINE
 from models.words.quantities import scale, unit_words
 
 COLUMNS, HIGHEST = 3, 3.0  # panels side by side; times the 95 % line that is drawn
+_WIDEST = 28  # characters of a title
 
 
 def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
@@ -20,12 +22,12 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
     if not profiles:
         return None
     rows = -(-len(profiles) // COLUMNS)
-    height = 60 + 200 * rows
+    height = 60 + 240 * rows
     figure = make_subplots(
         rows=rows,
         cols=COLUMNS,
         horizontal_spacing=0.07,
-        vertical_spacing=96 / height if rows > 1 else 0.0,
+        vertical_spacing=124 / height if rows > 1 else 0.0,
         subplot_titles=[_title(one) for one in profiles],
         shared_yaxes=True,
     )
@@ -41,14 +43,15 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
         )
         figure.add_hline(y=LINE, line={"color": FLOOR, "dash": "dash", "width": 1.2}, **at)
         figure.add_vline(x=factor * one.value, line={"color": MUTED, "width": 1}, **at)
-        figure.update_xaxes(title_text=unit_words(unit) if unit != "1" else "", nticks=4, **at)
-    styled(figure, height, margin={"l": 60, "r": 20, "t": 34, "b": 56})
+        words = parameter_words(one.name.rpartition(".")[2])
+        figure.update_xaxes(title_text=f"{words} in {unit_words(unit)}" if unit != "1" else words, nticks=4, **at)
+    styled(figure, height, margin={"l": 60, "r": 20, "t": 48, "b": 56})
     figure.update_yaxes(range=[-0.2, HIGHEST * LINE])
-    return figure.update_yaxes(title_text="drop", col=1)
+    return figure.update_yaxes(title_text="drop of ln L", col=1)
 
 
 def _title(one: Profile) -> str:
     effect, _, own = one.name.rpartition(".")
     words = parameter_words(own) + (f", {effect_words(effect)}" if effect else "")
     flat = "flat" if max(one.drops) < LINE else f"no {' or '.join(one.unshown)} end" if one.unshown else ""
-    return f"{words} ({flat})" if flat else words
+    return "<br>".join(wrap(f"{words} ({flat})" if flat else words, _WIDEST))

@@ -125,7 +125,7 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
     """Predicted against measured for the nominal model and the stage `last`; a right model lies on the line."""
     measured = pooled(drawn).measured
     factor, unit = scale(measured, drawn[0].unit)
-    figure = axes(f"measured {drawn[0].quantity} in {unit}", f"predicted in {unit}", 420)
+    figure = axes(f"measured {drawn[0].quantity} in {unit}", f"predicted {drawn[0].quantity} in {unit}", 420)
     ends = factor * np.array([measured.min(), measured.max()])
     line = {"color": MUTED, "dash": "dash", "width": 1}
     figure.add_scatter(x=ends, y=ends, mode="lines", line=line, showlegend=False, hoverinfo="skip")

@@ -7,14 +7,15 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.report.words import PARTS, error_scale
+from hil.report.words import PARTS, column_words, error_scale
 from models.effects import effect_words
 from models.identification.finding import STAGES, CandidateRow, Finding
 from models.words.quantities import number
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
-_GAIN = "gain on data left out, fitted"
-CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#8cc4c8", "#cfd6dd"
+_ROOM = 88  # px between rounds
+_GAIN = "fitted, on data left out"
+CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#4a9aa0", "#8793a1"
 
 
 def error_figure(finding: Finding) -> go.Figure:
@@ -22,6 +23,7 @@ def error_figure(finding: Finding) -> go.Figure:
     parts = [part for part in PARTS if any(_finite(v) for v in finding.error.get(part, {}).values())]
     values = [v for part in parts for v in finding.error[part].values() if _finite(v)]
     factor, unit = error_scale(finding)
+    words = f"of the {column_words(finding.quantity)[0]} " if len(finding.columns) == 1 else ""
     wide = bool(values) and min(values) > 0 and max(values) / min(values) > 40
     figure = go.Figure()
     for stage in STAGES:
@@ -32,10 +34,9 @@ def error_figure(finding: Finding) -> go.Figure:
         level = factor * finding.noise_floor
         line = {"color": FLOOR, "dash": "dash", "width": 1.5}
         figure.add_hline(y=level, line=line, name="noise floor", showlegend=True)
-    styled(figure, 340, barmode="group", bargap=0.35, bargroupgap=0.08)
-    return figure.update_yaxes(
-        title=f"error in {unit}" if unit else "error", type="log" if wide else "linear", rangemode="tozero"
-    )
+    styled(figure, 340, barmode="group", bargap=0.35, bargroupgap=0.08).update_xaxes(title="records")
+    title = f"error {words}in {unit}" if unit else f"error {words}as a ratio"
+    return figure.update_yaxes(title=title, type="log" if wide else "linear", rangemode="tozero")
 
 
 def stage_bar(stage: str, heights: list[float]) -> dict[str, Any]:
@@ -56,9 +57,9 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
         cols=2,
         shared_yaxes=True,
         horizontal_spacing=0.04,
-        vertical_spacing=64 / _height(sizes),
+        vertical_spacing=_ROOM / _height(sizes),
         row_heights=[max(size, 3) for size in sizes],
-        subplot_titles=[t for k in rounds for t in (f"round {k}: share of the residual, screened", _GAIN)],
+        subplot_titles=[t for k in rounds for t in (f"round {k}: screened", _GAIN)],
     )
     for panel, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
@@ -68,13 +69,14 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
             here = {"orientation": "h", "showlegend": False, "row": panel, "col": column}
             hover = {"customdata": notes, "hovertemplate": "%{y}: %{x:.3g}<br>%{customdata}<extra></extra>"}
             figure.add_bar(x=values, y=names, marker={"color": colours, "cornerradius": 2}, **hover, **here)
-        figure.update_xaxes(ticksuffix=" %", rangemode="tozero", row=panel, col=1)
+        figure.update_xaxes(title="share of the residual in %", rangemode="tozero", row=panel, col=1)
+        figure.update_xaxes(title="gain, ln of a ratio", row=panel, col=2)
     styled(figure, _height(sizes), bargap=0.28, margin={"l": 165, "r": 20, "t": 34, "b": 40})
     return figure.update_yaxes(autorange="reversed", tickfont={"color": MUTED}, ticklabelstandoff=6)
 
 
 def _height(sizes: list[int]) -> int:
-    return 80 + sum(24 * max(size, 3) + 64 for size in sizes)
+    return 80 + sum(24 * max(size, 3) + _ROOM for size in sizes)
 
 
 def _best(finding: Finding, index: int) -> list[CandidateRow]:

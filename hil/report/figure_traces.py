@@ -15,7 +15,7 @@ from models.words.quantities import scale
 def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     """Measured and predicted over the record's abscissa; below, the residuals of the models after the nominal one."""
     factor, unit = scale(map(largest, (panel.measured, *panel.predicted.values())), panel.unit)
-    titles = [f"{panel.quantity} in {unit}", "residual"][: 1 + residual]
+    titles = [f"{panel.quantity} in {unit}", f"residual in {unit}"][: 1 + residual]
     name, axis_unit = column_words(panel.axis)
     x = f"{name} in {axis_unit}" if axis_unit else name
     figure = axes(x, titles, 420 if residual else 300, row_heights=[0.68, 0.32][: 1 + residual])

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.effects import CATALOGUE, effect_words
 from models.files.units import unit_at_end
-from models.identification.finding import STAGES, Disagreement, Finding, ResidualCurve
+from models.identification.finding import STAGES, Disagreement, Finding
 from models.rigs.kinds import KINDS
 from models.words.quantities import amount, number, quantity, scale
 from models.words.sentences import Sentences, listed
@@ -83,10 +83,13 @@ def error_scale(finding: Finding) -> tuple[float, str]:
 
 
 def error_cells(finding: Finding, part: str) -> list[str]:
-    """The errors of a part of the data by stage, and the noise floor; an interpolation has no error."""
+    """The errors of a part of the data by stage, and the noise floor; a part without records has neither, and an
+    interpolation has no error.
+    """
     factor, unit = error_scale(finding)
     errors = finding.error.get(part, {})
-    values = [*(errors.get(stage) for stage in STAGES), finding.noise_floor]
+    floor = finding.noise_floor if any(value is not None for value in errors.values()) else None
+    values = [*(errors.get(stage) for stage in STAGES), floor]
     cells = [amount(None if value is None else factor * value, unit) for value in values]
     if part == "train" and interpolation(finding):
         cells[1:3] = ["interpolated"] * 2
@@ -121,15 +124,13 @@ def headline(finding: Finding) -> str:
     if finding.verdict == "none":
         return TEXT("headline.none")
     failed = {check.id for check in finding.checks if not check.ok}
-    curve, depends = best_curve(finding), "residual_depends"
+    left = left_words(finding)
     if "information" in failed or any(found.id == "no_response" for found in finding.findings):
-        said = [TEXT("headline.not_identifiable")]
+        said = [TEXT("headline.not_identifiable"), *([TEXT("headline.also_left", **left)] if left else [])]
     elif any(name.startswith(("residual_size", "whiteness", "validation")) for name in failed):
-        said, depends = [TEXT("headline.structured")], "depends"
+        said = [TEXT("headline.left", **left) if left else TEXT("headline.structured")]
     else:
-        said, curve = [TEXT("headline.small")], None
-    if curve is not None:
-        said.append(TEXT(f"headline.{depends}", variable=column_words(curve.variable)[0], share=curve.share))
+        said = [TEXT("headline.small")]
     if names:
         part = tested_part(finding)
         errors = finding.error.get(part, {})
@@ -146,10 +147,18 @@ def confidence_words(finding: Finding) -> str:
     return min(named, key=lambda effect: effect.confidence).meaning if named else ""
 
 
-def best_curve(finding: Finding) -> ResidualCurve | None:
-    """The curve over one signal that predicts most of the residual, where one predicts any."""
-    curves = finding.dependence.curves if finding.dependence else ()
-    return max((c for c in curves if c.share >= SHOWN_SHARE), key=lambda c: c.share, default=None)
+def left_words(finding: Finding) -> dict[str, Any]:
+    """What is left of the residual, over what variable, and which share that is; empty where no curve predicts any."""
+    found = finding.dependence
+    best = max(found.curves if found else (), key=lambda curve: curve.share, default=None)
+    if found is None or best is None or best.share < SHOWN_SHARE:
+        return {}
+    term, what = found.term, TEXT("left.curve")
+    if term is not None and (term.variable, term.along) == (best.variable, best.along) and term.form != "knots":
+        what = TEXT(f"form.{term.form}")
+        if term.form == "wave":
+            what = TEXT("left.wave", length=quantity(term.numbers["length"].value, term.numbers["length"].unit, 2))
+    return {"what": what, "variable": column_words(best.variable)[0], "share": best.share}
 
 
 def interpolation(finding: Finding) -> str:

@@ -38,8 +38,7 @@ def step(z: Any, middle: Any, width: Any) -> Any:
 
 def bump(z: Any, middle: Any, width: Any) -> Any:
     """`exp(-((z - middle)/width)^2/2)`."""
-    q = (z - middle) / width
-    return np.exp(-0.5 * q * q)
+    return np.exp(-0.5 * ((z - middle) / width) ** 2)
 
 
 def wave(z: Any, length: Any, phase: Any) -> Any:

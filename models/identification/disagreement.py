@@ -143,7 +143,7 @@ class _Own:
             return None
         beyond = float(self.residual @ self.residual) - count
         alike = max(fit.cost / count, 1.0) * memory(fit.residual[:count])
-        limit = np.sqrt(scipy.stats.chi2.isf(SET.disagrees_by_chance / tests, 1))
+        limit = np.sqrt(scipy.special.chdtri(1, SET.disagrees_by_chance / tests))
         value, at = fit.theta[axis.name], self._value(axis)
 
         def half(common: float) -> float:

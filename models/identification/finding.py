@@ -158,7 +158,8 @@ class ResidualSurface:
 class Term:
     """A term that follows a curve: `amplitude (offset + shape)`, the function `form` of `models.effects.shapes` over
     `variable` (`sized`: over its size) with the fitted `numbers` and those that are `given`; `level` is the resistance
-    that it is compared with where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
+    that it is compared with where it acts against the motion (`along` "-v"). `constant` is amplitude times offset,
+    `text` all of it as a formula with its numbers, `left`
     the share of the curve's variance beyond its own uncertainty that it does not follow.
     """
 
@@ -168,6 +169,7 @@ class Term:
     form: str
     text: str
     amplitude: Fitted
+    constant: Fitted
     offset: float
     numbers: dict[str, Fitted]
     given: dict[str, float | tuple[float, ...]]
@@ -233,12 +235,28 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class Finding:
-    """The whole answer of `close-loop`: the measured `columns` and their `unit`, the `error` in `error_unit`, which is
-    empty for a pure number; `equations` with numbers, `symbolic` with the names of the fitted parameters; `declared`
-    are the effects by id, those that were tried as this kind has them; `leading` says which stages may lead; `stopped`
-    why no further effect was sought; `disagreeing` the training records that do not agree with the others;
-    `profiles` the likelihood of each fitted parameter; `beside` has the errors of each further measured column;
-    `constant` is the error of the best constant by part.
+    """The whole answer of `close-loop`:
+
+    - `verdict`: "named", "none" or "unknown"; `reasons`: why, a sentence each; `checks`: value, limit and result of
+      each check behind it; `statements`: what must be said beside it.
+    - `effects`: what the model lacked, each with parameters, 95 % intervals, confidence and the effects that these
+      records cannot separate from it (`equivalent`); `candidates`: every effect that was tried, best first;
+      `declared`: the effects by id, those that were tried as this kind has them.
+    - `calibration`: each fitted base parameter with its interval; `nominal`: the rig file's values of them.
+    - `error[part][stage]`: the error of the free run of the part "train" or "holdout" at the stage "nominal",
+      "calibrated" or "augmented", by `measure` (a sentence) in `error_unit`, which is empty for a pure number;
+      `noise_floor`: what noise alone leaves of it; `constant`: the error of the best constant, by part; `beside`: the
+      same of each further measured column.
+    - `kind` of the rig; `quantity` and `unit`: the measured column; `columns`: all measured ones; `traces`: each record
+      as measured and as each stage predicts it.
+    - `findings` on the records; `cannot_show`: why they cannot show an effect, by id; `smallest_detectable`: the least
+      amplitude of each other effect that would have been found; `disagreeing`: the training records that do not agree
+      with the others.
+    - `next_experiment`: what to record next, a sentence, and its motion, `proposal`; None where nothing is open.
+    - `dependence`: what the residual depends on after "unknown", with the proposed term.
+    - `equations` with numbers, `symbolic` with the names of the fitted parameters; `profiles`: the likelihood of each.
+    - `leading`: which stages may lead a controller; `stopped`: why no further effect was sought; `seconds` in all and
+      by step, `timings`.
     """
 
     kind: str

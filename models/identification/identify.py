@@ -79,10 +79,10 @@ def close(
     if told is not None:
         told(smallest(prepared.kind, train))
     found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
-    progress("held-out records", 0.95)
+    progress("predicting and judging", 0.95)
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
     judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
-    progress("the next experiment", 0.97)
+    progress("planning the next experiment", 0.97)
     choice = choice_of(prepared, found, predicted, judged, train, seed)
     finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn, left_out)
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}

@@ -21,7 +21,7 @@ from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.access import read_json, read_text
 from models.files.toml import parse_toml, shown, toml_text
 from models.identification.finding import STAGES
-from models.identification.kinds import kind_for
+from models.identification.kinds import kind_for, ready
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
 from models.identification.record_checks import check_demand
 from models.identification.validity import Ranges, beyond, ranges_of
@@ -195,6 +195,17 @@ class Model:
             for one in map(kind.alone, kind.channels):
                 columns |= one.columns(shown, one.predict(one.driven(record), self.stages[stage]))
         return columns
+
+    def errors(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, tuple[float, str, str]]:
+        """The error of the prediction of each measured column of `record`, its unit, and what it measures, as the
+        report of `close-loop` states them for the same record.
+        """
+        record = ready(record, rig)
+        kind, found = kind_for(rig, [record]), dict[str, tuple[float, str, str]]()
+        for one in map(kind.alone, (column for column in kind.channels if column in record.columns)):
+            value = float(one.error([record], one.predictions(record, [self.stages[stage]])))
+            found[one.quantity] = (value, one.error_unit, one.measure)
+        return found
 
     def beyond(self, rig: Rig, record: Record, predicted: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
         """Where `record` with its `predicted` columns leaves what the training records covered."""

@@ -61,9 +61,9 @@ class Room:
 
 
 def _speeds(record: Record, column: str) -> Array:
-    """Mean speeds in m/s over windows of `SET.ramp_s`."""
+    """Mean speeds in m/s over windows of `SET.plan_over_s`."""
     dt = float(record["t_s"][-1] - record["t_s"][0]) / (len(record) - 1)
-    n = max(1, min(round(SET.ramp_s / dt), len(record) - 1))
+    n = max(1, min(round(SET.plan_over_s / dt), len(record) - 1))
     x = record[column]
     return np.asarray((x[n:] - x[:-n]) / (n * dt))
 

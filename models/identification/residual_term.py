@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -11,10 +12,12 @@ import numpy as np
 import scipy
 
 from models.effects import shapes
-from models.formula import Formula, equal, written
+from models.files.units import unit_at_end
+from models.formula import Formula, called, equal, written
 from models.identification.finding import Fitted, ResidualCurve, Term
 from models.identification.kind import Array
 from models.identification.settings import SET
+from models.words.quantities import quantity
 
 SYMBOLS: Final[Mapping[str, tuple[str, str]]] = {
     "t_s": ("t", "s.t"),
@@ -49,6 +52,8 @@ class Form:
 
 PURE: Final = ("slope", "phase")
 """Numbers without the variable's unit."""
+_POWERS: Final[Mapping[str, int]] = {"line": 1, "parabola": 2}
+_NOTHING: Final = 1e-6  # of the amplitude: no constant
 # starts, least and most of a form's middle over the signal's span
 _MIDDLE: Final = ((0.15, 0.35, 0.5, 0.65, 0.85), -0.5, 1.5)
 _WIDTH: Final = ((0.05, 0.2, 0.5), 0.01, 3.0)  # the same of its width
@@ -115,6 +120,9 @@ class _Fitted:
             ]
         q = min(ends, key=lambda end: _square(linear(end)))
         values = np.concatenate([linear(q)[0], list(scaled(q).values())])
+        if form.name == "wave":  # of the same waves the one that rises within half a turn
+            values[3] = np.angle(values[0] * np.exp(1j * values[3]))
+            values[0] = abs(values[0])
         made = cls(form, curve, given, values, np.zeros(len(values)))
         return cls(form, curve, given, values, made._spread())
 
@@ -156,8 +164,8 @@ class _Fitted:
         """The term as it is reported."""
         amplitude, constant, *_ = self.values
         estimates = [
-            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
-            for v, d, u in zip(self.values, self.deviations, self._units(unit), strict=True)
+            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < most))
+            for v, d, u, most in zip(self.values, self.deviations, self._units(unit), self._widest(), strict=True)
         ]
         term = Term(
             self.curve.variable,
@@ -166,26 +174,73 @@ class _Fitted:
             self.form.name,
             "",
             estimates[0],
+            estimates[1],
             float(constant / amplitude),
             dict(zip(self.form.numbers, estimates[2:], strict=True)),
             dict(self.given),
             level,
             self.left,
         )
-        return replace(term, text=written(law_of(term)))
+        return replace(term, text=_text(term))
+
+    def _widest(self) -> list[float]:
+        """Half widths of an interval up to which a value is identifiable: half of it, for a phase a quarter turn."""
+        names = ("amplitude", "constant", *self.form.numbers)
+        return [np.pi / 2 if n == "phase" else 0.5 * abs(v) for n, v in zip(names, self.values, strict=True)]
 
     def _units(self, unit: str) -> list[str]:
-        own = UNITS[SYMBOLS[self.curve.variable][0]]
+        own = unit_at_end(self.curve.variable)[1]
         return [unit, unit, *("1" if name in PURE else own for name in self.form.numbers)]
 
 
 def law_of(term: Term) -> Formula:
-    """The force of a term as an equation."""
+    """The force of a term as an equation in the letters of `numbers_of`."""
     symbol: Any = Formula(SYMBOLS[term.variable][0])
-    numbers = {name: estimate.value for name, estimate in term.numbers.items()}
-    shape = getattr(shapes, term.form)(np.abs(symbol) if term.sized else symbol, **numbers, **term.given)
-    force = term.offset * term.amplitude.value + term.amplitude.value * shape
+    z = np.abs(symbol) if term.sized else symbol
+    own = {name: Formula(letter) for name, (letter, _) in numbers_of(term).items()}
+    constant, size = own.pop("constant", 0.0), own.pop("size")
+    if term.form in _POWERS:
+        force = constant + size * (z - own.get("middle", 0.0)) ** _POWERS[term.form]
+    elif term.form == "knots":
+        force = called(size.name, z)
+    else:
+        given = {name: own.get(name, 0.0) for name in term.given}
+        force = constant + size * getattr(shapes, term.form)(z, **own | given)
     return equal(Formula("F_extra"), -np.sign(Formula("v")) * force if term.along == "-v" else force)
+
+
+def numbers_of(term: Term) -> dict[str, tuple[str, Fitted]]:
+    """Letter and estimate of each number of `law_of`. A line and a parabola have a coefficient in place of a size."""
+    symbol, size = SYMBOLS[term.variable][0], term.amplitude
+    own, power = unit_at_end(term.variable)[1], _POWERS.get(term.form, 0)
+    per = float(np.max(term.given.get("scale", 1.0))) ** power
+    bare = own if own.isalpha() else f"({own})"
+    unit = (size.unit, f"{size.unit}/{bare}", f"{size.unit}/{bare}^2")[power]
+    ends = size.ci95[0] / per, size.ci95[1] / per
+    found = {"size": ("k" if power else "F_1", Fitted(size.value / per, ends, unit, size.identifiable))}
+    if term.form != "knots" and abs(term.offset) > _NOTHING:
+        found = {"constant": ("F_0", term.constant)} | found
+    letters = {"length": "L", "width": "w", "slope": "s", "phase": "phi", "middle": f"{symbol}_0"}
+    found |= {name: (letters[name], estimate) for name, estimate in term.numbers.items()}
+    if begin := float(np.max(term.given.get("begin", 0.0))):
+        found["begin"] = (f"{symbol}_b", Fitted(begin, (math.nan, math.nan), own, True))
+    return found
+
+
+def points_of(term: Term) -> list[tuple[str, str]]:
+    """Place and force of each knot of a term of straight lines, as quantities; else none."""
+    own, size = unit_at_end(term.variable)[1], term.amplitude
+    places, heights = (np.atleast_1d(term.given.get(name, ())) for name in ("places", "values"))
+    forces = size.value * (term.offset + heights)
+    return [(quantity(z, own), quantity(f, size.unit)) for z, f in zip(places, forces, strict=True)]
+
+
+def _text(term: Term) -> str:
+    """The law, then its numbers with their units."""
+    if points := points_of(term):
+        return f"{written(law_of(term))}, straight between {', '.join(f'{z}: {force}' for z, force in points)}"
+    numbers = (f"{letter} = {quantity(one.value, one.unit)}" for letter, one in numbers_of(term).values())
+    return f"{written(law_of(term))}, {', '.join(numbers)}"
 
 
 def _errors(curve: ResidualCurve) -> Array:

@@ -19,6 +19,7 @@ class SearchSettings:
     plan_shortest_s: float = setting(20.0, "s", "shortest motion that is proposed")
     plan_longest_s: float = setting(60.0, "s", "longest motion that is proposed")
     plan_fast: int = setting(95, "%", "percentile of the speeds in motion that the rig is known to reach")
+    plan_over_s: float = setting(1.0, "s", "time over which a speed is a mean: a drive that trembles is not fast")
     plan_faster: float = setting(4.0, "1", "times that speed, the most of a proposal, up to the usual speed")
     plan_usual_m_s: float = setting(10e-3, "m/s", "usual speed of capsules")
     plan_moves: float = setting(0.05, "1", "share of the fastest speed above which a sample counts as motion")

@@ -45,7 +45,7 @@ class Noise(Table):
         "standard deviation of an accelerometer on the capsule; left out: estimated", None
     )
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
-        "standard deviation of a mean speed; left out: estimated", None
+        "standard deviation of a mean speed between set-ups, which repeats do not show; left out: 0.002", None
     )
     period_std_s: Annotated[float, Field(ge=1e-9, le=100)] | None = key(
         "standard deviation of a period; left out: estimated", None

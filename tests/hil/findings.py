@@ -1,5 +1,7 @@
 """Made-up findings for the tests of the report and the command line."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from models.effects.equation import equations_of
@@ -8,13 +10,16 @@ from models.formula import Formula, called, equal
 from models.identification.finding import (
     CandidateRow,
     Check,
+    Dependence,
     Finding,
     Fitted,
     FoundEffect,
     Proposal,
+    ResidualCurve,
     Separation,
     Trace,
 )
+from models.identification.residual_term import term_of
 
 
 def trace(name: str, role: str, seed: int, seconds: float = 40.0) -> Trace:
@@ -115,6 +120,15 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         seconds=74.2,
         timings={"calibration": 21.0, "screening": 14.1, "fitting candidates": 33.0, "intervals": 6.1},
     )
+
+
+def left_finding() -> Finding:
+    """An unknown in which a wave over position is left."""
+    x = np.linspace(0.0, 0.03, 40)
+    values = 2e-3 + 3e-3 * np.sin(2 * np.pi * x / 7e-3 + 0.4)
+    curve = ResidualCurve("x_m", "-v", 0.53, x, values, values - 2e-4, values + 2e-4)
+    left = Dependence("force", "N", ("train_1",), (curve,), term=term_of(curve, "N", 0.05), level=0.05)
+    return replace(pull_finding("unknown", seconds=5.0), dependence=left)
 
 
 def table_finding() -> Finding:

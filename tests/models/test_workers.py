@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing import parent_process
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,3 +177,33 @@ def _alive(pid: int) -> bool:
             return file.read().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def _counted(log: Path, stop: int = 99) -> list[list[int]]:
+    """Three calls of `each`, one with a call within, which write a line an item; an interrupt at item `stop`."""
+
+    def work(k: int) -> int:
+        with log.open("a") as file:
+            file.write(f"{k}\n")
+        if k == stop:
+            raise KeyboardInterrupt
+        return sum(each(abs, [-k, -1]))
+
+    return [each(work, list(range(first, first + 4))) for first in (0, 4, 8)]
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_interrupted_work_goes_on_from_what_is_kept(tmp_path: Path, processes: int) -> None:
+    kept, log = tmp_path / "kept", tmp_path / "log"
+    wanted = [[k + 1 for k in range(first, first + 4)] for first in (0, 4, 8)]
+    with workers.working(processes):
+        with pytest.raises(KeyboardInterrupt), workers.keeping(kept):
+            _counted(log, stop=6)
+        with kept.open("ab") as file:
+            file.write(b"\x80\x04half")
+        log.write_text("")
+        with workers.keeping(kept) as done:
+            assert _counted(log) == wanted
+    assert done == 6
+    assert sorted(log.read_text().split(), key=int) == [str(k) for k in range(6, 12)]
+    assert not kept.exists()

@@ -40,7 +40,7 @@ def campaign(
     paths: Annotated[
         list[Path],
         argument(
-            "CAMPAIGN.toml | FOLDER...",
+            "CAMPAIGN.toml|FOLDER",
             "A scenario and what is varied in it; or folders of series, rig.toml and records in each.",
         ),
     ],
@@ -56,7 +56,7 @@ def campaign(
     ] = False,
     json_output: Json = False,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, max=MOST_SEED, help="For folders: sets every random number.")
+        int, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help="For folders: sets every random number.")
     ] = 0,
     own: OwnEffects,
 ) -> int:

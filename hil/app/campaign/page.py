@@ -182,7 +182,7 @@ def _spread(runs: Runs, parted: Mapping[str, NDArray[np.int_]], title: str, fact
         x, look = factor * runs.values[good], {"marker": {"color": line_colour(k), "symbol": symbol(k)}}
         named = {"name": name.replace(", ", ",<br>"), "showlegend": False, **look}
         if good.size <= _EACH:
-            figure.add_box(x=x, text=_names(runs, good), boxpoints="all", **named)
+            figure.add_box(x=x, text=_names(runs, good), boxpoints="all", orientation="h", **named)
             continue
         low, q1, middle, q3, high = np.quantile(x, (0.05, 0.25, 0.5, 0.75, 0.95))
         ends = {"lowerfence": [low], "upperfence": [high], "y": [named["name"]], "orientation": "h"}

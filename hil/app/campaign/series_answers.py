@@ -19,6 +19,7 @@ TEXT: Final = Sentences(__file__)
 ORDER: Final = ("refused", "unknown", "named", "none")
 """The verdicts, those that need a look first."""
 LEAST_OTHERS: Final = 4  # series beside one that show whether it is unlike them
+LEAST_ALIKE: Final = 3  # series that make an answer usual
 FALSE_ALARMS: Final = 0.01
 """Probability that any number of a kind of rig is called out where all rigs are alike."""
 
@@ -128,16 +129,19 @@ def with_disagreements(answers: Sequence[SeriesAnswer]) -> list[SeriesAnswer]:
     return [replace(answer, disagrees=tuple(said[answer.name])) for answer in answers]
 
 
-def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
-    """The series whose effects differ from the usual answer: that of more than half of the series with a verdict, and
-    of at least three.
+def _decided(alike: Sequence[SeriesAnswer]) -> tuple[list[SeriesAnswer], str | None, int]:
+    """The series with a verdict; what is usual among them: the answer of more than half, at least three, or None; and
+    how many gave the most frequent answer.
     """
     decided = [answer for answer in alike if answer.verdict in ("named", "none")]
-    answers = Counter(answer.lacks for answer in decided)
-    if not answers:
-        return
-    usual, count = answers.most_common(1)[0]
-    if count < 3 or 2 * count <= len(decided):
+    usual, count = Counter(answer.lacks for answer in decided).most_common(1)[0] if decided else ("", 0)
+    return decided, usual if count >= LEAST_ALIKE and 2 * count > len(decided) else None, count
+
+
+def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
+    """The series whose effects differ from the usual answer."""
+    decided, usual, count = _decided(alike)
+    if usual is None:
         return
     classes = _members(next(answer for answer in decided if answer.lacks == usual))
     for answer in decided:
@@ -145,6 +149,22 @@ def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
             own, others = (words or TEXT("disagreement.nothing") for words in (answer.lacks, usual))
             decisions = {"count": count, "decided": len(decided), "usual": others}
             yield answer.name, TEXT("disagreement.effects", own=own, **decisions)
+
+
+def comparisons(answers: Sequence[SeriesAnswer]) -> list[str]:
+    """For each kind of rig what its series have in common, or why they could not be compared."""
+    said = []
+    for kind in dict.fromkeys(answer.kind for answer in answers if answer.kind):
+        decided, usual, count = _decided([answer for answer in answers if answer.kind == kind])
+        numbers = {"kind": kind.replace("_", " "), "decided": len(decided), "count": count}
+        numbers["answers"] = len({answer.lacks for answer in decided})
+        if usual is not None:
+            said.append(TEXT("compared.usual", usual=usual or TEXT("disagreement.nothing"), **numbers))
+        else:
+            said.append(TEXT("compared.few" if len(decided) < LEAST_ALIKE else "compared.different", **numbers))
+        if len(decided) <= LEAST_OTHERS:
+            said[-1] += " " + TEXT("compared.no_numbers", least=LEAST_OTHERS + 1)
+    return said
 
 
 def _members(answer: SeriesAnswer) -> set[str]:
@@ -163,7 +183,7 @@ def _numbers(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
             count, middle = len(others), float(others.mean())
             spread = float(others.std(ddof=1))
             uncertain = max(spread * np.sqrt(1 + 1 / count), deviation)
-            limit = float(scipy.stats.t.ppf(1 - 0.5 * FALSE_ALARMS / tests, count - 1))
+            limit = float(scipy.special.stdtrit(count - 1, 1 - 0.5 * FALSE_ALARMS / tests))
             if abs(value - middle) > limit * uncertain > 0:
                 numbers = {"parameter": parameter, "value": value, "mean": middle, "spread": spread}
                 yield series, TEXT("disagreement.number", **numbers)

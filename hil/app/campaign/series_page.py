@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any, Final
 
-from hil.app.campaign.series_answers import ORDER, TEXT, SeriesAnswer, lacking, verdicts
+from hil.app.campaign.series_answers import ORDER, TEXT, SeriesAnswer, comparisons, lacking, verdicts
 from hil.report.builder import page
-from hil.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
+from hil.report.theme import STAGE_COLOURS
 from models.words.quantities import number
 
 MARKS: Final = {"named": "●", "none": "○", "unknown": "?", "refused": "✕"}
@@ -28,11 +28,12 @@ def page_html(answers: Sequence[SeriesAnswer]) -> str:
         lacking=lacks,
         bar=160 / max((named + part for _, named, part in lacks), default=1),
         disagreeing=_alike(answers),
+        comparisons=comparisons(answers),
         series=sorted(answers, key=lambda a: (ORDER.index(a.verdict), not a.disagrees, a.name)),
         marks=MARKS,
         most=most,
         drawing=_drawing(most),
-        colours={"floor": FLOOR, "grid": GRID, "ink": INK, **STAGE_COLOURS},
+        colours=STAGE_COLOURS,
         findings=weak.most_common(),
     )
 

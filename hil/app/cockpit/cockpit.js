@@ -3,6 +3,7 @@
 
 const $ = id => document.getElementById(id);
 const TOKEN = tokenOf();
+const STRIPS = [["good", "works"], ["doubt", "take care"], ["bad", "stopped or lost"], ["blue", "slips"], ["well", "at rest"]];
 const LATE_MS = 2000, AGAIN_MS = [300, 1000, 2000], EVENTS = 5000;
 const FONT = 'Inter, "Segoe UI", system-ui, -apple-system, "Helvetica Neue", Arial, sans-serif';
 const page = { socket: null, hello: null, store: null, plots: [], events: [], cursor: null, paused: null, span: 60, end: 0,
@@ -38,7 +39,6 @@ function connect() {
   };
   socket.onclose = () => {
     if (page.socket !== socket) return;
-    document.dispatchEvent(new Event("cockpit-lost"));
     page.waiting = page.playing = false;
     flag();
     setTimeout(connect, AGAIN_MS[Math.min(page.tries++, AGAIN_MS.length - 1)]);
@@ -54,11 +54,12 @@ function connected() {
 
 function flag() {
   const trouble = page.state && page.state.trouble, ok = connected();
+  if (!ok) document.dispatchEvent(new Event("cockpit-lost"));
   const [words, grade] = !ok ? ["connection lost", "bad"] : page.hello.live ? trouble ? ["no frames", "doubt"] : ["live", "good"] : ["log", ""];
   $("link").textContent = words;
   $("link").className = `flag ${grade}`;
   document.documentElement.dataset.link = words;
-  const said = ok ? trouble : page.hello ? "The cockpit does not answer; trying again. What is shown is old." : "";
+  const said = ok ? trouble : page.hello ? "The cockpit does not answer, what is shown is old: see whether 'capsule cockpit' still runs in its terminal. This page tries again; until then use the rig's own switch to stop." : "";
   $("trouble").textContent = said || "";
   $("trouble").hidden = !said;
 }
@@ -81,6 +82,7 @@ function greet(hello) {
   page.events = [];
   page.paused = null;
   $("title").textContent = hello.title;
+  $("clock").title = hello.tips.clock;
   $("about").textContent = hello.about;
   document.title = `${hello.title} · capsule cockpit`;
   const lines = hello.panels.reduce((sum, panel) => sum + panel.lines.length, 0);
@@ -117,6 +119,7 @@ function layTime(hello) {
     one.type = "button";
     one.onclick = () => { page.span = span; mark(); ask(); soon(); };
     one.dataset.span = span;
+    one.title = "how much time the panels show";
     return one;
   }));
   const mark = () => [...$("spans").children].forEach(one => one.classList.toggle("on", Number(one.dataset.span) === page.span));
@@ -178,18 +181,21 @@ function layPanels(panels) {
   let first = 0;
   page.plots = [];
   $("panels").replaceChildren(...panels.map(panel => {
-    const box = make("div", "panel"), legend = make("div", "legend"), canvas = make("canvas"), title = make("h2", "", panel.title);
+    const box = make("div", "panel"), legend = make("div", "legend"), canvas = make("canvas"), title = tipped(make("h2", "", panel.title), panel.tip);
     if (panel.unit) title.append(make("small", "", ` ${panel.unit}`));
     legend.append(title);
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${panel.title}${panel.unit ? ` in ${panel.unit}` : ""} over time`);
     const plot = new Plot(canvas, panel, first);
-    plot.outputs = panel.strips ? [] : panel.lines.map(line => {
-      const part = make("span"), value = make("output");
-      part.append(sample(line), line.name, value);
+    plot.outputs = panel.lines.map(line => {
+      const part = tipped(make("span"), line.tip), value = make("output");
+      part.append(...(panel.strips ? [] : [sample(line)]), line.name, value);
       legend.append(part);
       return value;
     });
+    if (panel.marked) keyed(legend, { colour: "muted", look: "mark" }, panel.marked, panel.tip);
+    if (panel.strips) for (const [colour, means] of STRIPS) keyed(legend, { colour, look: "block" }, means, panel.tip);
+    else if (!page.plots.length) keyed(legend, { colour: "doubt", look: "event" }, "event", page.hello.tips.event);
     canvas.onpointermove = event => pointed(plot, event);
     canvas.onpointerleave = () => { page.cursor = null; soon(); };
     box.append(legend, canvas);
@@ -199,15 +205,24 @@ function layPanels(panels) {
   }));
 }
 
+function tipped(part, tip) { part.title = tip; return part; }
+
+function keyed(legend, line, means, tip) {
+  const part = tipped(make("span"), tip);
+  part.append(sample(line), means);
+  legend.append(part);
+}
+
 function sample(line) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), mark = document.createElementNS(svg.namespaceURI, "path");
   svg.setAttribute("viewBox", "0 0 20 9");
-  mark.setAttribute("d", "M0 5H20");
-  const wide = { band: 9, faint: 1 }[line.look] || 2;
+  mark.setAttribute("d", line.look === "event" ? "M10 -2V11" : "M0 5H20");
+  const wide = { band: 9, block: 9, faint: 1, mark: 1, event: 1 }[line.look] || 2;
   mark.setAttribute("stroke-width", wide);
   mark.style.stroke = `var(--${line.colour})`;
   if (line.look === "band") mark.setAttribute("stroke-opacity", 0.3);
   if (line.look === "dash") mark.setAttribute("stroke-dasharray", "6 3");
+  if (line.look === "mark" || line.look === "event") mark.setAttribute("stroke-dasharray", "3 3");
   svg.append(mark);
   return svg;
 }
@@ -243,7 +258,8 @@ function draw() {
     if (box.bottom > -100 && box.top < innerHeight + 100) plot.draw(page.store, end - page.span, end, seen);
     plot.outputs.forEach((output, k) => {
       const found = page.store.at(plot.firstLine + k, page.cursor ?? end, 0.5), places = plot.panel.places;
-      const text = !found ? "–" : plot.panel.lines[k].look === "band" ? `± ${written((found[1] - found[0]) / 2, places)}`
+      const { look, names } = plot.panel.lines[k];
+      const text = !found ? "–" : names ? (names[found[1]] || ["–"])[0] : look === "band" ? `± ${written((found[1] - found[0]) / 2, places)}`
         : written((found[0] + found[1]) / 2, places);
       if (output.textContent !== text) output.textContent = text;
     });
@@ -255,69 +271,87 @@ function draw() {
 // ---- cards
 
 function show(state) {
-  const { readings, model, nodes, bus } = state;
-  const drive = nodes.find(one => one.role === "drive"), controller = nodes.find(one => one.node === "controller");
+  const { readings, model, nodes, bus } = state, tips = page.hello.tips;
+  const drive = nodes.find(one => one.role === "drive"), controller = nodes.find(one => one.role === "controller");
+  const unheard = { state: "–", why: "not heard", grade: "" };
+  const heard = (name, node, tip) => [name, node.state, node.warm ? `${node.warm}, ${node.why}` : node.why, node.grade, tip];
   const facts = [
-    ["Position", readings.position, readings.band, ""],
-    ["Reference", readings.reference, readings.speed, ""],
-    ["Estimate less reference", readings.error, "", ""],
-    ["Model", model.state || "–", model.short, model.grade],
-    [drive ? `Drive: ${drive.node}` : "Drive", drive ? drive.state : "–", drive ? drive.more.join(", ") : "not heard", drive ? drive.grade : ""],
-    ["Controller", controller ? controller.state : "–", controller ? `up ${controller.up}` : "not heard", controller ? controller.grade : ""],
+    ["Position", readings.position, readings.band, "", tips.position],
+    ["Reference", readings.reference, readings.speed, "", tips.reference],
+    ["Estimate minus reference", readings.error, "", "", tips.error],
+    ["Model", model.state, model.why, model.grade, tips.model],
+    heard(drive ? `Drive: ${drive.node}` : "Drive", drive || unheard, tips.drive),
+    heard("Controller", controller || unheard, tips.controller),
   ];
   if (!$("facts").children.length)
     $("facts").replaceChildren(...facts.map(() => { const box = make("div", "fact"); box.append(make("label"), make("b"), make("small")); return box; }));
-  facts.forEach(([name, value, more, grade], k) => {
+  facts.forEach(([name, value, more, grade, tip], k) => {
     const box = $("facts").children[k];
     box.className = `fact ${grade}`;
+    box.title = tip;
     [name, value, more].forEach((text, n) => { if (box.children[n].textContent !== text) box.children[n].textContent = text; });
-    box.children[1].title = value;
   });
-  showModel(model);
-  $("nodes").replaceChildren(table(["node", "state", "up"], nodes.map(one => [one.node, dotted(one.state, one.grade, one.more), one.up])));
-  const counts = [["frames", bus.rate], ["load", bus.load], ["good", bus.good], ["lost", bus.lost], ["unknown", bus.unknown], ["refused", bus.refused]];
-  const rows = [table(["", ""], counts.map(([name, value]) => [name, String(value)]))];
-  if (state.refused.length) rows.push(table(["refused frame", "reason", ""], state.refused.map(one => one.map(String))));
-  $("bus").replaceChildren(...rows);
+  showModel(model, tips);
+  fill("nodes", table(["node", "state", "up"], nodes.map(one => [one.node, stated(one, tips), one.up]), ["", "", tips.up]));
+  const counts = ["rate", "load", "good", "lost", "unknown", "refused"];
+  const rows = [table(["", ""], counts.map(name => [name === "rate" ? "frames" : name, String(bus[name])]), counts.map(name => tips[name]), true)];
+  if (state.refused.length) rows.push(table(["refused", "count"], state.refused.map(refused), ["", tips.refused_frame]));
+  fill("bus", ...rows);
 }
 
-function showModel(model) {
-  const parts = [];
-  const head = make("p");
-  head.append(dotted(model.state || "not heard", model.grade, []));
-  parts.push(head);
-  if (model.words) parts.push(make("p", "muted", model.words));
+// New contents, but only where they differ: a tooltip that is open stays.
+function fill(id, ...parts) {
+  const box = make("div");
+  box.append(...parts);
+  if (box.innerHTML !== $(id).innerHTML) $(id).replaceChildren(...parts);
+}
+
+function showModel(model, tips) {
+  const parts = [make("p")];
+  parts[0].append(make("span", `dot ${model.grade}`), model.state);
+  parts.push(make("p", "muted", model.why));
+  for (const [name, text] of model.facts) parts.push(tipped(make("p", "muted", text), tips[name]));
   page.hello.models.forEach((one, k) => {
     const box = make("div", k === model.number ? "used" : "");
-    const name = make("p", "made", `${k + 1}. ${one.made}`);
-    box.append(name, make("p", "muted", `${one.kind}, ${k === model.number ? "in use" : k < model.number ? "used before" : "offered"}`));
-    if (one.rows.length && k === model.number) box.append(table(["parameter", "in use", "rig file"], one.rows));
+    box.append(tipped(make("p", "made", `${k + 1}. ${one.made}`), tips.number));
+    box.append(make("p", "muted", `${one.kind}, ${k === model.number ? "in use" : k < model.number ? "used before" : "offered"}`));
+    if (one.rows.length && k === model.number) box.append(table(["parameter", "in use", "rig file"], one.rows, ["", tips.parameter, tips.rig_file]));
     parts.push(box);
   });
-  if (model.number >= page.hello.models.length && page.hello.models.length) parts.push(make("p", "", `Model ${model.number + 1}, learned in this run, is in use.`));
-  $("model").replaceChildren(...parts);
+  if (model.number >= page.hello.models.length && page.hello.models.length)
+    parts.push(tipped(make("p", "", `Model ${model.number + 1}, learned in this run, is in use.`), tips.number));
+  fill("model", ...parts);
 }
 
-function dotted(text, grade, more) {
-  const span = make("span");
-  span.append(make("span", `dot ${grade}`), text);
-  if (more.length) span.append(make("span", "muted", ` ${more.join(", ")}`));
+// A node's state; its cause and remedy stand beside it where something is wrong, else in the tooltip.
+function stated(one, tips) {
+  const span = tipped(make("span"), one.why);
+  span.append(make("span", `dot ${one.grade}`), one.state);
+  if (one.warm) span.append(tipped(make("span", "muted", ` ${one.warm}`), tips.temperature));
+  if (one.grade === "bad" || one.grade === "doubt") span.append(make("small", "muted", one.why));
   return span;
 }
 
-function table(head, rows) {
-  const one = make("table"), body = make("tbody");
+function refused([frame, reason, count]) {
+  const cell = make("span", "", frame);
+  cell.append(make("small", "muted", reason));
+  return [cell, String(count)];
+}
+
+// `tips` are those of the columns or, `byRow`, of the rows.
+function table(head, rows, tips, byRow) {
+  const one = make("table"), body = make("tbody"), word = (k, count) => (k < 2 && count > 2 || !k ? "word" : "");
   if (head.some(Boolean)) {
     const top = make("thead"), row = make("tr");
-    head.forEach((text, k) => row.append(make("th", k < 2 && head.length > 2 || !k ? "word" : "", text)));
+    head.forEach((text, k) => row.append(tipped(make("th", word(k, head.length), text), tips[k])));
     top.append(row);
     one.append(top);
   }
-  for (const cells of rows) {
+  rows.forEach((cells, n) => {
     const row = make("tr");
-    cells.forEach((cell, k) => { const td = make("td", k < 2 && cells.length > 2 || !k ? "word" : ""); td.append(cell); row.append(td); });
+    cells.forEach((cell, k) => { const td = tipped(make("td", word(k, cells.length)), tips[byRow ? n : k]); td.append(cell); row.append(td); });
     body.append(row);
-  }
+  });
   one.append(body);
   return one;
 }
@@ -326,7 +360,7 @@ function addEvents(events) {
   if (!events.length) return;
   page.events = page.events.concat(events).slice(-EVENTS);
   for (const [time, words, grade] of events) {
-    const item = make("li"), when = make("time", "", clock(time));
+    const item = tipped(make("li"), page.hello.tips.event), when = make("time", "", clock(time));
     item.append(when, make("span", grade, words));
     if (page.hello.live) $("events").prepend(item);
     else { item.onclick = () => move(time + 0.1 * page.span); $("events").append(item); }

@@ -41,7 +41,7 @@ def cockpit(
     path: Annotated[
         Path,
         argument(
-            "DEPLOYMENT.toml | LOG | SCENARIO.toml",
+            "DEPLOYMENT.toml|LOG|SCENARIO.toml",
             "A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
         ),
     ],
@@ -122,17 +122,18 @@ def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick
 
 def _log(path: Path, catalogue: FrameCatalogue) -> LogSource:
     """The whole log, with the models of the record beside it."""
-    frames = list(read_frames(path, lambda words: note(f"{path}: {words}")))
+    frames, ended = list(read_frames(path, lambda words: note(f"{path}: {words}"))), ""
     if record_path(path).exists():
         record = read_log_record(path)
         with output_to_notes():
             task = task_of(record, str(path))
         frame_map, models = frame_map_of(task.model.drive.name), models_of(task)
         about = f"{task.model.drive.name} rig, {task.controller}"
+        ended = ": ".join(str(record[name]) for name in ("ended", "remedy") if record.get(name))
     else:
         names = {catalogue.by_id()[frame.id].name for frame in frames if frame.id in catalogue.by_id()}
         frame_map, models, about = frame_map_in(names), (), TEXT("page.no_record")
-    source = LogSource(frames, Facts(path.name, about, frame_map, catalogue, models))
+    source = LogSource(frames, Facts(path.name, about, frame_map, catalogue, models), ended)
     if not source.watch.last:
         raise ValueError(f"{path}: log must hold good frames of {Path(catalogue.source).name}; got none")
     return source

@@ -82,7 +82,7 @@ class Plot {
   times(look) {
     const c = this.context, { left, right, top, bottom, begin, end } = this.box;
     const shift = look.live ? end : 0;
-    const { found, places } = ticks(begin - shift, end - shift, (right - left) / 110);
+    const { found, places } = ticks(begin - shift, end - shift, (right - left) / 80);
     c.textBaseline = "top";
     for (const time of found) {
       const x = Math.round(this.x(time + shift)) + 0.5;

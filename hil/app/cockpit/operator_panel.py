@@ -10,15 +10,15 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any, Final
 
+from hil.app.cockpit.buttons import ME, Situation
+from hil.app.cockpit.phrases import TEXT, words
 from hil.app.cockpit.source import BusSource
-from hil.app.cockpit.watch import words
 from hil.bus.protection import FrameTransmitter
-from hil.nodes.operator import STATUS, OperatorLimits
+from hil.nodes.operator import OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
-from models.words.sentences import Sentences
+from models.words.quantities import fixed
 
-TEXT: Final = Sentences(__file__)
 HOLD_S: Final = 0.12
 """How long a page's message that its button is held is valid; it comes every 40 ms."""
 LIFE_MS: Final = 100.0  # for which a setpoint is valid
@@ -27,8 +27,6 @@ PRESS_S: Final = 0.15  # of a press that stops the drive
 SAFE_S: Final = 0.5  # for which a safe stop is sent
 SAFE_STOP: Final = {"Target": 0.0, "Reason": 0.0}  # of every drive, by an operator
 ENDS_S: Final = 10.0  # in which a run ends after an interruption
-_RESTS: Final = ("boot", "self_test", "standby", "fault")
-"""States of a drive that does not move and is not about to be enabled."""
 
 
 class OperatorPanel:
@@ -45,7 +43,7 @@ class OperatorPanel:
     ) -> None:
         self.source, self.path, self.limits = source, path, limits
         self._clock = clock
-        self._sender = OperatorSender(source.bus, "cockpit", LIFE_MS, clock)
+        self._sender = OperatorSender(source.bus, ME, LIFE_MS, clock)
         self._stops = FrameTransmitter(source.bus, ("SafeStop",))
         self._armed: set[object] = set()
         self._steers: object | None = None
@@ -53,6 +51,7 @@ class OperatorPanel:
         self._held_at, self._wanted = -float("inf"), ("speed", 0.0)
         self._sends_until = self._presses_from = self._safe_until = -float("inf")
         self._run: subprocess.Popen[bytes] | None = None
+        self._ending, self._spoke, self._last = False, False, ""
         self._starter = ThreadPoolExecutor(1)
         self._starter.submit(int).result()
         self._said: tuple[IO[bytes], IO[bytes]] | None = None
@@ -77,18 +76,29 @@ class OperatorPanel:
         if kind == "safe_stop":
             self._end_hold()
             self._safe_until = self._clock() + SAFE_S
-            rests = self._rests()
+            rests = self.situation().rests()
             self.source.say(TEXT("operator.safe_stop") + (f"; {rests}" if rests else ""), "bad")
             return ""
         raise ValueError(kind)
 
+    def situation(self) -> Situation:
+        """The states that decide which buttons count."""
+        frame_map, watch = self.source.facts.frame_map, self.source.watch
+        drive, beat = (watch.state(n) if watch.newest(n) else "" for n in (frame_map.feedback, "ControllerHeartbeat"))
+        self._spoke = self._run is not None and (self._spoke or bool(beat))
+        ending = self._ending or beat == "fault" or (self._spoke and not beat)
+        started = "" if self._run is None else "ending" if ending else "leading" if beat else "starting"
+        return Situation(words(frame_map.node), drive, beat, started, watch.steering(), self.limits, self._last)
+
+    def _refusal(self, button: str) -> str:
+        counts, why = self.situation().buttons()[button]
+        return "" if counts else why
+
     def _arm(self, page: object) -> str:
-        if self.limits is None:
-            return TEXT("operator.not_accepted")
-        if self.limits.sources and "cockpit" not in self.limits.sources:
-            return TEXT("operator.not_a_source", sources=self.limits.sources)
-        self._armed.add(page)
-        return ""
+        refused = self._refusal("arm")
+        if not refused:
+            self._armed.add(page)
+        return refused
 
     def left(self, page: object) -> str:
         if page in self._armed:
@@ -114,10 +124,8 @@ class OperatorPanel:
         return ""
 
     def _start(self, action: list[str]) -> str:
-        if self._run is not None:
-            return TEXT("operator.running")
-        if self.source.watch.newest("ControllerHeartbeat") is not None:
-            return TEXT("operator.led")
+        if refused := self._refusal("start"):
+            return refused
         out, error = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - open until the run ends
         self._said = (out, error)
         words = [*own_module("hil.app.start"), "run", str(self.path), *action, "--json"]
@@ -133,27 +141,19 @@ class OperatorPanel:
         return ""
 
     def _stop(self) -> str:
+        """A second Ctrl-C would end the program before the drive rests: it is never sent."""
         self._end_hold()
+        if refused := self._refusal("stop"):
+            return refused
         if self._run is not None:
+            self._ending = True
             self._run.send_signal(signal.SIGINT)
             self.source.say(TEXT("operator.stop"), "doubt")
             return ""
-        if rests := self._rests():
-            return TEXT("operator.nothing_sent", rests=rests)
-        if self.limits is None or self.source.watch.newest(STATUS) is None:
-            return TEXT("operator.no_setpoints")
-        if self.limits.sources and "cockpit" not in self.limits.sources:
-            return TEXT("operator.other_sources", sources=self.limits.sources)
         self._presses_from = self._clock() + PARTING_S
         self._sends_until = self._presses_from + PRESS_S + PARTING_S
         self.source.say(TEXT("operator.press"), "doubt")
         return ""
-
-    def _rests(self) -> str:
-        """A sentence that nothing moves, "" where something may."""
-        frame_map, watch = self.source.facts.frame_map, self.source.watch
-        state = watch.state(frame_map.feedback) if watch.newest(frame_map.feedback) is not None else ""
-        return TEXT("operator.rests", node=words(frame_map.node), state=words(state)) if state in _RESTS else ""
 
     def _end_hold(self) -> None:
         """Require that a held button is released before it counts again."""
@@ -188,24 +188,28 @@ class OperatorPanel:
         """Report the end of a run that was started here."""
         assert self._said is not None
         out, error = (_text(file) for file in self._said)
-        self._run = self._said = None
+        self._run, self._said, self._ending = None, None, False
         try:
-            ended = str(json.loads(out)["ended"])
+            found = json.loads(out)
+            ended = ": ".join(filter(None, (str(found["ended"]), str(found["remedy"]))))
         except (ValueError, KeyError, TypeError):
             ended = (error.strip().splitlines() or [f"status {status}"])[-1].removeprefix("capsule: ")
+        self._last = ended
         self.source.say(TEXT("operator.ended", ended=ended), "note" if status == 0 else "bad")
 
     def document(self, page: object) -> dict[str, Any]:
-        answer = self.source.watch.newest(STATUS)
-        limits = self.limits
+        limits, now = self.limits, self.situation()
+        ends = [1e3 * limits.lowest_m, 1e3 * limits.highest_m] if limits else [0.0, 0.0]
         return {
             "armed": page in self._armed,
             "held": self._steers is page and self._clock() - self._held_at <= HOLD_S,
-            "run": self._run is not None,
-            "fault": self.source.watch.state(self.source.facts.frame_map.feedback) == "fault",
-            "leads": self.source.watch.newest("ControllerHeartbeat") is not None,
-            "answer": answer and [self.source.watch.state(STATUS, name) for name in ("State", "Source", "Refused")],
-            "limits": limits and [1e3 * limits.speed_m_s, 1e3 * limits.lowest_m, 1e3 * limits.highest_m],
+            "run": bool(now.started),
+            "buttons": now.buttons(),
+            "resets": now.drive == "fault" and not now.controller and not now.started,
+            "words": now.words(),
+            "steering": now.steering(),
+            "limits": limits and [1e3 * limits.speed_m_s, *ends],
+            "range": limits and TEXT("operator.range", lowest=fixed(ends[0], 2), highest=fixed(ends[1], 2)),
         }
 
     def close(self) -> None:

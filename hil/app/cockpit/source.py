@@ -77,8 +77,8 @@ class BusSource:
 class LogSource:
     """A whole log: all samples of its lines, and the state at `SNAPSHOTS` times at most."""
 
-    def __init__(self, frames: Iterable[Logged], facts: Facts) -> None:
-        """Raises ValueError where the `frames` do."""
+    def __init__(self, frames: Iterable[Logged], facts: Facts, ended: str = "") -> None:
+        """Raises ValueError where the `frames` do; `ended` says how the run of the log ended."""
         self.facts, self.watch = facts, FrameWatch(facts.catalogue, LOG_EVENTS)
         self.samples = Samples(_feed(facts))
         self.end_s = 0.0
@@ -86,6 +86,8 @@ class LogSource:
         self._every = SHORTEST_S
         self._take(frames)
         self._keep(self.end_s)
+        if ended:
+            self.watch.say(self.end_s, TEXT("event.run_ended", ended=ended))
 
     def _take(self, frames: Iterable[Logged]) -> None:
         origin: float | None = None

@@ -3,7 +3,8 @@
 // lets go when the pointer leaves it, the page is hidden or loses the focus, or the connection drops.
 
 const SAID_MS = 40;
-const hand = { held: null, timer: 0, armed: false, limits: null, refusedAt: 0 };
+const BUTTONS = ["start", "reset", "stop", "safe", "arm", "back", "forth", "go"], REFUSED_MS = 6000;
+const hand = { held: null, timer: 0, limits: null, counts: {}, refusedAt: 0 };
 
 function letGo() {
   if (!hand.held) return;
@@ -28,9 +29,9 @@ function deadMan(button, wanted) {
     if (button.hasPointerCapture(event.pointerId)) button.releasePointerCapture(event.pointerId);
     hold(button, wanted);
   });
-  for (const name of ["pointerup", "pointerleave", "pointercancel", "contextmenu", "blur"]) button.addEventListener(name, letGo);
+  for (const name of ["pointerup", "pointerleave", "pointercancel", "contextmenu", "blur", "keyup"])
+    button.addEventListener(name, () => { if (hand.held === button) letGo(); });
   button.addEventListener("keydown", event => { if (event.key === " " || event.key === "Enter") { event.preventDefault(); if (!event.repeat) hold(button, wanted); } });
-  button.addEventListener("keyup", letGo);
 }
 
 function speed() { return Number($("speed").value) / 1000; }
@@ -40,10 +41,23 @@ deadMan($("forth"), () => ({ mode: "speed", value: speed() }));
 deadMan($("go"), () => ({ mode: "position", value: Number($("place").value) / 1000 }));
 for (const name of ["blur", "pagehide"]) addEventListener(name, letGo);
 document.addEventListener("visibilitychange", () => { if (document.hidden) letGo(); });
-document.addEventListener("cockpit-lost", letGo);
+document.addEventListener("cockpit-lost", () => {
+  letGo();
+  for (const name of BUTTONS) $(name).disabled = true;
+});
 
 $("speed").oninput = tellSpeed;
+$("place").oninput = within;
 function tellSpeed() { $("speed_told").textContent = `${written(Number($("speed").value), 2)} mm/s`; }
+
+// The button counts only for a position within the range.
+function within() {
+  const [, lowest, highest] = hand.limits || [0, 0, 0], place = Number($("place").value);
+  const inside = $("place").value !== "" && place >= lowest && place <= highest;
+  $("go").disabled = !(hand.counts.go && inside);
+  $("place").classList.toggle("bad", !inside);
+  $("range").classList.toggle("bad", !inside);
+}
 
 $("start").onclick = () => send({ ask: "start" });
 $("reset").onclick = () => send({ ask: "reset" });
@@ -68,16 +82,21 @@ document.addEventListener("cockpit-state", event => {
     Object.assign($("place"), { min: lowest, max: highest, value: 0 });
     tellSpeed();
   }
-  $("start").disabled = $("reset").disabled = operator.leads || operator.run;
-  $("start").hidden = operator.fault && !operator.leads;
-  $("reset").hidden = !$("start").hidden;
-  $("stop").disabled = !operator.run && !operator.answer;
+  for (const name of BUTTONS) {
+    const [counts, tip] = operator.buttons[name];
+    hand.counts[name] = counts;
+    $(name).disabled = !counts;
+    (name === "arm" ? $("armed") : $(name)).title = tip;
+  }
+  $("reset").hidden = !operator.resets;
+  $("start").hidden = operator.resets;
   $("hand").hidden = !operator.armed;
-  if (!operator.armed) letGo();
-  const [state, source, refused] = operator.answer || [];
-  $("answer").textContent = !operator.answer ? "no controller answers" : refused !== "none" ? `refused: ${refused.replace("_", " ")}`
-    : source === "nobody" ? state : `${state} by ${source}`;
-  if (performance.now() - hand.refusedAt > 6000) $("refused").hidden = true;
+  $("run_words").textContent = operator.words;
+  $("steering").textContent = operator.steering;
+  $("range").textContent = operator.range || "";
+  within();
+  if (!operator.armed || hand.held && hand.held.disabled) letGo();
+  if (performance.now() - hand.refusedAt > REFUSED_MS) $("refused").hidden = true;
 });
 
 document.addEventListener("cockpit-refused", event => {

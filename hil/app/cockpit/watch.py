@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from hil.app.cockpit.phrases import TEXT, clock, fault_words, grade_of, why, words
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.operator import SETPOINT, STATUS
-from hil.nodes.receive import HEARTBEAT_LOST_S
+from hil.nodes.operator_sender import OperatorAnswer, steering_words
+from hil.nodes.receive import HEARTBEAT_LOST_S, refusal_cause
 from models.words.quantities import DASH, fixed, quantity
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 KEPT: Final = 200
 """Most events kept while a bus is watched, and most kinds of refusals that become an event."""
 SILENT_S: Final = 2 * HEARTBEAT_LOST_S
@@ -25,12 +25,6 @@ _LOAD_S: Final = 1.0  # over which the bus load is averaged
 _FRESH: Final = 10  # cycles, within which a value is current
 _LOST: Final = 3  # `Wall` of an estimate that is lost
 _BEAT, _FAULT, _FEEDBACK = "Heartbeat", "Fault", "Feedback"
-_GRADES: Final[Mapping[str, tuple[str, ...]]] = {
-    "bad": ("fault", "quick_stop", "broken", "lost"),
-    "doubt": ("derated", "stopping", "doubtful"),
-    "good": ("enabled", "running", "holds"),
-    "move": ("slips_forward", "slips_backward"),
-}
 
 
 @dataclass(frozen=True)
@@ -88,7 +82,9 @@ class FrameWatch:
         for name, at in self.at.items():
             if name.endswith(_BEAT) and now - at > SILENT_S and name not in self._silent:
                 self._silent.add(name)
-                self.say(now, TEXT("event.silent", node=self._sender(name)), "bad")
+                ended = self._ended(name)
+                key, grade = ("ended", "note") if ended else ("silent", "bad")
+                self.say(now, TEXT(f"event.{key}", node=self._sender(name), why=TEXT(f"node.{key}")), grade)
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
         self.events.append(Occurrence(time_s, words, grade))
@@ -103,13 +99,25 @@ class FrameWatch:
         late = self.now - self.at.get(name, -math.inf) > _FRESH * self.catalogue[name].cycle_s
         return None if late else self.last[name]
 
+    def steering(self) -> OperatorAnswer | None:
+        """The controller's newest answer to setpoints, None where it sends none."""
+        values = self.newest(STATUS)
+        if values is None:
+            return None
+        state, source, refused = (self._named(STATUS, name, values) for name in ("State", "Source", "Refused"))
+        return OperatorAnswer(state, source, refused, values["Position_m"], values["Velocity_m_s"])
+
     def document(self) -> dict[str, Any]:
         return {
             "nodes": self._nodes(),
             "readings": readings(self),
             "model": self._model(),
             "bus": self._bus(),
-            "refused": [[r.frame.name, str(why), n] for r in self._receivers() for why, n in sorted(r.refused.items())],
+            "refused": [
+                [r.frame.name, refusal_cause(reason), n]
+                for r in self._receivers()
+                for reason, n in sorted(r.refused.items())
+            ],
         }
 
     def _by_source(self, data: bytes) -> Receiver:
@@ -128,41 +136,47 @@ class FrameWatch:
             node = name.removesuffix(_BEAT)
             silent, feedback = name in self._silent, self.last.get(f"{node}{_FEEDBACK}")
             state = self.state(f"{node}{_FEEDBACK}" if feedback else name)
-            more = []
+            warm, code = "", self.state(f"{node}{_FAULT}", "Code")
             if feedback and feedback["Temperature_degC"] != NOT_MEASURED_C:
-                more.append(f"{fixed(feedback['Temperature_degC'], 0)} °C")
-            if state == "fault" and f"{node}{_FAULT}" in self.last:
-                more.append(words(self.state(f"{node}{_FAULT}", "Code")))
+                warm = f"{fixed(feedback['Temperature_degC'], 0)} °C"
+            role = "drive" if feedback else "controller" if node == "Controller" else "sensor"
+            gone = "ended" if self._ended(name) else "silent"
+            cause = TEXT(f"node.{gone}") if silent else why(role, state)
+            if state == "fault" and code and not silent:
+                state, cause = f"fault: {code}", fault_words(code)
             if self.last[name]["Catalogue"] != self.catalogue.fingerprint:
-                more.append(TEXT("node.another_dbc"))
-            up = self.last[name]["Uptime_s"]
-            shown = "silent" if silent else words(state)
-            grade = "bad" if silent else grade_of(state)
-            role = "drive" if feedback else "sensor"
-            state_now = {"state": shown, "grade": grade, "more": more, "up": clock(up), "role": role}
-            found.append({"node": words(node), **state_now})
+                cause = TEXT("node.another_dbc")
+            shown = gone if silent else words(state)
+            grade = grade_of(gone if silent else state.partition(":")[0])
+            state_now = {"state": shown, "grade": grade, "warm": warm, "why": cause, "role": role}
+            found.append({"node": words(node), **state_now, "up": clock(self.last[name]["Uptime_s"])})
         return found
+
+    def _ended(self, heartbeat: str) -> bool:
+        """Whether a controller that is silent said before that it ends."""
+        return heartbeat == "ControllerHeartbeat" and self.state(heartbeat) in ("stopping", "fault")
 
     def _model(self) -> dict[str, Any]:
         """The state of the monitor, and which model is in use."""
         health, wanted = self.last.get("ModelHealth"), self.last.get("WantedMotion")
         number = int(wanted["Model"]) if wanted else 0
         if health is None:
-            return {"state": "", "grade": "note", "number": number, "words": "", "short": TEXT("model.silent")}
-        state = self.state("ModelHealth")
-        facts = [TEXT("model.evidence", evidence=health["Evidence"]), TEXT("model.alarms", count=int(health["Alarms"]))]
+            return {"state": DASH, "grade": "note", "number": number, "why": why("model", "silent"), "facts": []}
+        state, old = self.state("ModelHealth"), self.newest("ModelHealth") is None
+        facts = [["alarms", TEXT("model.alarms", count=int(health["Alarms"]))]]
         if state in ("doubtful", "broken"):
-            facts.insert(0, TEXT("model.since", time=clock(health["Since_s"])))
+            facts.insert(0, ["since", TEXT("model.since", time=clock(health["Since_s"]))])
+        if state != "not_watched":
+            facts.insert(0, ["evidence", TEXT("model.evidence", evidence=health["Evidence"])])
         if change := int(health["Change"]):
-            facts.insert(0, TEXT("model.change", change=self.catalogue["ModelHealth"].field("Change").names[change]))
-        old = self.newest("ModelHealth") is None
-        short = TEXT("model.was", state=words(state)) if old else facts[-2] if state == "holds" else facts[0]
+            kind = self.catalogue["ModelHealth"].field("Change").names[change]
+            facts.insert(0, ["model", TEXT("model.change", change=kind)])
         return {
-            "state": TEXT("model.silent") if old else words(state),
+            "state": DASH if old else words(state),
             "grade": "note" if old else grade_of(state),
             "number": number,
-            "words": "; ".join(facts),
-            "short": short,
+            "why": f"{why('model', 'silent')}; {TEXT('model.was', state=words(state))}" if old else why("model", state),
+            "facts": facts,
         }
 
     def _bus(self) -> dict[str, Any]:
@@ -195,8 +209,7 @@ class FrameWatch:
         """Make the first refusal of each kind an event; the others are only counted."""
         if (name, refusal.reason) not in self._refused and len(self._refused) < KEPT:
             self._refused.add((name, refusal.reason))
-            why = f"{refusal.reason}: {refusal.detail}" if refusal.detail else refusal.reason
-            self.say(time_s, TEXT("event.refused", frame=name, why=why), "doubt")
+            self.say(time_s, TEXT("event.refused", frame=name, why=refusal_cause(refusal.reason)), "doubt")
 
     def _report(
         self, t: float, name: str, before: Mapping[str, float] | None, values: Mapping[str, float], since: float
@@ -207,11 +220,12 @@ class FrameWatch:
             self.say(t, TEXT("event.heard", node=sender), "good")
         if name.endswith(_FAULT):
             if since > BURST_S or before != values:
-                self.say(t, TEXT("event.fault", node=sender, code=words(self._named(name, "Code", values))), "bad")
+                code = self._named(name, "Code", values)
+                self.say(t, TEXT("event.fault", node=sender, code=words(code), why=fault_words(code)), "bad")
         elif name == "SafeStop":
             if since > BURST_S:
-                who, why = (words(self._named(name, signal, values)) for signal in ("Target", "Reason"))
-                self.say(t, TEXT("event.safe_stop", target=who, reason=why), "bad")
+                who, reason = (self._named(name, signal, values) for signal in ("Target", "Reason"))
+                self.say(t, TEXT("event.safe_stop", target=words(who), why=TEXT(f"stop.{reason}")), "bad")
         elif name == "DriveReset":
             if since > BURST_S:
                 self.say(t, TEXT("event.reset", target=words(self._named(name, "Target", values))))
@@ -230,14 +244,21 @@ class FrameWatch:
     def _report_state(
         self, t: float, name: str, sender: str, before: Mapping[str, float] | None, values: Mapping[str, float]
     ) -> None:
-        state = self._named(name, "State", values)
-        who = words(self._named(name, "Source", values)) if name == STATUS else ""
-        what = {"ModelHealth": "model", STATUS: f"operator ({who})"}.get(name, f"node {sender}")
-        what = sender if name.endswith(_FEEDBACK) else what
+        if name == STATUS:
+            self.say(t, TEXT("event.steering", state=steering_words(self.steering(), True, "")))
+            return
+        if name.endswith(_BEAT) and name.removesuffix(_BEAT) + _FEEDBACK in self.catalogue.frames:
+            return  # its feedback says more
+        state, health = self._named(name, "State", values), name == "ModelHealth"
+        drive = name.endswith(_FEEDBACK)
+        what = "model" if health else sender if drive else f"node {sender}"
         came = "" if before is None else f"{words(self._named(name, 'State', before))} → "
         change = self._named(name, "Change", values) if values.get("Change") else ""
         how = f" ({change} change)" if change and state in ("doubtful", "broken") else ""
-        self.say(t, f"{what}: {came}{words(state)}{how}", grade_of(state))
+        kind = "model" if health else "drive" if drive else "controller" if sender == "controller" else "sensor"
+        grade = grade_of(state)
+        how += f": {why(kind, state)}" if grade in ("bad", "doubt") else ""
+        self.say(t, f"{what}: {came}{words(state)}{how}", grade)
 
     def _sender(self, name: str) -> str:
         return words(self.catalogue[name].sender)
@@ -263,20 +284,3 @@ def readings(watch: FrameWatch) -> dict[str, str]:
         "speed": f"{fixed(1e3 * wanted['Velocity_m_s'], 2)} mm/s",
         "error": off,
     }
-
-
-def grade_of(state: str) -> str:
-    return next((grade for grade, states in _GRADES.items() if state in states), "note")
-
-
-def words(name: str) -> str:
-    """A name of the catalogue as words: `quick_stop` as "quick stop", `InnerMass` as "inner mass"."""
-    spaced = "".join(f" {c.lower()}" if c.isupper() and k else c.lower() for k, c in enumerate(name))
-    return spaced.replace("_", " ")
-
-
-def clock(seconds: float) -> str:
-    """A time as minutes and seconds, with hours where there are some."""
-    whole = int(max(seconds, 0.0))
-    hours, minutes = divmod(whole // 60, 60)
-    return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"

@@ -78,13 +78,19 @@ class ExampleResult:
 @dataclass(frozen=True)
 class Learned:
     """What came of a run that learned, in a sentence; `numbers` are those of its page, `found` its JSON object,
-    `hidden` the effects that the simulated plant hid.
+    `truth` the numbers of what the simulated plant hid, by effect, `learnt` those of the last model offered.
     """
 
     sentence: str
     numbers: Mapping[str, Any]
     found: Mapping[str, Any]
-    hidden: tuple[str, ...]
+    truth: Mapping[str, Mapping[str, Any]]
+    learnt: Mapping[str, Mapping[str, float]]
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The hidden effects."""
+        return tuple(self.truth)
 
 
 End = ExampleResult | Learned

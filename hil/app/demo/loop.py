@@ -140,7 +140,8 @@ class LearningExample:
         files = learning_files(folder, scenario, found, trace)
         numbers = json.loads(files[folder / NUMBERS])
         write_files({folder / "sil.json": json_text(found), folder / "scenario.toml": toml_text(tables), **files})
-        return Learned(came_to(trace.lessons), numbers, found, tuple(scenario.loop.truth.hidden))
+        learnt = trace.offers[-1].values.effects if trace.offers else {}
+        return Learned(came_to(trace.lessons), numbers, found, raw["effects"], learnt)
 
 
 LEARNING = LearningExample("learning", SCENARIOS / "demo_learning.toml")

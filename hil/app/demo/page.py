@@ -9,6 +9,7 @@ from plotly.subplots import make_subplots
 
 from hil.app.close_loop import MODEL, REPORT
 from hil.app.demo.example import BEFORE, End, Example, ExampleResult, Learned, Mission, title_of
+from hil.app.demo.rows import story_row
 from hil.app.sil.learning_page import PAGE as LEARNED
 from hil.app.sil.learning_page import error_figure
 from hil.report.builder import page
@@ -34,6 +35,7 @@ from models.words.quantities import DASH, quantity, scale, unit_words
 
 SIGNALS: Final = ("x_m", "v_m_s")
 HEADROOM: Final = 1.15  # above the highest bar
+_MEASURED: Final = 3  # panels of a printed measurement
 Line = tuple[Example, ExampleResult]
 
 
@@ -49,6 +51,7 @@ def demo_html(ends: Sequence[tuple[Example, End]], seconds: float) -> str:
             for example, one in ends
             if isinstance(one, Learned)
         ],
+        stories=[(example.name, *story_row(example, one)) for example, one in ends],
         seconds=seconds,
         improvement=improvement_figure(loops) if loops else None,
         stages=[*STAGES],
@@ -73,7 +76,11 @@ def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
     )
     shown["verdict"] = verdict_words(finding)
     if not one.missions and one.before is None:
-        return shown
+        drawn = [panel for trace in finding.traces for panel in panels(finding, trace)][:_MEASURED]
+        return shown | {
+            "measured": [(f"{panel.record}: {panel.quantity}", trace_figure(panel, POINTS)) for panel in drawn],
+            "error_words": error_words(finding),
+        }
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
     shown |= {"truth": truth_rows(one), "error_words": error_words(finding)}
     shown["held"] = trace_figure(panels(finding, held)[0], POINTS)
@@ -110,17 +117,19 @@ def improvement_figure(loops: Sequence[Line]) -> go.Figure:
     for example, one in loops:
         factor, unit = error_scale(one.finding)
         errors = one.finding.error[tested_part(one.finding)]
-        shown.append((f"{example.name}: prediction, {unit}", {s: factor * errors[s] for s in STAGES if s in errors}))
+        scaled = {stage: factor * errors[stage] for stage in STAGES if stage in errors}
+        shown.append((f"{example.name}: prediction error in {unit}", scaled))
         rms = {stage: mission.numbers["tracking_rmse_m"] for stage, mission in one.missions.items()}
         factor, unit = scale(rms.values(), "m")
-        shown.append((f"{example.name}: tracking, {unit}", {stage: factor * error for stage, error in rms.items()}))
-    titles = [title for title, _ in shown]
-    figure = make_subplots(rows=1, cols=len(shown), subplot_titles=titles, horizontal_spacing=0.07)
-    for column, (_, errors) in enumerate(shown, start=1):
+        scaled = {stage: factor * error for stage, error in rms.items()}
+        shown.append((f"{example.name}: tracking error in {unit}", scaled))
+    figure = make_subplots(rows=1, cols=len(shown), horizontal_spacing=0.09)
+    for column, (title, errors) in enumerate(shown, start=1):
         for stage, value in errors.items():
             here = {"x": [stage], "showlegend": column == 1, "row": 1, "col": column}
             figure.add_bar(y=[value], **here, **stage_bar(stage, [value]))
-        figure.update_yaxes(range=[0, HEADROOM * max(errors.values(), default=1.0)], row=1, col=column)
+        top = HEADROOM * max(errors.values(), default=1.0)
+        figure.update_yaxes(range=[0, top], title=title, row=1, col=column)
     styled(figure, 340, bargap=0.35).update_layout(legend={"y": -0.04, "yanchor": "top"})
     return figure.update_xaxes(showticklabels=False)
 

@@ -29,7 +29,7 @@ SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0  # that may be asked for, a
 
 
 def design(
-    rig: Annotated[Path, argument("RIG.toml", "A rig of kind magnetic, coil or vibro.")],
+    rig: Annotated[Path, argument("RIG.toml", "A rig of kind magnetic, coil or vibro.", "rig file")],
     model: LearnedModel = None,
     stage: Stage = "augmented",
     out: Annotated[Path | None, option("--out", "DIR", "Draw the plots into this folder.")] = None,

@@ -81,7 +81,7 @@ def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
 
 def nyquist_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Every open loop near -1."""
-    figure = axes("real part", "imaginary part", 520)
+    figure = axes("real part of L", "imaginary part of L", 520)
     for loop in loops:
         near = np.abs(loop.L) < 6
         line(figure, loop.L.real[near], loop.L.imag[near], *_look(loops, loop), points=near.size)
@@ -137,7 +137,7 @@ def crossings(loop: Complex, omega: Array) -> tuple[Array, Array]:
 
 def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Poles of the closed loops in the discrete plane; stable inside the circle."""
-    figure = axes("real part", "imaginary part", 480)
+    figure = axes("real part of z", "imaginary part of z", 480)
     for loop in loops:
         name, look = _look(loops, loop)
         marker = {"color": look["color"], "symbol": "x" if loop.phase == "stick" else "circle-open", "size": 9}

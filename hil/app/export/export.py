@@ -32,11 +32,13 @@ def export(
     scenario: Annotated[
         Path | None,
         argument(
-            "[FILE.toml]", "The scenario whose plant becomes an FMU; the deployment of a controller or estimator."
+            "FILE.toml", "The scenario whose plant becomes an FMU, or the deployment of a controller.", "scenario"
         ),
     ] = None,
     model: LearnedModel = None,
-    rig: Annotated[Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.")] = None,
+    rig: Annotated[
+        Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.", "rig file")
+    ] = None,
     stage: Stage = "augmented",
     driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
     single: Annotated[bool, typer.Option("--float32", help="A controller or estimator in single precision.")] = False,

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.papers.comparison import MN, NOT_REPRODUCIBLE, Drawing, Plot, Row, row
+from hil.report.theme import MUTED
 from models.laws.flat_car import FlatCar
 from models.parameter import load_set
 from models.sets import load_measurement
 
-_SHADES = ("#9ca3af", "#6b7280", "#374151")
+_DASHES = ("dot", "dash", "dashdot")  # of the three samples
 
 
 def measured_teeth(quantity: str) -> list[float]:
@@ -50,14 +51,14 @@ def flat_car_drawing() -> Drawing:
     plot.line(t, force * MN, "Eq. 4-9 with Table 1, up to 56 mN", "derived")
     wave = _wave(t, s["period_s"], s["amplitude_N"])
     plot.line(t, wave * MN, "paper's simulation: stated amplitude and period", "printed")
-    teeth = zip(measured_teeth("period"), measured_teeth("peak_to_peak_force"), _SHADES, strict=True)
-    for i, (period, amplitude, shade) in enumerate(teeth, start=1):
+    teeth = zip(measured_teeth("period"), measured_teeth("peak_to_peak_force"), _DASHES, strict=True)
+    for i, (period, amplitude, dash) in enumerate(teeth, start=1):
         name = f"measured, sample {i}: mean amplitude and period"
-        plot.line(t, _wave(t, period, amplitude) * MN, name, shade, "dot")
+        plot.line(t, _wave(t, period, amplitude) * MN, name, MUTED, dash)
         instants = period * np.arange(0.5, end / period)
         peaks = np.full(len(instants), amplitude * MN)
-        plot.points(instants, peaks, "measured peak", colour=shade, showlegend=False)
-    plot.points(measured_teeth("period"), [0.0] * len(_SHADES), "measured valleys", "diamond")
+        plot.points(instants, peaks, "measured peak", colour=MUTED, showlegend=False)
+    plot.points(measured_teeth("period"), [0.0] * len(_DASHES), "measured valleys", "diamond")
     return plot.captioned("c_fig_8", rise=rise, stress=car.limiting_hoop_stress())
 
 

@@ -16,6 +16,7 @@ from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import controllers_frames
+from hil.nodes.receive import operators_stop
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -50,7 +51,7 @@ def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
     """Names of the frames heard within `QUIET_S` that only a controller sends."""
     known, heard = controllers_frames(), set[str]()
     for message in heard_for(bus, QUIET_S):
-        if plain(message) and message.arbitration_id in known:
+        if plain(message) and message.arbitration_id in known and not operators_stop(message):
             heard.add(known[message.arbitration_id])
         elif table is not None and table.orders(message):
             heard.add("commands to the drive")

@@ -18,7 +18,7 @@ from hil.log.recorder import Recorder
 from hil.nodes.frame_map import FAULT, MOVING
 from hil.nodes.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.operator import paused
-from hil.nodes.receive import HEARTBEAT_LOST_S
+from hil.nodes.receive import HEARTBEAT_LOST_S, SAFE_STOP
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -153,6 +153,8 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: StopSign
         outcome.end, outcome.ended = "cancelled", TEXT("end.cancelled", signal=signals.wanted)
     elif why := _stranger(node):
         outcome.end = "other_controller"
+    elif math.isfinite(node.receiver.stopped_at) and not node.guard.dry:
+        outcome.end, why = "safe_stop", SAFE_STOP
     elif doubt.startswith("drive fault"):
         outcome.end, why = "drive_fault", TEXT("end.drive_fault", fault=doubt)
     elif why := _unrest(node, now):
@@ -181,7 +183,7 @@ def _ended(
         return "other_controller" if other else node.end, _reason(node, outcome) + deaf
     if signals.wanted:
         cancelled = "cancelled", TEXT("end.cancelled", signal=signals.wanted)
-        return ("operator", signals.wanted) if node.leads else cancelled
+        return ("operator", TEXT("end.operator", signal=signals.wanted)) if node.leads else cancelled
     if enabled:
         doubt = node.answer.not_led(node.wanted, node.estimator.health)
         return ("not_led", doubt) if doubt else ("done", DONE)

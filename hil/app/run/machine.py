@@ -8,7 +8,8 @@ import math
 import os
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -126,13 +127,31 @@ def priority_words(control: ControlTable) -> str:
     if not hasattr(os, "sched_setscheduler"):
         return TEXT("machine.no_priority") if control.priority else ""
     wanted = control.priority or 1
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(wanted))
-    except OSError:
-        return TEXT("machine.priority_refused", priority=wanted)
-    os.sched_setscheduler(0, *before)
+    with as_a_run(wanted, -1) as taken:
+        if not taken:
+            return TEXT("machine.priority_refused", priority=wanted)
     return "" if control.priority else TEXT("machine.priority_unused")
+
+
+@contextmanager
+def as_a_run(priority: int, core: int) -> Iterator[bool]:
+    """The scheduler and core that a run asks for, for the time of the block; whether they are available."""
+    if not hasattr(os, "sched_setscheduler"):
+        yield False
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0), os.sched_getaffinity(0)
+    taken = False
+    with suppress(OSError):
+        os.sched_setaffinity(0, {core} if core >= 0 else before[2])
+        if priority:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        taken = True
+    try:
+        yield taken
+    finally:
+        os.sched_setaffinity(0, before[2])
+        if taken:
+            os.sched_setscheduler(0, *before[:2])
 
 
 def lateness(seconds: float = LOOKED_S) -> Histogram:

@@ -4,7 +4,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -35,6 +35,7 @@ from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.node import ControllerNode
+from hil.nodes.remedies import remedy
 from hil.nodes.task import Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
@@ -51,7 +52,9 @@ _TURN_S: Final = 1e-4  # of Python's switch interval
 
 
 def run(
-    path: Annotated[Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].")],
+    path: Annotated[
+        Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].", "rig file")
+    ],
     *,
     action: Annotated[
         str,
@@ -155,8 +158,8 @@ def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
     if move:
         points.append(_moved(asked, all(p.good for p in points)))
     good = all(p.good for p in points)
-    lines = (f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points)
-    answer(json_output, {"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]}, *lines)
+    found = {"rig": str(asked.path), "good": good, "points": [point.document() for point in points]}
+    answer(json_output, found, *(point.line for point in points))
     return 0 if good else 1
 
 
@@ -176,6 +179,8 @@ def _led(asked: _Asked, json_output: bool) -> int:
     if node.operator is not None:
         found["operator"] = node.operator.document()
     found["monitor"] = health_of(node.estimator.health, node.estimator.origin_s)
+    with suppress(ValueError, OSError):
+        frames_log.add_to_record({name: found[name] for name in ("ended", "remedy")})
     answer(json_output, found, *_lines(found, lessons))
     return int(found["end"] not in GOOD)
 
@@ -195,8 +200,8 @@ def _moved(asked: _Asked, good: bool) -> Point:
 def _not_begun(path: Path, words: str, json_output: bool) -> int:
     """Print that there is another controller; nothing was sent."""
     ended = TEXT("end.no_lead", why=words)
-    found = {"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None}
-    answer(json_output, found, f"ended: {ended}")
+    found = {"rig": str(path), "end": "other_controller", "ended": ended, "remedy": remedy(ended), "led": False}
+    answer(json_output, found | {"ticks": 0, "log": None}, f"ended: {ended}", TEXT("run.remedy", **found))
     return 1
 
 
@@ -281,6 +286,7 @@ def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log:
         "dry_run": asked.dry_run,
         "end": outcome.end if whole or not good else "log",
         "ended": "; ".join([outcome.ended, *(frames_log.troubles[-1:] if good and not whole else [])]),
+        "remedy": "" if good else remedy(outcome.ended),
         "led": outcome.led,
         "led_share": shares(node.answer.led),
         "jumps": {"count": node.answer.jumps, "last_m": node.answer.jump_m},
@@ -305,6 +311,8 @@ def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log:
 
 def _lines(found: dict[str, Any], lessons: Sequence[Lesson]) -> Iterator[str]:
     yield TEXT("run.ended", **found)
+    if found["remedy"]:
+        yield TEXT("run.remedy", **found)
     yield from found["log_troubles"]
     yield TEXT("run.late", **found["late_ms"])
     yield TEXT("run.took", **found["tick_ms"])

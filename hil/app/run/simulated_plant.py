@@ -22,7 +22,9 @@ from plant.session import Session
 
 
 def plant(
-    path: Annotated[Path, argument("DEPLOYMENT.toml", "A deployment file whose [plant] names a scenario.")],
+    path: Annotated[
+        Path, argument("DEPLOYMENT.toml", "A deployment file whose [plant] names a scenario.", "deployment file")
+    ],
     *,
     seconds: Annotated[float | None, option("--seconds", "S", "How long; else until Ctrl-C.")] = None,
     lies: Annotated[

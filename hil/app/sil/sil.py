@@ -3,9 +3,9 @@
 import contextlib
 import math
 import time
-from collections.abc import Iterator
-from contextlib import nullcontext
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -13,40 +13,50 @@ from typing import Annotated, Any, Final, Self
 import can
 
 from controller.model.control_model import ControlModel
+from controller.registry import CONTROLLERS
 from controller.supervision.fallback import DONE
 from hil.app import shared_options as options
-from hil.app.console import answer, json_text, output_to_notes, progress_bar
+from hil.app.console import json_text, output_to_notes, part_of, print_json, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
-from hil.app.scenario.chosen import Believed, leading_of, mission_of, spelled, switched
-from hil.app.scenario.model_use import chosen_words, health_words, offer_document, offer_of, offer_words, read_offer
+from hil.app.scenario.chosen import Believed, Leading, leading_of, mission_of, spelled, switched
+from hil.app.scenario.model_use import Offered, offer_document, offer_of, read_offer
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.learning_page import learning_files
 from hil.app.sil.loop import SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.testbed import believed_on_bus
+from hil.app.track.loop import Progress
+from hil.app.track.page import page_html
 from hil.app.track.score import document, score
-from hil.app.write import check_mcap, own_folder, write_files
+from hil.app.track.summary import LoopRun, lines_of, say
+from hil.app.write import check_folder, check_mcap, own_folder, write_files
 from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
+from hil.nodes.remedies import remedy
 from models.effects import Catalogue
+from models.files.toml import check_word
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
+PAGE: Final = "sil.html"
 
 
 def sil(
-    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].")],
+    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].", "scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,
     stage: options.StageOrScenario = None,
     seed: options.RunSeed = None,
     reference: options.ReferenceFile = None,
-    out: Annotated[Path | None, option("--out", "DIR", "Folder for sil.json and the log frames.blf.")] = None,
+    compare: Annotated[
+        str | None, option("--compare", "NAME,NAME", "Run these controllers, one after the other.")
+    ] = None,
+    out: Annotated[Path | None, option("--out", "DIR", "Folder for sil.html, sil.json and the log frames.blf.")] = None,
     learn: options.Learn = False,
     mcap: options.McapFile = None,
     watch: Annotated[
@@ -57,6 +67,8 @@ def sil(
     controllers: options.OwnControllers,
 ) -> int:
     """Run a scenario over the bus: 1 where it ended early or another controller led. Raises ValueError."""
+    alone = {"--controller": controller, "--learn": learn, "--mcap": mcap, "--watch": watch}
+    names = [] if compare is None else _compared(compare, alone)
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario, text = load_sil_scenario(path, reference)
@@ -72,79 +84,26 @@ def sil(
             on_bus = partial(believed_on_bus, scenario)
             believed = Believed(lambda values, _: on_bus(values))
             leading = leading_of(model, stage, controller, scenario.loop, known, believed)
-            values, used, name = leading.values, leading.stage, leading.controller
-            leading.seeing(mission_of(scenario.loop), believed, [name])
-            offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
-            offer = offer_of(offered, believed)
-
-            def log_in(folder: Path) -> LockstepLog:
-                stated = {"seed": number, "offered": offered and offered.document(), "others": spelled(leading.others)}
-                record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), **stated)
-                return LockstepLog(folder / "frames.blf", record, mcap=None if mcap is None else McapLog(mcap))
-
+            names = leading.seeing(mission_of(scenario.loop), believed, names or [leading.controller])
+            offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, leading.values)
+            asked = _Asked(scenario, text, number, leading, believed, offered, out, mcap, apart=compare is not None)
             with (
                 nullcontext() if watch is None else Watched(watch) as shown,
                 progress_bar(scenario.loop.name, even=True) as report,
-                nullcontext() if out is None else log_in(out) as log,
                 Background() if learn else nullcontext() as background,
             ):
-                learning = None if background is None else learning_of(scenario, values, background)
-                more: dict[str, Any] = {"offer": offer, "others": leading.beside(believed), "shown": shown}
-                more["recorder"] = None if log is None else Recorder(log)
-                found, trace = judged(scenario, believed(values), name, number, used, report, learning=learning, **more)
-                found |= leading.document() | offer_document(offered, trace.taken_at) | switched(trace.switched)
-                if learn:
-                    found["learned"] = [lesson.document() for lesson in trace.lessons]
-            if log is not None and out is not None:
-                found["log"] = str(log.path)
-                log.add_to_record(trace.learned)
-                pages = learning_files(out, scenario, found, trace) if learn else {}
-                write_files({out / "sil.json": json_text(found), **pages})
-    answer(json_output, found, *_lines(scenario, found, trace))
-    return int(found["ended"] != DONE)
-
-
-def judged(
-    scenario: SilScenario,
-    model: ControlModel,
-    controller: str | None,
-    seed: int,
-    used: str,
-    report: Any = None,
-    **more: Any,
-) -> tuple[dict[str, Any], SilTrace]:
-    """One run and its JSON object, scored against the reference in force; `more` goes to `run_sil`."""
-    name = controller or scenario.loop.control.controller
-    trace = run_sil(scenario, model, name, seed, report, **more)
-    loop = judged_loop(scenario, trace)
-    found = document(loop, name, seed, used, score(loop, trace))
-    found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
-    if scenario.bus.key_file:
-        found["bus"]["unauthenticated"] = trace.unauthenticated
-    if trace.operator is not None:
-        found["operator"] = trace.operator
-    found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
-    found["ended"], found["led_share"] = trace.ended, trace.led_share
-    return found, trace
-
-
-def _lines(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> Iterator[str]:
-    loop, bus = scenario.loop, found["bus"]
-    yield TEXT("run", name=loop.name, kind=loop.kind, seconds=loop.duration_s, seed=found["seed"], model=found["model"])
-    yield TEXT("tracked", **found)
-    yield TEXT("bus", **bus)
-    if kinds := bus.get("unauthenticated"):
-        yield TEXT("not_authentic", counts=[f"{count} {kind}" for kind, count in sorted(kinds.items())])
-    if operator := found.get("operator"):
-        yield TEXT("operator", **operator)
-    for fault in found["faults"]:
-        outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
-        outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
-        yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
-    words = (chosen_words(found), health_words(found), offer_words(found), *(lesson.words for lesson in trace.lessons))
-    yield from filter(None, words)
-    if trace.ended != DONE:
-        yield f"ended: {trace.ended}"
+                runs = [
+                    asked.run(name, part_of(report, k, len(names)), shown, background) for k, name in enumerate(names)
+                ]
+            documents: Any = runs[0].found if compare is None else {"runs": [one.found for one in runs]}
+            head = TEXT("run", kind=scenario.loop.kind, seconds=scenario.loop.duration_s, seed=number)
+            if out is not None:
+                write_files({out / PAGE: page_html(head, runs), out / "sil.json": json_text(documents)})
+    if json_output:
+        print_json(documents)
+    else:
+        say(head, runs, None if out is None else out / PAGE)
+    return int(any(one.found["ended"] != DONE for one in runs))
 
 
 class Watched:
@@ -168,3 +127,99 @@ class Watched:
 
     def __exit__(self, *_: Any) -> None:
         self._bus.shutdown()
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What the runs of a call share; `apart`: each has its log in a folder of its name in `out`."""
+
+    scenario: SilScenario
+    text: str
+    seed: int
+    leading: Leading
+    believed: Believed
+    offered: Offered | None
+    out: Path | None
+    mcap: Path | None
+    apart: bool
+
+    def run(self, name: str, report: Progress, shown: Watched | None, background: Background | None) -> LoopRun:
+        """The run with the controller `name`; with `background` it learns, and writes the page of that."""
+        scenario, leading, believed = self.scenario, self.leading, self.believed
+        learning = None if background is None else learning_of(scenario, leading.values, background)
+        more: dict[str, Any] = {"offer": offer_of(self.offered, believed), "others": leading.beside(believed)}
+        with self._log(name) as log:
+            more |= {"recorder": None if log is None else Recorder(log), "learning": learning, "shown": shown}
+            found, trace = judged(scenario, believed(leading.values), name, self.seed, leading.stage, report, **more)
+        found |= leading.document() | offer_document(self.offered, trace.taken_at) | switched(trace.switched)
+        if learning is not None:
+            found["learned"] = [lesson.document() for lesson in trace.lessons]
+        if log is not None:
+            found["log"] = str(log.path)
+            log.add_to_record(trace.learned)
+        if self.out is not None and learning is not None:
+            write_files(learning_files(self.out, scenario, found, trace))
+        lines = [*lines_of(found), *bus_lines(found), *(lesson.words for lesson in trace.lessons)]
+        return LoopRun(judged_loop(scenario, trace), found, trace, lines)
+
+    def _log(self, name: str) -> AbstractContextManager[LockstepLog | None]:
+        if self.out is None:
+            return nullcontext()
+        leading, offered = self.leading, self.offered
+        stated = {"seed": self.seed, "offered": offered and offered.document(), "others": spelled(leading.others)}
+        limits = self.scenario.loop.limits
+        record = log_record({"scenario": self.text}, name, leading.values, limits, frames(), **stated)
+        folder = check_folder(self.out / name, "--out") if self.apart else self.out
+        return LockstepLog(folder / "frames.blf", record, mcap=None if self.mcap is None else McapLog(self.mcap))
+
+
+def _compared(names: str, alone: Mapping[str, object]) -> list[str]:
+    """The controllers of `--compare`; none of the options `alone` may stand beside it."""
+    if beside := [option for option, value in alone.items() if value]:
+        raise ValueError(f"--compare must stand without {beside[0]}; got both")
+    found = names.split(",")
+    for name in found:
+        check_word(name, "--compare", list(CONTROLLERS))
+    if len(found) != len(set(found)):
+        raise ValueError(f"--compare must name different controllers, with commas between them; got {names!r}")
+    return found
+
+
+def judged(
+    scenario: SilScenario,
+    model: ControlModel,
+    controller: str | None,
+    seed: int,
+    used: str,
+    report: Any = None,
+    **more: Any,
+) -> tuple[dict[str, Any], SilTrace]:
+    """One run and its JSON object, scored against the reference in force; `more` goes to `run_sil`."""
+    name = controller or scenario.loop.control.controller
+    trace = run_sil(scenario, model, name, seed, report, **more)
+    loop = judged_loop(scenario, trace)
+    found = document(loop, name, seed, used, score(loop, trace))
+    found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
+    if scenario.bus.key_file:
+        found["bus"]["unauthenticated"] = trace.unauthenticated
+    if trace.operator is not None:
+        found["operator"] = trace.operator
+    found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
+    found["ended"], found["remedy"], found["led_share"] = trace.ended, remedy(trace.ended), trace.led_share
+    return found, trace
+
+
+def bus_lines(found: Mapping[str, Any]) -> Iterator[str]:
+    """What happened on the bus: frames, an operator, and the outcome of each fault."""
+    bus = found["bus"]
+    yield TEXT("bus", **bus)
+    if kinds := bus.get("unauthenticated"):
+        yield TEXT("not_authentic", counts=[f"{count} {kind}" for kind, count in sorted(kinds.items())])
+    if operator := found.get("operator"):
+        yield TEXT("operator", **operator)
+    for fault in found["faults"]:
+        outcome = TEXT("ridden" if fault["safe_after_ms"] is None else "safe", **fault)
+        outcome += TEXT("distance", **fault) if "distance_mm" in fault else ""
+        yield TEXT("fault", outcome=outcome + (TEXT("unsafe") if fault["unsafe"] else ""), **fault)
+    if found["remedy"]:
+        yield TEXT("remedy", **found)

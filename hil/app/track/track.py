@@ -10,20 +10,21 @@ import typer
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app import shared_options as options
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar
+from hil.app.console import json_text, output_to_notes, part_of, print_json, progress_bar
 from hil.app.scenario.chosen import Believed, Leading, leading_of, mission_of, switched
 from hil.app.scenario.model_use import offer_document, offer_of, read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import argument, option
-from hil.app.track.loop import LoopTrace, believed_model, run_loop
-from hil.app.track.page import page_html, say
+from hil.app.track.loop import believed_model, run_loop
+from hil.app.track.page import page_html
 from hil.app.track.score import document, score, verdicts
+from hil.app.track.summary import TEXT, LoopRun, lines_of, say
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
 
 
 def track(
-    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and nominal values.")],
+    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and nominal values.", "scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,
@@ -48,15 +49,16 @@ def track(
             leading = leading_of(model, stage, controller, scenario, known, believed)
             names, number = able if compare else [leading.controller], scenario.seed if seed is None else seed
             runs = _runs(scenario, path.parent, leading, believed, names, number, out)
-            documents: Any = [found for found, _ in runs] if compare else runs[0][0]
+            documents: Any = {"runs": [run.found for run in runs]} if compare else runs[0].found
+            head = TEXT("run", kind=scenario.kind, seconds=scenario.duration_s, seed=number)
             if out is not None:
-                write_files({out / "track.html": page_html(scenario, runs), out / "track.json": json_text(documents)})
+                write_files({out / "track.html": page_html(head, runs), out / "track.json": json_text(documents)})
     if json_output:
-        print_json({"runs": documents} if compare else documents)
+        print_json(documents)
     else:
-        say(scenario, [found for found, _ in runs], out)
-    failed = any(not check["passed"] for found, _ in runs for check in found["checks"])
-    return int(failed or any(trace.halted for _, trace in runs))
+        say(head, runs, None if out is None else out / "track.html")
+    failed = any(not check["passed"] for run in runs for check in run.found["checks"])
+    return int(failed or any(run.trace.halted for run in runs))
 
 
 def _runs(
@@ -67,19 +69,16 @@ def _runs(
     names: Sequence[str],
     seed: int,
     out: Path | None,
-) -> list[tuple[dict[str, Any], LoopTrace]]:
-    """A run with each of the controllers `names`: its JSON object and its trace."""
+) -> list[LoopRun]:
+    """A run with each of the controllers `names`."""
     model, others = believed(leading.values), leading.beside(believed)
     offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
     offer = offer_of(offered, lambda new: believed(new, model))
     names = leading.seeing(mission_of(scenario), believed, names)
-    runs: list[tuple[dict[str, Any], LoopTrace]] = []
+    runs = list[LoopRun]()
     with progress_bar(scenario.name, even=True) as report:
         for k, name in enumerate(names):
-
-            def part(stage: str, share: float, done: int = k) -> None:
-                report(stage, (done + share) / len(names))
-
+            part = part_of(report, k, len(names))
             trace = run_loop(scenario, model, name, seed, part, offer=offer, others=others)
             worth = score(scenario, trace)
             found = document(
@@ -91,5 +90,5 @@ def _runs(
             if model.rig.magnets is not None:
                 found["height_m"] = model.rig.magnets.height_m
             found["checks"] = verdicts(scenario, name, trace, worth)
-            runs.append((found, trace))
+            runs.append(LoopRun(scenario, found, trace, lines_of(found)))
     return runs

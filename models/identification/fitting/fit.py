@@ -56,7 +56,7 @@ class Fit:
     @property
     def by_chance(self) -> bool:
         """Whether noise alone may cause the cost."""
-        return bool(self.cost <= scipy.stats.chi2.ppf(SET.right_leaves, self.count))
+        return bool(self.cost <= scipy.special.chdtri(self.count, 1 - SET.right_leaves))
 
     def bare(self) -> "Fit":
         """The fit without Jacobian and residuals, which are large."""

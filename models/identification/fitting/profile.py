@@ -16,7 +16,7 @@ from models.theta import spelled
 from models.words.quantities import measured_unit
 from models.workers import each
 
-LINE = float(scipy.stats.chi2.ppf(0.95, 1)) / 2
+LINE = float(scipy.special.chdtri(1, 0.05)) / 2
 """The drop in log-likelihood at the ends of a 95 % interval."""
 
 

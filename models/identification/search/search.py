@@ -80,7 +80,7 @@ def search(
     begun after the monotonic time `ends_s`.
     """
     began = time.monotonic()
-    progress("calibrating", 0.02)
+    progress("fitting the model without further effects", 0.02)
     records = kind.searched(train)
     splits = kind.splits(records)
     base = Fitter.of(kind, records, []).far([kind.nominal()])
@@ -104,7 +104,7 @@ def search(
         found.note("finer shapes")
         model = _compare_rivals(model, found, progress)
         found.note("rivals")
-    progress("fitting the model on all records", 0.85)
+    progress("fitting the found model to all records", 0.85)
     _finish(model, found, train)
     if found.effects and kind.beginnings_s:
         _, found.sensitivity = predictable(kind, splits[0][1], found.augmented.theta, np.inf, rng)
@@ -142,7 +142,7 @@ def _named(
     these miss is no effect.
     """
     kind = model.kind
-    progress("null distribution by parametric bootstrap", 0.15)
+    progress("simulating what noise alone would show", 0.15)
     records = records_for_null(kind, model.part)
     found.threshold, found.detectable, found.null_cost = null_distribution(kind, records, model.thetas[0], rng)
     found.threshold = max(found.threshold, kind.least_gain)
@@ -156,10 +156,10 @@ def _named(
             return model
 
         def moved(name: str, share: float, number: int = number) -> None:
-            told = f"fitting candidates, round {number}: {effect_words(name)}"
-            progress(told, 0.15 + 0.15 * (number + share))
+            told = f"trying each effect with the model, round {number}: {effect_words(name)}"
+            progress(told, 0.05 + 0.15 * (number + share))
 
-        progress(f"screening, round {number}", 0.05 + 0.15 * number)
+        progress(f"looking for effects in the residual, round {number}", 0.05 + 0.15 * number)
         screened = screen(kind, model.part, [*model.effects], model.thetas[0], found.dropped)
         found.note("screening")
         trials, model = fair(model, compare_candidates(model, screened, moved))
@@ -230,7 +230,7 @@ def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> Fi
         if not left:
             break
         effect = left.pop(0)
-        progress(f"comparing rivals of {effect_words(effect)}", 0.82)
+        progress(f"trying what else could explain it: {effect_words(effect)}", 0.82)
         row = next((row for row in found.rounds if row[2] and row[2][0].effect == effect), found.rounds[0])
         rivals = rivals_of(model, effect, found.gains[effect], row[1], row[2])
         ahead = min(rivals, key=lambda rival: rival.apart, default=None)

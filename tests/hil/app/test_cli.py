@@ -58,6 +58,9 @@ class FakeModel:
         print("chatter that must not reach standard output")
         return {"t_s": record["t_s"], "force_N": np.zeros(len(record))}
 
+    def errors(self, rig: Rig, record: Record, stage: str) -> dict[str, tuple[float, str, str]]:
+        return {"force_N": (0.05, "N", "rms error")}
+
     def beyond(self, rig: Rig, record: Record, predicted: object) -> dict[str, object]:
         return {}
 
@@ -175,7 +178,7 @@ def test_interruption_leaves_nothing_behind(
     finally:
         signal.signal(signal.SIGINT, before)
     assert not (tmp_path / "o").exists()
-    assert "interrupted" in capsys.readouterr().err
+    assert "the same command goes on from there" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
@@ -223,9 +226,12 @@ def test_bad_input_ends_with_two_and_one_sentence(
     words = [word.format(record=record, rig=rig, tmp=tmp_path) for word in args]
     assert run(words) == 2
     output = capsys.readouterr()
-    assert output.out == ""
     lines = [line for line in output.err.splitlines() if line.startswith("capsule:")]
     assert len(lines) == 1
+    if "--json" in words:
+        assert json.loads(output.out) == {"error": lines[0].removeprefix("capsule: "), "status": 2}
+    else:
+        assert output.out == ""
     assert said in lines[0]
     assert "Traceback" not in output.err
     assert not (tmp_path / "p.csv").exists()
@@ -278,7 +284,8 @@ def test_a_bad_record_is_refused_in_one_sentence(
     bad.write_text(spoil(Path(record).read_text()))
     assert run(["close-loop", record, str(bad), "--rig", rig, "--out", str(tmp_path / "o"), "--json"]) == 2
     output = capsys.readouterr()
-    assert (output.out, output.err.count("capsule:")) == ("", 1)
+    assert output.err.count("capsule:") == 1
+    assert json.loads(output.out)["error"] in output.err
     assert "bad.csv" in output.err
     assert said in output.err
     assert not (tmp_path / "o").exists()

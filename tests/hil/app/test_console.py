@@ -42,3 +42,8 @@ def test_work_that_is_resumed_tells_what_is_left_at_the_pace_of_this_start() -> 
         "x:  99 %  runs, 20 s so far, about 60 s to go",
         "x:  99 %  runs, 60 s so far, about 36 s to go",
     ]
+
+
+def test_progress_never_runs_backwards() -> None:
+    told = [(0.0, "fitting", 0.42), (1.0, "looking", 0.35), (2.0, "fitting again", 0.4), (3.0, "judging", 0.95)]
+    assert [line.split()[1] for line in lines(False, told)] == ["42", "42", "42", "95"]

@@ -24,6 +24,7 @@ import pytest
 
 from controller.feedforward import Feedforward
 from controller.signals import Action
+from hil.app.cockpit.operator_panel import SAFE_STOP
 from hil.app.main import run
 from hil.app.run import check
 from hil.app.run import run as run_module
@@ -31,12 +32,13 @@ from hil.app.run.clock import Histogram
 from hil.app.sil.testbed import Bench
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
-from hil.bus.protection import Sender
+from hil.bus.protection import FrameTransmitter, Sender
 from hil.log.blf_file import BlfFile
 from hil.log.place import record_path
 from hil.log.reader import read_frames
 from hil.nodes.frame_map import ENABLED, FAULT
 from hil.nodes.node import ControllerNode
+from hil.simulated.medium import SimulatedBus
 from tests.hil.app.docs.ends import ENDS, End, table
 from tests.hil.app.run.deployments import PLANT, deployment, rig_file
 from tests.hil.app.run.forked import Forked
@@ -120,6 +122,16 @@ def _faulty(node: Rig, hot: bool = False) -> None:
     if node.receiver.state != FAULT and node.bench.time_s < 0.1:
         drive.stage = type(drive.stage)(FAULT, node.bench.time_s, 2 if hot else 4)
         drive._reports = 2
+
+
+def _safe_stop(stage: Stage) -> tuple[int, str]:
+    """The cockpit's button while the drive is enabled; the controller is the only one on the bus."""
+
+    def press(node: Rig) -> None:
+        bus = SimulatedBus(node.bench.medium, "cockpit")
+        FrameTransmitter(bus, ["SafeStop"]).say("SafeStop", SAFE_STOP)
+
+    return stage.lead(each=lambda node: _when_enabled(node, lambda: press(node)))
 
 
 def _without_answers(node: Rig) -> None:
@@ -279,6 +291,7 @@ CASES: Final[Mapping[tuple[str, str], Case]] = MappingProxyType(
         ("run", "no_rest"): lambda stage: stage.lead(
             {"kind": "restless", "target": "drive", "at_s": 0.0, "duration_s": 20.0}
         ),
+        ("run", "safe_stop"): _safe_stop,
         ("run", "not_led"): lambda stage: stage.lead(each=_without_answers),
         ("run", "log"): _log,
         ("run check", "good"): _good,

@@ -103,7 +103,7 @@ def test_frames_pass_both_ways(story: dict[str, Any]) -> None:
 def test_a_signal_leads_to_a_controlled_stop(story: dict[str, Any]) -> None:
     stopped = story["stopped"]
     assert stopped["led"]
-    assert stopped["summary"]["ended"] == "SIGTERM"
+    assert stopped["summary"]["ended"] == "controlled stop (SIGTERM)"
     assert (stopped["status"], stopped["state"]) == (0, STANDBY)
 
 

@@ -90,8 +90,9 @@ def steered(
         for now in 0.02 + 0.02 * k + 2e-3 * np.arange(10):
             reference = operator.follow(now, reference, 0.0)  # type: ignore[assignment]
             places.append(float(reference.position(np.array([now]))[0]))
-        raw = operator.status(now, reference, True)["Refused"]
-        why = catalogue["OperatorStatus"].field("Refused").names[int(raw)]
+        status, frame = operator.status(now, reference, True), catalogue["OperatorStatus"]
+        why, state = (frame.field(name).names[int(status[name])] for name in ("Refused", "State"))
+        assert (state == "moving") == (bool(status["Velocity_m_s"]) and why == "none")
     return np.array(places), operator, why
 
 

@@ -9,7 +9,7 @@ import pytest
 from hil.bus.protection import Sender
 from hil.nodes.frame_map import ENABLED, FAULT, frame_map_of, frames
 from hil.nodes.plausibility import Plausibility
-from hil.nodes.receive import FrameReceiver
+from hil.nodes.receive import BY_OPERATOR, FrameReceiver
 from hil.simulated.medium import Medium, SimulatedBus
 from tests.hil.scripted_bus import ScriptedBus
 from tests.hil.ticks import TICK
@@ -161,8 +161,21 @@ def test_what_is_refused_is_told_for_each_frame_and_reason() -> None:
     receiver.listen(0.0)
     assert receiver.refused == {"CarriageFeedback": {"length": 3, "crc": 1, "repeated": 1}}
     assert receiver.refused_words == (
-        "5 CarriageFeedback refused (crc 1, length 3, repeated 1), 2 frames of other types (FD 1, extended 1)"
+        "5 CarriageFeedback refused (crc 1, length 3, repeated 1), 2 frames of other types (FD 1, extended 1): wrong"
+        " length: its sender does not use capsule.dbc"
     )
+
+
+def test_an_operators_safe_stop_is_no_other_controller() -> None:
+    """Whatever its counter: two in a row may have the same one."""
+    stop = Sender(frames()["SafeStop"]).frame({"Target": 0, "Reason": BY_OPERATOR})
+    receiver = FrameReceiver(ScriptedBus(*[_message("SafeStop", stop)] * 2), frame_map_of("magnetic"), TICK)
+    receiver.listen(0.5)
+    assert (receiver.stopped_at, receiver.other_controller, receiver.rejected) == (0.5, "", 0)
+    damaged = _message("SafeStop", bytes([stop[0] ^ 1]) + stop[1:])
+    receiver = FrameReceiver(ScriptedBus(damaged), frame_map_of("magnetic"), TICK)
+    receiver.listen(0.5)
+    assert (receiver.stopped_at, receiver.foreign) == (-math.inf, {"SafeStop": 1})
 
 
 @pytest.mark.parametrize("name", ["Sync", "CoilCommand", "ControllerHeartbeat", "SafeStop"])

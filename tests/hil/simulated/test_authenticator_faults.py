@@ -41,7 +41,7 @@ def test_not_acted_on_and_counted(kind: str, target: str) -> None:
     assert trace.unauthenticated[REASONS[kind]] >= 20
     assert not outcome.unsafe
     assert 0 < outcome.safe_after_s <= limit_of(scenario_of("magnetic", 1.0), outcome.fault)
-    assert trace.stopped_because == {"commands": "drive fault 4"}.get(target, f"{target} lost")
+    assert trace.stopped_because == {"commands": "drive fault 4 (time to live)"}.get(target, f"{target} lost")
 
 
 @pytest.mark.parametrize(

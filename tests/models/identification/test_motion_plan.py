@@ -59,3 +59,13 @@ def test_waypoints_are_the_moves() -> None:
     record = plan.motion
     later = np.interp(times[1:-1] + SET.ramp_s, record["t_s"], record["position_m"])
     assert later == pytest.approx(places[1:-1], abs=5e-4)
+
+
+def test_a_carriage_that_trembles_is_not_fast() -> None:
+    t = np.arange(0.0, 20.0, 0.01)
+    steady = 2e-3 * np.minimum(t, 20.0 - t)
+    rng = np.random.default_rng(3)
+    shaken = steady + 1.2e-3 * np.sin(2 * np.pi * 9.0 * t) + 3e-4 * rng.standard_normal(t.size)
+    rooms = [Room.of([Record("r", "magnetic", {"t_s": t, "x": x})], "x") for x in (steady, shaken)]
+    assert rooms[1].speed <= 1.3 * rooms[0].speed
+    assert rooms[1].speed <= 10e-3

@@ -73,7 +73,7 @@ def common_residual(
     freedom = 2 * (frequencies - 1)
     rng = np.random.default_rng(0)
     shuffled = [ratio(np.stack([s[rng.permutation(frequencies)] for s in e])) for _ in range(permutations)]
-    p = float(scipy.stats.f.sf(F, freedom, freedom * (samples - 1)))
+    p = float(scipy.special.fdtrc(freedom, freedom * (samples - 1), F))
     p_permuted = (1 + sum(x >= F for x in shuffled)) / (1 + permutations)
     mean = raw.mean(0)
     share = samples * float(np.sum(mean**2)) / float(np.sum(raw**2))

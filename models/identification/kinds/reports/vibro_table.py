@@ -47,6 +47,8 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
     """On what was found, what these data cannot identify, and the residual."""
     theta, nominal = theta_by_stage.get("augmented") or theta_by_stage["calibrated"], kind.nominal()
     out = [TEXT("vibro_sign", direction="along" if nominal["mirror"] > 0 else "against")]
+    repeats = float(np.sqrt(max(kind.noise_floor(records) ** 2 - kind.model_error_m_s**2, 0.0)))
+    out.append(TEXT("vibro_noise", repeats=repeats, setup=kind.model_error_m_s))
     for stage, values in theta_by_stage.items():
         at = {duty: reversal(kind, values, duty) for duty in SET.duties}
         turns = [TEXT("vibro_turn_at", period=t, duty=d) if t else TEXT("vibro_never", duty=d) for d, t in at.items()]

@@ -71,6 +71,8 @@ class VibroTableKind(TableKind):
             Parameter("mirror", 1.0, "1", -1.0, 1.0, "settled once from the records"),
         )
         made = cls(base, drive.reaction_on_body)
+        if rig.noise.velocity_std_m_s is not None:
+            made = replace(made, model_error_m_s=rig.noise.velocity_std_m_s)
         return made.settled(records) if records and made.quantity in records[0].columns else made
 
     def keys(self, record: Record) -> Array:
@@ -97,8 +99,7 @@ class VibroTableKind(TableKind):
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Difference of each condition's mean from the model in units of its standard deviation, as pseudo-Huber."""
-        spread = np.sqrt(self.variances(record) + self.model_error_m_s**2)
-        misfit = self.errors(record, self.predict(record, theta)) / spread
+        misfit = self.errors(record, self.predict(record, theta)) / np.sqrt(self.variances(record))
         return np.asarray(misfit * np.sqrt(2 / (1 + np.sqrt(1 + (misfit / SET.outlying) ** 2))))
 
     def scatter(self, record: Record) -> Array:
@@ -110,6 +111,12 @@ class VibroTableKind(TableKind):
         spread = np.sum((record[self.quantity] - mean) ** 2) - np.sum(reading**2 * (1 - 1 / counts[index]))
         share = max(float(spread) / max(float(np.sum(mean**2 * (1 - 1 / counts[index]))), 1e-12), 0.0)
         return np.asarray(np.sqrt(reading**2 + share * mean**2), dtype=float)
+
+    def variances(self, record: Record) -> Array:
+        """Variances of the means in m^2/s^2, one a condition: by the scatter of the runs and the error of the set-up,
+        which the repeats of a condition share. The noise floor and the fit count the same.
+        """
+        return super().variances(record) + self.model_error_m_s**2
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same runs on the model, with scatter for each run and an error of the set-up for each condition."""

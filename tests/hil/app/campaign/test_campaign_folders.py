@@ -1,5 +1,6 @@
 """Campaigns over folders of series: each closed once, whatever is killed or refused; one page that says it all."""
 
+import html
 import json
 import os
 import signal
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from hil.app.campaign.series import find_series
-from hil.app.campaign.series_answers import SeriesAnswer, answer_of, document, lacking, with_disagreements
+from hil.app.campaign.series_answers import SeriesAnswer, answer_of, comparisons, document, lacking, with_disagreements
 from hil.app.campaign.series_page import headline, page_html
 from hil.app.main import run
 
@@ -181,6 +182,22 @@ def test_series_that_stand_apart_are_called_out() -> None:
     assert "its held-out records" in said["worse"]
     assert "friction is 2" in said["rough"]
     assert list(said) == ["other", "much", "worse", "rough"]
+
+
+def test_three_rigs_that_lack_different_things_are_not_said_to_lack_the_same() -> None:
+    different = [
+        answer(f"rig_{k}", {effect: 0.02}) for k, effect in enumerate(("viscous_drag", "stribeck", "stenosis"))
+    ]
+    (said,) = comparisons(different)
+    assert "3 series with a verdict give 3 different answers" in said
+    assert "none is the odd one" in said
+    assert "Their numbers are compared from 5 series on." in said
+    assert said in html.unescape(page_html(different))
+    alike = [answer(f"rig_{k}", {"viscous_drag": 0.02}) for k in range(5)]
+    (said,) = comparisons([*alike, answer("odd", {"stribeck": 0.02})])
+    assert said.endswith("rigs: 5 of 6 series with a verdict lack a viscous drag.")
+    assert "too few to compare" in comparisons(alike[:2])[0]
+    assert comparisons([]) == []
 
 
 def test_the_numbers_called_out_are_as_few_as_stated() -> None:

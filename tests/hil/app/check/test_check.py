@@ -65,6 +65,22 @@ def test_stamps_that_begin_again_stop_with_their_line(tmp_path: Path, capfd: pyt
     assert run(["close-loop", *options, "--out", str(tmp_path / "out")]) == 2
 
 
+def test_records_that_stop_have_a_page_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    columns = pull()
+    columns["t_s"] = np.where(np.arange(len(columns["t_s"])) < 3000, columns["t_s"], columns["t_s"] - 15.0)
+    options = written(tmp_path, columns)
+    assert run(["check", *options, "--out", str(tmp_path / "out")]) == 1
+    assert f"report: {tmp_path / 'out' / 'check.html'}" in capsys.readouterr().out
+    page = (tmp_path / "out" / "check.html").read_text(encoding="utf-8")
+    assert "the worst stops a fit" in page
+    assert "force in N" in page
+    assert json.loads((tmp_path / "out" / "check.json").read_text())["findings"][0]["id"] == "stamps_restart"
+    (tmp_path / "check.json").write_text((tmp_path / "one.csv").read_text())
+    own = [str(tmp_path / "check.json"), *options[1:]]
+    assert run(["check", *own, "--out", str(tmp_path)]) == 2
+    assert "which would be overwritten" in capsys.readouterr().err
+
+
 def test_a_file_that_is_no_record_has_status_2(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     options = written(tmp_path, pull())
     (tmp_path / "one.csv").write_text("a,b\n1,2\n", encoding="utf-8")

@@ -4,7 +4,6 @@ it back; wide and narrow, light and dark, nothing clipped, no request to a netwo
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -14,20 +13,15 @@ from typing import Any
 
 import pytest
 
+from tests.hil.app.cockpit.chromium import LONG_MS, NEEDS_BROWSER, waited
 from tests.hil.app.cockpit.puppet import puppet_on
 from tests.hil.app.cockpit.story import story
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.log.test_log_record import blf
 from tests.places import ROOT
 
-sync = pytest.importorskip("playwright.sync_api", reason="needs playwright (extra `browser`)")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None or "CAPSULE_BROWSER" not in os.environ,
-    reason="needs Debian's chromium and CAPSULE_BROWSER=1: minutes on a busy machine",
-)
-LONG_MS = 40_000
-FAULTS = """() => {
+pytestmark = NEEDS_BROWSER
+FAULTS = r"""() => {
   const found = [];
   if (document.documentElement.scrollWidth > innerWidth) found.push("scrolls sideways");
   document.querySelectorAll("h1, h2, p, td, th, button, label, .fact b, .legend span, #events li").forEach(part => {
@@ -38,6 +32,12 @@ FAULTS = """() => {
     if (part.scrollWidth > part.clientWidth + 1 && getComputedStyle(part).overflow === "hidden")
       found.push(`clipped: ${part.textContent.slice(0, 40)}`);
   });
+  const texts = document.createTreeWalker(document.querySelector("main"), NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const text = texts.currentNode, home = text.parentElement;
+    if (/\d/.test(text.textContent) && home.offsetParent && !home.closest("#who") && !home.closest("[title]")?.title)
+      found.push(`a number without a tooltip: ${text.textContent.slice(0, 40)}`);
+  }
   document.querySelectorAll("canvas").forEach(one => { if (!one.width) found.push("a panel is not drawn"); });
   return [...new Set(found)];
 }"""
@@ -59,14 +59,6 @@ def cockpit_on(source: str, port: int = 0) -> Iterator[tuple[subprocess.Popen[st
     finally:
         child.terminate()
         child.communicate(timeout=30)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync.sync_playwright() as player:
-        opened = player.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 Open = Callable[..., Any]
@@ -92,15 +84,6 @@ def opened(browser: Any) -> Iterator[Open]:
     for page in pages:
         page.close()
     assert [words for words in said if not words.startswith("data:")] == []
-
-
-def waited(page: Any, until: Callable[[], bool]) -> None:
-    """Let the page go on until something is so."""
-    for _ in range(LONG_MS // 50):
-        if until():
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError("it never was so")
 
 
 def shows(page: Any, expression: str) -> None:
@@ -157,12 +140,12 @@ def test_a_bus_is_watched_steered_and_stopped(opened: Open, rig: str, channel: s
 def test_the_connection_is_lost_and_comes_back(opened: Open, rig: str, channel: str) -> None:
     with puppet_on(channel) as puppet:
         with cockpit_on(rig) as (_, address):
-            page = opened(address.split("?")[0])
+            page = opened(address.split("#")[0])
             link(page, "live")
             assert page.is_hidden("#operator")
             puppet.mute.set()
             link(page, "no frames")
-            event(page, "controller is silent")
+            event(page, "controller is silent: sends nothing any more")
             puppet.mute.clear()
             link(page, "live")
             event(page, "controller is heard again")

@@ -61,12 +61,14 @@ def test_a_log_with_its_record_says_what_the_model_is_made_of(tmp_path: Path) ->
     text = deployment()
     parsed = parse_deployment(text, values)
     record = log_record({"deployment": text}, "feedforward", values, parsed.limits, frames())
+    record |= {"ended": "localisation lost", "remedy": "check the localiser"}
     with LockstepLog(tmp_path / "run.blf", record) as log:
         log.put(story(1.0))
     with module._source(tmp_path / "run.blf") as (source, operator):
         assert operator is None
         assert isinstance(source, LogSource)
         model = source.facts.models[0]
+        assert source.watch.events[-1].words == "the run ended: localisation lost: check the localiser"
     assert model["made"] == "base + fold_periodic"
     assert model["kind"] == "learned"
     assert ["friction_coefficient", "0.09", "0.082"] in model["rows"]

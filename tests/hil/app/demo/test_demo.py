@@ -216,10 +216,10 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     shares = [share for _, share in said]
     assert shares == sorted(shares)
     page = html.unescape(demo_html([(NEXT_RECORD, one)], 1.0))
-    assert f"with the proposed one: named: {effect_words('tissue_drying')}" in page
+    assert f"with the proposed record: named: {effect_words('tissue_drying')}" in page
     assert "next_record/before/report.html" in page
     nothing = replace(one, before=replace(one.before, proposal=None, verdict="unknown", effects=()))
-    assert "Verdict on the first records: unknown;" in demo_html([(NEXT_RECORD, nothing)], 1.0)
+    assert "Verdict before: unknown;" in demo_html([(NEXT_RECORD, nothing)], 1.0)
 
 
 def test_a_run_learns_and_its_example_stands_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ class End(NamedTuple):
 RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
     {
         "done": End(0, "led for all of `duration_s`; with `--dry-run` it would have led", "done"),
-        "operator": End(0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a controlled stop", "SIG..."),
+        "operator": End(0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a stop", "controlled stop (SIG...)"),
         "reset": End(
             0,
             "`reset`: the drive has no latched fault, or none any more",
@@ -57,6 +57,9 @@ RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
             "the drive moved while it was not enabled: before it was led, or after the stop",
             "... the drive does not rest: ...",
         ),
+        "safe_stop": End(
+            1, "an operator's safe stop, in the cockpit or by a switch on the bus", "safe stop by an operator"
+        ),
         "not_led": End(
             1,
             "another controller than the one asked for led more than 1 % of the ticks, or the model broke after the"
@@ -75,12 +78,16 @@ ENDS: Final[Mapping[str, Mapping[str, End]]] = MappingProxyType(
             "bad": End(1, "something is bad", "BAD drive Carriage: ..."),
         },
         "jog": {
-            "answered": End(0, "a controller has answered", "... setpoints sent; ... by ... at ... mm..."),
-            "unanswered": End(1, "no controller has answered", "... setpoints sent; no controller answers"),
+            "answered": End(0, "a controller has answered", "... setpoints sent; ... at ... mm"),
+            "unanswered": End(
+                1,
+                "no controller has answered",
+                "... setpoints sent; no controller runs: start one ...",
+            ),
         },
         "plant": {"over": End(0, "`--seconds` are over, or Ctrl-C, SIGTERM or SIGHUP", "ready")},
         "sil": {
-            "done": End(0, "led to the end of the scenario", "...: rmse ..."),
+            "done": End(0, "led to the end of the scenario", "...: ... with the ... model tracks within ... rms"),
             "stopped": End(1, "the controller stopped by itself, or never led", "ended: ..."),
             "not_led": End(1, "as of `run`", "ended: ... must lead 99 % of the ticks; led: ..."),
         },

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from tests.hil.app.docs import api, effects, ends, keys, settings
+from tests.hil.app.docs import api, buttons, effects, ends, keys, settings
 
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
     {
@@ -20,6 +20,7 @@ PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
         "effects": effects.catalogue,
         "ends": ends.table,
         "api": api.reference,
+        "buttons": buttons.part,
         "settings": settings.tables,
     }
 )

@@ -79,7 +79,9 @@ def test_another_one_steers(tmp_path: Path, channel: str, capsys: pytest.Capture
         assert run(["jog", file, "--script", script, "--source", "script"]) == 1
     assert (found["taken"], found["refused"], found["others"]) == (0, {"busy": 50}, 0)
     assert found["last"]["source"] == "joystick"
-    assert "50 of 50 setpoints with the switch held were refused: busy 50" in " ".join(capsys.readouterr().out.split())
+    told = " ".join(capsys.readouterr().out.split())
+    assert "50 of 50 setpoints with the switch held were refused" in told
+    assert "50 times: joystick steers: release, wait until joystick has let go, press again" in told
 
 
 def test_nobody_else_steers(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:

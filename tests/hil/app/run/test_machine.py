@@ -8,7 +8,7 @@ from typing import Any
 import can
 import pytest
 
-from hil.app.run import machine
+from hil.app.run import check, machine
 from hil.app.run.clock import Histogram
 from hil.app.run.machine import (
     lateness,
@@ -19,8 +19,11 @@ from hil.app.run.machine import (
     priority_words,
     tick_to_hold,
 )
+from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.deployment_tables import BusTable, ControlTable
 from hil.bus.local import LocalBus
+from models.theta import Theta
+from tests.hil.app.run.deployments import deployment
 
 TABLE = BusTable(interface="socketcan", channel="can0", fd=True)
 
@@ -65,6 +68,20 @@ def test_the_tick_that_is_held() -> None:
     assert tick_to_hold(histogram(*[5e-5] * 200, 3e-3), 2e-4, 0.5) == 4e-3, "the longest counts"
     assert math.isinf(tick_to_hold(histogram(0.05), 2e-4, 0.5))
     assert lateness(0.02).counts.sum() == 20
+
+
+@pytest.mark.parametrize(
+    ("took_s", "good", "said"), [(2e-4, True, ""), (1.6e-3, True, "tick_s = 4 ms leaves half"), (2.2e-3, False, "miss")]
+)
+def test_a_tick_is_bad_where_a_run_would_miss_it(
+    monkeypatch: pytest.MonkeyPatch, took_s: float, good: bool, said: str
+) -> None:
+    """More than half of a tick is advice: `run` keeps its grid with it."""
+    monkeypatch.setattr(check, "rehearse", lambda _: histogram(*[took_s] * 200))
+    monkeypatch.setattr(machine, "lateness", lambda: histogram(*[1e-4] * 200))
+    point = check._time(parse_deployment(deployment(), Theta()), parse_deployment(deployment(), Theta()).task())
+    assert (point.good, said in point.words) == (good, True)
+    assert ("control.tick_s = " in point.words) == (took_s > 1e-3)
 
 
 def test_priority_is_tried_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:

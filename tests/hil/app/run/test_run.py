@@ -33,7 +33,10 @@ def test_a_dry_run_sends_nothing_and_says_that_it_heard_nothing(
 
 @pytest.mark.parametrize(
     ("other", "fault", "words"),
-    [(1, 0, "drive knows another DBC"), (0, 4, "drive fault 4; 'capsule run RIG.toml reset' acknowledges it")],
+    [
+        (1, 0, "drive knows another DBC"),
+        (0, 4, "drive fault 4 (time to live); 'capsule run RIG.toml reset' acknowledges it"),
+    ],
 )
 def test_a_drive_with_another_dbc_or_a_fault_is_not_led(
     tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str], other: int, fault: int, words: str

@@ -177,7 +177,10 @@ def test_a_fault_is_not_led_and_reset_only_resets(tmp_path: Path) -> None:
         node.bench.plant.drive._reports = 2
         refused = lead(node, clock, 0.2, recorder, StopSignals())
         assert (refused.end, refused.led) == ("drive_fault", False)
-        assert refused.ended == "nothing to lead: drive fault 4; 'capsule run RIG.toml reset' acknowledges it"
+        assert (
+            refused.ended
+            == "nothing to lead: drive fault 4 (time to live); 'capsule run RIG.toml reset' acknowledges it"
+        )
         states = set[int]()
         node.each = lambda now: states.add(node.receiver.state)
         done = reset(node, clock, recorder, StopSignals())

@@ -82,8 +82,8 @@ def test_a_signal_asks_for_a_controlled_stop(tmp_path: Path, channel: str, plant
     child.send_signal(signal.SIGTERM)
     status, said, _ = child.ended()
     found, truth = json.loads(said), truth_of(plant)
-    assert found["ended"] == "SIGTERM" or found["ended"] in HELD_UP
-    assert status == (0 if found["ended"] == "SIGTERM" else 1)
+    assert found["ended"] == "controlled stop (SIGTERM)" or found["ended"] in HELD_UP
+    assert status == (0 if found["ended"] == "controlled stop (SIGTERM)" else 1)
     assert truth["fault"] == 0
     assert truth["state"] == 2
 

@@ -74,6 +74,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
             "bus",
             "faults",
             "ended",
+            "remedy",
             "led_share",
             "beyond_records",
             "switched",

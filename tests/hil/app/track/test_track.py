@@ -69,7 +69,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
     assert found["hard_violations"] == 0
     assert json.loads((tmp_path / "out" / "track.json").read_text(encoding="utf-8")) == found
     page = (tmp_path / "out" / "track.html").read_text(encoding="utf-8")
-    assert "short: tracking within" in page
+    assert "short: feedforward with the nominal model tracks within" in page
     assert "<script src" not in page
 
 

@@ -174,7 +174,11 @@ def test_the_criterion_is_about_one_for_a_right_model_and_reports_by_condition()
     assert np.mean(np.square(again)) == pytest.approx(1, abs=0.2)
     shifted = first.with_column(kind.quantity, kind.predict(first, theta) + 3e-3)
     assert kind.error([shifted], [kind.predict(shifted, theta)]) == pytest.approx(3e-3)
-    assert kind.noise_floor([first]) < 1e-3
+    drawn = [kind.imitate(first, theta, np.random.default_rng(seed)) for seed in range(10)]
+    errors = [kind.error([one], [kind.predict(one, theta)]) for one in drawn]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(kind.noise_floor([first]), rel=0.15)
+    stated = parse_rig({**RIG, "noise": {"velocity_std_m_s": 5e-4}})
+    assert 5e-4 < VibroTableKind.from_rig(stated).noise_floor([first]) < 8e-4
 
 
 def test_folds_keep_conditions_whole_and_lose_no_row() -> None:

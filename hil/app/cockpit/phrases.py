@@ -1,0 +1,51 @@
+"""States as phrases with cause and remedy, and what a tooltip says of each number of the page."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
+_GRADES: Final[Mapping[str, tuple[str, ...]]] = {
+    "bad": ("fault", "silent", "broken", "lost"),
+    "doubt": ("derated", "quick_stop", "stopping", "doubtful"),
+    "good": ("enabled", "running", "holds"),
+    "move": ("slips_forward", "slips_backward"),
+}
+TIPS: Final = (
+    *("position", "reference", "error", "model", "drive", "controller", "temperature", "up", "clock"),
+    *("rate", "load", "good", "lost", "unknown", "refused", "refused_frame", "evidence", "alarms", "since"),
+    *("parameter", "rig_file", "event", "number"),
+)
+"""Names of the page's numbers outside its panels."""
+
+
+def tips() -> dict[str, str]:
+    return {name: TEXT(f"tip.{name}") for name in TIPS}
+
+
+def grade_of(state: str) -> str:
+    return next((grade for grade, states in _GRADES.items() if state in states), "note")
+
+
+def why(kind: str, state: str) -> str:
+    """What a state means and what to do about it; `kind` is drive, controller, sensor or model."""
+    return TEXT(f"{kind}.{state}")
+
+
+def fault_words(code: str) -> str:
+    """What a drive's fault means and what to do about it, by its name in the catalogue."""
+    return TEXT(f"fault.{code}")
+
+
+def words(name: str) -> str:
+    """A name of the catalogue as words: `quick_stop` as "quick stop", `InnerMass` as "inner mass"."""
+    spaced = "".join(f" {c.lower()}" if c.isupper() and k else c.lower() for k, c in enumerate(name))
+    return spaced.replace("_", " ")
+
+
+def clock(seconds: float) -> str:
+    """A time as minutes and seconds, with hours where there are some."""
+    whole = int(max(seconds, 0.0))
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"

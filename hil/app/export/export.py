@@ -32,7 +32,7 @@ def export(
     scenario: Annotated[
         Path | None,
         argument(
-            "FILE.toml", "The scenario whose plant becomes an FMU, or the deployment of a controller.", "scenario"
+            "FILE.toml", "The scenario whose plant becomes an FMU; a controller's deployment.", "scenario"
         ),
     ] = None,
     model: LearnedModel = None,

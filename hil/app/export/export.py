@@ -31,9 +31,7 @@ def export(
     *,
     scenario: Annotated[
         Path | None,
-        argument(
-            "FILE.toml", "The scenario whose plant becomes an FMU; a controller's deployment.", "scenario"
-        ),
+        argument("FILE.toml", "The scenario whose plant becomes an FMU; a controller's deployment.", "scenario"),
     ] = None,
     model: LearnedModel = None,
     rig: Annotated[

@@ -31,7 +31,11 @@ def export(
     *,
     scenario: Annotated[
         Path | None,
-        argument("FILE.toml", "The scenario whose plant becomes an FMU; a controller's deployment.", "scenario"),
+        argument(
+            "FILE.toml",
+            "The scenario whose plant becomes an FMU; the deployment of a controller or estimator.",
+            "scenario or deployment file",
+        ),
     ] = None,
     model: LearnedModel = None,
     rig: Annotated[

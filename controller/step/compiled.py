@@ -16,7 +16,7 @@ from controller.limits import Envelope, Issued, number
 from controller.model.control_model import ControlModel
 from controller.registry import Chain, build, noise_of
 from controller.signals import Action, Adapted, Array, Controller, Estimate, Measurement, Reference, Status
-from controller.step.library import READINGS, Library, Out, loaded, memory, pointer_to
+from controller.step.library import READINGS, Library, Out, available, loaded, memory, pointer_to
 from controller.step.library import Issued as IssuedC
 from controller.step.numbers import CHAINS, numbers_of
 from controller.supervision.fallback import Event
@@ -29,6 +29,7 @@ _REASONS: Final = (
     *("start", "estimate lost", "recovered", "", "{} answered failed", "{} limited too long: {}"),
     *("{} swings about the reference", "tried again", "no controller is left: {} swings about the reference", ""),
 )
+_NEWEST: Final[list[tuple[tuple[str, ControlModel, Envelope], Compiled]]] = []
 _HALTED, _TAKEN_OVER = 3, 9  # reasons that Python knows better
 
 
@@ -45,7 +46,20 @@ class Compiled:
 
 
 def compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | None:
-    """The C controller `name` of `model`; None for one that is not written in C, and without a compiler."""
+    """The C controller `name` of `model`; None for one that is not written in C, and without a compiler. The newest one
+    is kept: supervisor and estimator ask for the same.
+    """
+    if not available():
+        return None
+    for asked, kept in _NEWEST:
+        if asked[0] == name and asked[1] is model and asked[2] == envelope:
+            return kept
+    found = _compiled(name, model, envelope)
+    _NEWEST[:] = [((name, model, envelope), found)] if found is not None else []
+    return found
+
+
+def _compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | None:
     if name not in CHAINS or envelope.shaken or driven_of(model.drive).shaken:
         return None
     numbers = numbers_of(name, model, envelope)

@@ -21,7 +21,7 @@ from models.files.access import cache_folder
 
 FLAGS: Final = ("-std=c99", "-O2", "-ffp-contract=off")
 """Of every compilation: without contraction float64 results are the same to the last bit, whatever the optimisation."""
-_HERE: Final = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fno-semantic-interposition")
+_HERE: Final = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize")
 _SHARED: Final = ("-shared", "-fPIC", "-fvisibility=default", "-w")
 DAQP_FILES: Final = ("daqp.c", "auxiliary.c", "factorization.c")
 SOURCES: Final = Path(__file__).with_name("sources")

@@ -204,17 +204,13 @@ def _planning(model: ControlModel) -> str:
         pursuit,
         "    return found;",
     )
-    wall = _plain(s.wall_slopes, ["x[{}]", "t", _Q], ["const real found", "slopes[{}]"])
-    return (
-        text
-        + "\n"
-        + _function(
-            "real capsule_plan_wall(const real *x, real t, const real *q, real *slopes)",
-            ("t", "q"),
-            wall,
-            "    return found;",
-        )
+    head = (
+        "void capsule_plan_walls(real (*restrict x)[CAPSULE_STAGES + 1], const real *restrict t,\n"
+        "                        const real *restrict q, real *restrict forces,\n"
+        "                        real (*restrict slopes)[CAPSULE_STAGES + 1])"
     )
+    walls = statements(s.wall_slopes, ["x[{}][k]", "t[k]", _Q], ["forces[k]", "slopes[{}][k]"])
+    return text + "\n" + _loop(head, ("t", "q"), "STAGES + 1", walls)
 
 
 def model_code(model: ControlModel, envelope: Envelope, varied: Sequence[int], planned: bool) -> str:

@@ -28,13 +28,14 @@ real capsule_drive_command(real one, real x, real v, const real *q);
 
 #if CAPSULE_MPC
 /* With the planner's smooth friction: a sub-step; a sub-step of all stages side by side with its derivatives
-   J[(column, row)] by state, c0, c1 and d; the command that brings the capsule to `speed`; the wall's force and its
-   slopes by the state. */
+   J[(column, row)] by state, c0, c1 and d; the command that brings the capsule to `speed`; the wall's force at all
+   ends of stages and its slopes by the state. */
 void capsule_plan_step(real *x, real c0, real c1, real d, real t, real h, const real *q);
 void capsule_plan_slopes(real (*restrict x)[CAPSULE_STAGES], const real *restrict c0, const real *restrict c1, real d,
                          const real *restrict t, real h, const real *restrict q, real (*restrict J)[CAPSULE_STAGES]);
 real capsule_plan_pursuit(const real *x, real speed, real d, real t, const real *q);
-real capsule_plan_wall(const real *x, real t, const real *q, real *slopes);
+void capsule_plan_walls(real (*restrict x)[CAPSULE_STAGES + 1], const real *restrict t, const real *restrict q,
+                        real *restrict forces, real (*restrict slopes)[CAPSULE_STAGES + 1]);
 #endif
 
 #endif

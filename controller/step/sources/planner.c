@@ -96,21 +96,31 @@ static real cost(const task *its, const capsule_planner *p, const capsule_plan *
 
 static void price(const task *its, capsule_planner *p, capsule_plan *plan)
 {
-    int k;
-    for (k = 0; its->pressed && k <= N; k++) {
-        p->forces[k] = capsule_plan_wall(plan->path[k], its->t + R(k) * its->n->stage_s, its->q, p->slopes[k]);
+    int i, k;
+    if (its->pressed) {
+        for (k = 0; k <= N; k++) {
+            p->times[k] = its->t + R(k) * its->n->stage_s;
+            for (i = 0; i < S; i++) {
+                p->ends[i][k] = plan->path[k][i];
+            }
+        }
+        capsule_plan_walls(p->ends, p->times, its->q, p->forces, p->slopes);
     }
     plan->cost = cost(its, p, plan);
 }
 
-/* Path and cost of a plan's commands within the hard bounds. */
-static void roll(const task *its, capsule_planner *p, capsule_plan *plan)
+/* Path and cost of a plan's commands within the hard bounds; the first `known` stages are predicted already. */
+static void roll(const task *its, capsule_planner *p, capsule_plan *plan, int known)
 {
-    real x[S];
-    int k;
+    real before[N + 1], x[S];
+    int k = 0;
+    memcpy(before, plan->commands, sizeof before);
     keep_feasible(its, plan->commands);
-    memcpy(x, plan->path[0], sizeof x);
-    for (k = 0; k < N; k++) {
+    while (k < known && before[k + 1] >= plan->commands[k + 1] && before[k + 1] <= plan->commands[k + 1]) {
+        k++;
+    }
+    memcpy(x, plan->path[k], sizeof x);
+    for (; k < N; k++) {
         stage_step(its, x, plan->commands[k], plan->commands[k + 1], k);
         memcpy(plan->path[k + 1], x, sizeof x);
     }
@@ -266,7 +276,7 @@ static int soft_rows(const task *its, capsule_planner *p, real step)
                 if (kind == 2) {
                     slope = 0;
                     for (m = 0; m < S; m++) {
-                        slope += p->slopes[k][m] * p->Z[k][m][j];
+                        slope += p->slopes[m][k] * p->Z[k][m][j];
                     }
                 }
                 row[j] = side * slope;
@@ -345,7 +355,7 @@ static real search(const task *its, capsule_planner *p, real unit)
             p->other.commands[k + 1] = p->best.commands[k + 1] + shares[i] * moved;
         }
         memcpy(p->other.path[0], p->best.path[0], sizeof p->other.path[0]);
-        roll(its, p, &p->other);
+        roll(its, p, &p->other, 0);
         if (p->other.cost < p->best.cost) {
             const real gain = p->best.cost - p->other.cost;
             p->best = p->other;
@@ -363,8 +373,8 @@ static void begin(const task *its, capsule_planner *p, const real *state)
     memcpy(p->other.path[0], state, sizeof p->other.path[0]);
     p->other.commands[0] = p->guess[0];
     pursue(its, p, &p->other);
-    roll(its, p, &p->best);
-    roll(its, p, &p->other);
+    roll(its, p, &p->best, 0);
+    roll(its, p, &p->other, N);
     if (p->other.cost < p->best.cost || !isfinite(p->best.cost)) {
         p->best = p->other;
     }

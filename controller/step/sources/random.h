@@ -9,7 +9,7 @@ CAPSULE_INLINE void capsule_seed(uint32_t *random)
     random[0] = 123456789u;
     random[1] = 362436069u;
     random[2] = 521288629u;
-    random[3] = 88675123u;
+    random[3] = 88675127u;
 }
 
 CAPSULE_INLINE uint32_t capsule_draw(uint32_t *random)

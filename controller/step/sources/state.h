@@ -58,7 +58,8 @@ typedef struct {
     real guess[CAPSULE_STAGES + 1];
     real targets[3][CAPSULE_STAGES + 1]; /* position, speed, command rate */
     capsule_plan best, other;
-    real forces[CAPSULE_STAGES + 1], slopes[CAPSULE_STAGES + 1][CAPSULE_STATES];
+    real forces[CAPSULE_STAGES + 1], slopes[CAPSULE_STATES][CAPSULE_STAGES + 1];
+    real ends[CAPSULE_STATES][CAPSULE_STAGES + 1], times[CAPSULE_STAGES + 1];
     real Z[CAPSULE_STAGES + 1][CAPSULE_STATES][CAPSULE_STAGES];
     real lanes[CAPSULE_STATES][CAPSULE_STAGES], J[CAPSULE_STATES * (CAPSULE_STATES + 3)][CAPSULE_STAGES];
     real start[CAPSULE_STAGES], end[CAPSULE_STAGES], at[CAPSULE_STAGES];

@@ -14,7 +14,7 @@ from hil.app.console import json_text
 from hil.report.builder import PLOTLY
 from hil.report.closed_loop import report_html
 from hil.report.mathml import equations_html, line_html, math_html
-from hil.report.numbers import report_json
+from hil.report.numbers import error_rows, report_json
 from hil.report.panels import binned, panels
 from hil.report.theme import thinned
 from hil.report.words import column_words, error_words, headline, interpolation
@@ -24,7 +24,7 @@ from models.effects.equation import equations_of, legend
 from models.formula import Formula, called, equal, named, symbols
 from models.identification.finding import Check, Disagreement, Finding, Fitted, Profile
 from models.words.quantities import amount, change, fixed, number, percent, quantity, scale, unit_words, with_interval
-from tests.hil.findings import pull_finding, spectrum_finding, table_finding
+from tests.hil.findings import left_finding, pull_finding, spectrum_finding, table_finding
 
 PLOTLY_BYTES = 700_000
 
@@ -275,6 +275,32 @@ def test_headlines() -> None:
         "A part looks like folds of the gut or a peristaltic wave: 89 % of the error goes with it."
     )
     assert not Fitted(1.0, (0.0, 2.0), identifiable=False).identifiable
+
+
+def test_an_unknown_says_first_what_is_left_and_writes_the_term_with_units() -> None:
+    finding = left_finding()
+    left = "What is left: a 7 mm wave over position, 53 % of the residual."
+    assert headline(finding).startswith(left)
+    page = report_html(finding)
+    sections = [page.index(f'<section id="{key}">') for key in ("depends", "error", "next", "residual")]
+    assert sections == sorted(sections)
+    assert finding.dependence
+    assert finding.dependence.term
+    law, numbers = finding.dependence.term.text.split(", ", 1)
+    assert law == "F_extra = -sgn(v) (F_0 + F_1 sin(2 pi x/L + phi))"
+    assert numbers == "F_0 = 2 mN, F_1 = 3 mN, L = 7 mm, phi = 0.4"
+    assert law in page
+
+
+def test_the_effect_stands_before_the_next_experiment(page: str) -> None:
+    assert page.index('<section id="effect">') < page.index('<section id="next">')
+
+
+def test_a_part_without_records_has_no_noise_floor() -> None:
+    finding = replace(pull_finding(seconds=2.0), error={"train": {"nominal": 0.01, "calibrated": 0.008}, "holdout": {}})
+    train, held = error_rows(finding)
+    assert train[-1] == "0.75 mN"
+    assert set(held[1:]) == {"–"}
 
 
 def test_a_long_equation_may_go_on_in_the_next_line() -> None:

@@ -8,7 +8,7 @@ import pytest
 from tests.hil.app.cockpit.chromium import CHROMIUM
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 

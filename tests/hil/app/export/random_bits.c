@@ -58,7 +58,7 @@ int main(int argc, char **argv) {
     unsigned long led = 0, begun = 0;
     double time_s = 0.0, place_m = 0.0;
     for (unsigned long k = 0; k < ticks; k++) {
-        if (k % 5000 == 0) {
+        if (k % 1000 == 0) {
             capsule_init(&state, &capsule_deployment, time_s, (real)place_m);
             begun++;
         }

@@ -5,10 +5,12 @@ An MF4 file, which needs asammdf, is read in a separate process, so that a damag
 
 import warnings
 from collections.abc import Iterator
+from importlib import reload
 from pathlib import Path
 from typing import IO, Any, Final
 
 import can
+import can.io.mf4
 
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, check_within
@@ -113,6 +115,7 @@ def send_frames(path: Path, target: IO[bytes]) -> None:
     try:
         with refusing(path, "a log"):
             library("asammdf", EXTRA)
+            reload(can.io.mf4)  # it was loaded without (`hil`)
             check_within(path)
         for frame in library_frames(path):
             target.write(frame.packed())

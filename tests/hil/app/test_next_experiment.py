@@ -43,7 +43,7 @@ def test_files_are_written_where_something_is_proposed() -> None:
     assert told["next_experiment_file"] == NEXT_TOML
     assert told["next_experiment_separates"][0]["standard_deviations"] == 12.4
     page = report_html(proposed)
-    assert page.index('id="next"') < page.index('id="error"')
+    assert page.index('id="error"') < page.index('id="effect"') < page.index('id="next"')
     assert "--reference" in page
 
 

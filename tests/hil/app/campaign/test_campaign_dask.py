@@ -69,7 +69,7 @@ def test_killed_workers_cost_no_run(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert 1 <= alone["on_file"] <= before < before + 2 <= beside["on_file"] < RUNS
 
     assert alone["status"] == 2
-    sentence = alone["said"].splitlines()[-1]
+    sentence = next(line for line in alone["said"].splitlines() if line.startswith("capsule: "))
     assert sentence.startswith(f"capsule: --scheduler must have workers; {found['address']} has named none for 2 s;")
     assert "Traceback" not in alone["said"] + beside["said"]
 

@@ -153,7 +153,7 @@ def test_signals_before_and_after_the_drive_is_enabled(tmp_path: Path) -> None:
 
     assert led(tmp_path, each=soon)[0].end == "cancelled"
     outcome, _ = led(tmp_path, each=later)
-    assert (outcome.end, outcome.ended, RUN_ENDS[outcome.end].status) == ("operator", "SIGHUP", 0)
+    assert (outcome.end, outcome.ended, RUN_ENDS[outcome.end].status) == ("operator", "controlled stop (SIGHUP)", 0)
 
 
 def test_another_controller_ends_it(tmp_path: Path) -> None:

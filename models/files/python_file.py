@@ -32,7 +32,8 @@ def classes_in(path: Path, what: str) -> tuple[list[type], str]:
     """The classes that the Python file `path` declares itself, and the SHA-256 of the file. Raises ValueError, which
     names `what` the file should hold, where it cannot be read or run.
     """
-    digest = hashlib.sha256(read_bytes(path, f"Python file with {what}", LARGEST_TEXT)).hexdigest()
+    source = read_bytes(path, f"Python file with {what}", LARGEST_TEXT)
+    digest = hashlib.sha256(source).hexdigest()
     name = f"capsule_own_{digest[:16]}"
     spec = importlib.util.spec_from_file_location(name, path)
     if path.suffix != ".py" or spec is None or spec.loader is None:
@@ -40,7 +41,7 @@ def classes_in(path: Path, what: str) -> tuple[list[type], str]:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, str(path), "exec"), vars(module))  # what the digest is of, and no older byte code
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's file raises whatever it likes
         del sys.modules[name]
         got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

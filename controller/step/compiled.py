@@ -176,8 +176,9 @@ class CompiledChain(Controller):
 
     def believe(self, estimate: Estimate) -> None:
         """Take the estimate of this tick; an unreadable one is lost."""
-        belief, learned = self._belief, estimate.adapted
+        belief = self._belief
         try:
+            learned = estimate.adapted
             belief.time_s, belief.lacking_N = number(estimate.time_s), number(estimate.disturbance_N)
             self._state[:], self._std[:], belief.lost = estimate.state, estimate.std, bool(estimate.lost)
             belief.learned = learned is not None
@@ -233,7 +234,9 @@ class CompiledSupervisor(Supervisor):
 
     def chain_for(self, name: str, model: ControlModel, deadline_s: float) -> Chain:
         found = compiled(name, model, self.envelope)
-        return super().chain_for(name, model, deadline_s) if found is None else (CompiledChain(found),)
+        if found is None:
+            raise ValueError(f"offered model must have a controller in C, as the one in use has; got none for {name}")
+        return (CompiledChain(found),)
 
     def observer_for(self, name: str, model: ControlModel, estimator: str) -> Observer:
         found = compiled(name, model, self.envelope) if estimator == "default" else None

@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,6 +89,15 @@ def test_bad_readings_are_counted_alike() -> None:
     assert isinstance(in_c, CompiledEstimator)
     assert taken(python, model.tick_s) == taken(in_c, model.tick_s)
     assert python.offset == in_c.offset
+
+
+def test_an_unreadable_estimate_stops_the_drive_and_raises_nothing() -> None:
+    model = model_of()
+    in_c = supervisor_of("feedforward", model, envelope_of(model.drive))
+    nothing: Any = None
+    action = in_c.act(0.0, nothing, nothing)
+    assert action.command == in_c.issued.command == 0.0
+    assert in_c.active == "stop"
 
 
 def test_a_copied_state_goes_on_to_the_last_bit() -> None:

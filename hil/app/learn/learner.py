@@ -15,6 +15,7 @@ from controller.reference import Experiment
 from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import History, ModelSwitch, Offer, Prepared
+from hil.app.learn.compared import Led
 from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
 from hil.app.scenario.deployment_tables import LearningTable
 from hil.app.scenario.model_use import Offered
@@ -106,8 +107,8 @@ class _Errors:
 @dataclass
 class Learner:
     """Learns while a controller leads; `step` runs once a tick, with one lesson at a time. An offered model has passed
-    the acceptance test on held-out data, and `ModelSwitch` takes it at a rest. `keep` gets the `offers` and
-    `experiments` that a replay needs; controllers of a new model are built `beside` the ticks.
+    the acceptance test on held-out data and tracks best in what is `led`; `ModelSwitch` takes it at a rest. `keep` gets
+    the `offers` and `experiments` that a replay needs; controllers of a new model are built `beside` the ticks.
     """
 
     switch: ModelSwitch
@@ -119,6 +120,7 @@ class Learner:
     beside: Beside = at_once
     keep: Callable[[Mapping[str, Any]], object] = lambda record: None
     drive: Callable[[Experiment], object] = lambda experiment: None
+    led: Led | None = None
 
     def __post_init__(self) -> None:
         check_learnt(self.rig)
@@ -163,7 +165,8 @@ class Learner:
         broken_from, held_from = (int(row) for row in np.searchsorted(columns[TIME], (self._since, held_s)))
         self.lessons[-1].asked_at_s = self._reference_s(now)
         base_holds = self.lessons[-1].answers % 2 == 0
-        self._future = self.ask(LearningQuestion(self.rig, columns, held_from, self._new, base_holds, broken_from))
+        since = held_from, self._new, base_holds, broken_from
+        self._future = self.ask(LearningQuestion(self.rig, columns, *since, self.led))
         self._due, self._phase = now + self.learning.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:

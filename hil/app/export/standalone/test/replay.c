@@ -60,6 +60,7 @@ static int filled(void) {
     at = take(in.position_m, at, CAPSULE_STAGES + 1);
     at = take(in.speed_m_s, at, CAPSULE_STAGES + 1);
     at = take(&in.next_speed_m_s, at, 1);
+    at = take(&in.least, at, 1);
     at = take(&in.most, at, 1);
     take(&in.temperature_C, at, 1);
     return phase;

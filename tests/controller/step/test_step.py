@@ -104,15 +104,15 @@ def test_an_unreadable_estimate_stops_the_drive_and_raises_nothing() -> None:
 def test_bounds_of_the_call_lead_a_command_and_let_a_stop_end_at_rest() -> None:
     """The least command is a push that the controller did not ask for; a stop goes to 0 all the same."""
     model = model_of("coil")
-    run = both(model, "feedforward", TRUTH["coil"], FAR, 100)
+    run = both(model, "feedforward", TRUTH["coil"], FAR, 300)
     for supervisor, estimate in zip(run.supervisors, run.estimates[-1], strict=True):
         for room in ((0.3, 0.3), (-0.05, -0.01)):
             supervisor.room = room
-            for k in range(100, 104):
+            for k in range(300, 304):
                 command = supervisor.act(k * model.tick_s, replace(estimate, time_s=k * model.tick_s), FAR).command
             assert room[0] <= command <= room[1]
         supervisor.halt("asked")
-        for k in range(104, 250):
+        for k in range(304, 450):
             command = supervisor.act(k * model.tick_s, estimate, FAR).command
         assert command == 0
 

@@ -6,12 +6,13 @@ from typing import Any, Final
 
 from models.parameter import nearest
 
-PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
+PULL, MAGNETIC, COIL, VIBRO, FORCE, AXIS = "pull", "magnetic", "coil", "vibro", "force", "axis"
 """The simulated drives by name; their true numbers are in `plant.drives`."""
 CARRIED: Final = (PULL, MAGNETIC)
 PUSHED: Final = (MAGNETIC, COIL)
 RESTING: Final = (*CARRIED, COIL, FORCE)
 GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
+ANY: Final = (*GUT_DRIVES, AXIS)
 LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time, one per stage
 IN_A_ROW: Final = "three first-order lags in series, a/2, a/3 and a/6"
 SIGNED: Final = -1.0  # third number of a range whose values may be negative
@@ -42,7 +43,7 @@ class Hidden:
     drives: tuple[str, ...]
 
 
-def _effect(form: str, ranges: dict[str, tuple[float, ...]], drives: tuple[str, ...] = GUT_DRIVES) -> Hidden:
+def _effect(form: str, ranges: dict[str, tuple[float, ...]], drives: tuple[str, ...] = ANY) -> Hidden:
     return Hidden("", form, tuple(HiddenNumber(name, *numbers) for name, numbers in ranges.items()), drives)
 
 

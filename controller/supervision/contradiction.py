@@ -21,7 +21,7 @@ The law of the gut gives 37, 81, 141 and 224 mm/s at 2, 2.5, 3 and 3.5 frictions
 """
 _COUNTED: Final = 1.5  # times friction, least push that counts: other forces hold a sound capsule against less
 _LOOSEST: Final = 0.6  # share of the speed limit that a capsule with the model's friction may reach
-_REACH: Final = (0.8, 1.6)  # shares of the envelope: reach that begins the test push, and that ends it
+_REACH: Final = (0.8, 1.7)  # shares of the envelope: reach that begins the test push, and that ends it
 _PAUSE: Final = 0.5  # times friction, greatest push while its outcome is awaited
 _AWAITED: Final = 6  # readings for it
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
@@ -104,8 +104,9 @@ class Contradiction:
       as far either way within `_ON_S` of swinging.
     - Reach of a coil: how far a capsule with the model's friction would have gone since the last answer under pushes
       beyond `_COUNTED` frictions, whatever the localisation says. Until an answer no push takes it beyond `_LOOSEST` of
-      the speed limit. Beyond `_REACH[0]` of the envelope the coil pushes as hard, up to `_REACH[1]`; then it pauses
-      (`room`) until `_AWAITED` readings of the time after have shown an answer, or none.
+      the speed limit. Beyond `_REACH[0]` of the envelope the coil pushes as hard, once readings as old as `age_s` would
+      have shown a motion. At `_REACH[1]` it pauses (`room`) until `_AWAITED` readings of that time show an answer or
+      none.
     - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
       seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
@@ -170,7 +171,7 @@ class Contradiction:
         reach, most = abs(self._reach_m) / self._envelope.around_m, self._hardest if self._reach_m else math.inf
         if self._slip_m_s:
             most = min(most, _SLIPPING * max(1 - self._slip_m_s / self._envelope.limits.speed_m_s, 0.0))
-        elif _REACH[0] <= reach < _REACH[1]:
+        elif _REACH[0] <= reach < _REACH[1] and self._vain_s > self._envelope.limits.age_s:
             push = math.copysign(most * self._friction, self._envelope.sense * self._reach_m)
             return push, push
         most = self._friction * (_PAUSE if reach >= _REACH[1] else most)
@@ -190,6 +191,8 @@ class Contradiction:
         moved_m = self._mean_m - self._from_m
         if not (abs(moved_m) if self._envelope.shaken else self._vain_sign * moved_m) < self._moved_m:  # it answers
             self._from_m, self._vain_s, self._reach_m = self._mean_m, 0.0, 0.0
+        elif self._vain_sign * moved_m < -self._moved_m:  # late readings still show a motion before the push
+            self._from_m, self._vain_s = self._mean_m, 0.0
         paused = abs(self._reach_m) >= _REACH[1] * self._envelope.around_m
         self._awaited = self._awaited + (abs(drive) < self._friction) if paused else 0
         self.against_m = sign * (self._farthest_m - self._mean_m)
@@ -218,8 +221,8 @@ class Contradiction:
         sign = math.copysign(1.0, push if placed else self._reach_m) if push or self._reach_m else 0.0
         if sign != self._vain_sign or not (placed or self._reach_m):
             self._vain_sign, self._vain_s, self._from_m = sign, 0.0, self._mean_m
-        self._vain_s += dt * (placed and abs(push) >= self._hard_m)
-        return self._vain_s > _PULLED_S or self._awaited >= _AWAITED
+        self._vain_s += dt * (not placed or abs(push) >= self._hard_m)
+        return self._vain_s > _PULLED_S if placed else self._awaited >= _AWAITED
 
     def _slips(self, position_m: float, stamp_s: float) -> float:
         """Speed in m/s of a capsule that slips, since a reading `_SLIP_APART_S` or longer ago; else 0."""

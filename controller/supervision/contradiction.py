@@ -191,7 +191,7 @@ class Contradiction:
         moved_m = self._mean_m - self._from_m
         if not (abs(moved_m) if self._envelope.shaken else self._vain_sign * moved_m) < self._moved_m:  # it answers
             self._from_m, self._vain_s, self._reach_m = self._mean_m, 0.0, 0.0
-        elif self._vain_sign * moved_m < -self._moved_m:  # late readings still show a motion before the push
+        elif self._vain_sign * moved_m < -2 * self._moved_m:  # late readings still show a motion before the push
             self._from_m, self._vain_s = self._mean_m, 0.0
         paused = abs(self._reach_m) >= _REACH[1] * self._envelope.around_m
         self._awaited = self._awaited + (abs(drive) < self._friction) if paused else 0

@@ -13,7 +13,7 @@
 /* REPLAY_NEAR, REPLAY_FAR: largest difference of an answer in the first REPLAY_NEAR_TICKS and later; 0: identical to
    the last bit */
 
-#define INPUTS (10 + 3 * CAPSULE_READINGS + 2 * (CAPSULE_STAGES + 1))
+#define INPUTS (11 + 3 * CAPSULE_READINGS + 2 * (CAPSULE_STAGES + 1))
 #define COLUMNS (INPUTS + 2)
 #define MOST_TICKS 100000
 enum { LISTENS, BEGINS, CONTROLS }; /* phases of a tick */

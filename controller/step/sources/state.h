@@ -2,6 +2,8 @@
 #ifndef CAPSULE_STATE_H
 #define CAPSULE_STATE_H
 
+#define CAPSULE_DRAWS 8 /* redraws that a row of past readings may lag behind */
+
 /* Estimator: particles, each a possible capsule with its own wall, friction level and force. */
 typedef struct {
     const capsule_numbers *numbers;
@@ -22,12 +24,15 @@ typedef struct {
     real level_mean;
     real commands[CAPSULE_KEPT];                      /* ring, newest at `newest` */
     real currents[CAPSULE_KEPT];                      /* mean of a coil's current */
-    real past[CAPSULE_KEPT][CAPSULE_PARTICLES];       /* each particle's sensor reading */
+    real past[CAPSULE_KEPT][CAPSULE_PARTICLES];       /* each particle's sensor reading, as they stood in that tick */
+    /* how often particles were drawn again, by then and up to now; in each of the last times, what became what */
+    uint32_t drawn[CAPSULE_KEPT], draws;
+    uint16_t parent[CAPSULE_DRAWS][CAPSULE_PARTICLES];
+    real then[CAPSULE_PARTICLES];                     /* a row of `past` in the order of the particles now */
     real x[CAPSULE_STATES][CAPSULE_PARTICLES];
     real level[CAPSULE_PARTICLES], force[CAPSULE_PARTICLES], brisk[CAPSULE_PARTICLES], weight[CAPSULE_PARTICLES];
     real own[CAPSULE_VARIED][CAPSULE_PARTICLES];      /* friction parameter, then a periodic effect's size and phase */
     uint8_t moved[CAPSULE_PARTICLES];                 /* whether the particle has redrawn the periodic effect */
-    int chosen[CAPSULE_PARTICLES];
     real scratch[CAPSULE_PARTICLES];
 } capsule_estimator;
 

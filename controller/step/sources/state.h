@@ -40,7 +40,7 @@ typedef struct {
     real command, rate, aim;
 } capsule_issued;
 
-#define CAPSULE_RANKS (CAPSULE_MPC + 2) /* MPC, feedforward, PID */
+#define CAPSULE_RANKS (CAPSULE_SHAKEN ? 1 : CAPSULE_MPC + 2) /* an inner mass's, or MPC, feedforward, PID */
 
 #if CAPSULE_MPC
 #define CAPSULE_ROWS (5 * CAPSULE_STAGES)         /* soft and hard bounds of a plan, at most */
@@ -83,6 +83,18 @@ typedef struct {
 } capsule_planner;
 #endif
 
+#if CAPSULE_SHAKEN
+/* The controller of an inner mass: the filter of its mean motion, the cycle, the bias learned in each gear. */
+typedef struct {
+    double time_s, seen_s, stamp_s, start_s;  /* of the filter, of the newest estimate used, of the cycle's begin */
+    real z[3], P[3][3], learned_at;           /* progress m, mean speed m/s, bias m/s, their covariance */
+    int missed, gear, status, behind;         /* gear -1: at rest; behind -1: not known yet */
+    real speed, planned, geared_for;          /* m/s, of the cycle on the model, of the plan, of the gear's choice */
+    real level[CAPSULE_PARTS];
+    real bias[CAPSULE_GEARS];
+} capsule_shaker;
+#endif
+
 /* The controllers, their fallback chain and the command in force. Times are in s since its begin. */
 typedef struct {
     const capsule_numbers *numbers;
@@ -109,6 +121,9 @@ typedef struct {
     real pid_sum, pid_start;
 #if CAPSULE_MPC
     capsule_planner planner;
+#endif
+#if CAPSULE_SHAKEN
+    capsule_shaker shaker;
 #endif
 } capsule_controller;
 

@@ -9,7 +9,7 @@ from string import Template
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from controller.drives import DRIVES, envelope_of
+from controller.drives import envelope_of
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.step.daqp_sources import daqp_sources
@@ -19,6 +19,7 @@ from hil.app.export.native_node import node_sources
 from hil.app.export.ticks import closed_loop, logged
 from hil.app.scenario.deployment import Deployment, load_deployment
 from hil.app.scenario.model_use import model_for
+from hil.nodes.frame_map import frame_map_of
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file, parse_toml
 from models.words.sentences import Sentences
@@ -57,9 +58,9 @@ class Asked:
 def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], dict[str, Any]]:
     """The files of the folder by their path in it, and facts about them. Raises ValueError of one sentence."""
     deployment = _deployment(asked, known)
-    usual = DRIVES[deployment.rig.kind].leading  # before an estimator that is alone
-    name = usual if asked.alone else deployment.control.controller
     with in_file(asked.path):
+        usual = frame_map_of(deployment.rig.kind).drive.leading  # leads the run that an estimator is tested with
+        name = usual if asked.alone else deployment.control.controller
         check_word(name, "control.controller of an exported controller", CHAINS)
         model = deployment.believed(deployment.values)
         envelope = envelope_of(model.drive, deployment.limits)

@@ -3,8 +3,10 @@
 import json
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -170,7 +172,7 @@ def test_no_warnings(way: str, compiler: str, made: Callable[..., Path], tmp_pat
     folder, cc = made(way), tool(compiler)
     for path in [*folder.glob("*.c"), *folder.glob("node/*.c"), folder / "test" / "replay.c", folder / "m7" / "bare.c"]:
         flags = [*WARNINGS, *flags_of(folder), "-I.", "-Inode", "-Idaqp/include"]
-        own = [*flags, "-std=gnu99"] if path.name == "main.c" else flags
+        own = [*flags, "-std=gnu99"] if path.name in ("main.c", "log.c") else flags
         done([cc, *own, "-O2", "-c", path, "-o", tmp_path / "made.o"], folder)
 
 
@@ -275,6 +277,52 @@ def test_native_node_stops_without_frames(made: Callable[..., Path], tmp_path: P
     assert found.led
     assert found.reason == "feedback lost"
     assert found.state not in (4, 5)  # enabled, derated
+
+
+def test_replay_of_the_native_nodes_log(
+    made: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A whole log, one cut off in a line as by a loss of power, and one with another command."""
+    tool("make")
+    folder = made("feedforward")
+    log = folder / "run.log"
+    assert led(native(folder), short(tmp_path, "feedforward"), 2.0, log=log).led
+    assert run(["replay", str(log)]) == 0
+    assert "1000 ticks" in (said := capsys.readouterr().out)
+    assert "identical" in said
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[:-1]) + lines[-2][:20])
+    assert run(["replay", str(log)]) == 1
+    assert "identical as far as the log goes" in capsys.readouterr().out
+    sent = [k for k, line in enumerate(lines) if line.endswith("T\n") and " node 100#" in line]
+    spoiled = re.sub("#....", "#0000", lines[sent[-1]])
+    log.write_text("".join([*lines[: sent[-1]], spoiled, *lines[sent[-1] + 1 :]]))
+    assert run(["replay", str(log), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["different_ticks"] == 1
+
+
+def test_a_killed_nodes_log_is_kept(made: Callable[..., Path], tmp_path: Path) -> None:
+    """What the node handed over before SIGKILL is on file."""
+    folder, log = made("feedforward"), tmp_path / "run.log"
+    native(folder)
+    killed = subprocess.run([sys.executable, "-c", KILLED, folder / "native.so", log], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    waited = time.monotonic() + 20.0
+    while time.monotonic() < waited and sum(" 080#" in line for line in log.read_text().splitlines()) < 500:
+        time.sleep(0.1)
+    assert sum(" 080#" in line for line in log.read_text().splitlines()) == 500
+
+
+KILLED = """import ctypes, os, signal, sys
+node, room = ctypes.CDLL(sys.argv[1]), (ctypes.c_char * 96)()
+node.speak.argtypes = node.tick.argtypes = [ctypes.c_double, ctypes.c_void_p]
+node.begin()
+node.log_to(sys.argv[2].encode())
+for k in range(500):
+    node.speak(0.002 * k, room)
+    node.tick(0.002 * k, room)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
 
 
 def short(folder: Path, controller: str) -> SilScenario:

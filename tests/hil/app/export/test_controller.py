@@ -44,6 +44,7 @@ inner_mass_kg = 4e-3
 spring_stiffness_N_per_m = 62.0
 spring_damping_N_s_per_m = 0.0156
 force_N = 0.5
+reaction_on_body = true
 
 [surface]
 kind = "gut"

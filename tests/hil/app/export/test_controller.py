@@ -51,6 +51,7 @@ kind = "gut"
 
 """
 OWN_RIG = {"coil": ("feedforward", COIL), "vibro": ("vibro_square", INNER_MASS)}
+ON_LINUX = ("main.c", "log.c")
 TICKS = 600
 ALLOWED_RULES = {
     "2.4": "a structure whose tag is not used",
@@ -173,7 +174,7 @@ def test_no_warnings(way: str, compiler: str, made: Callable[..., Path], tmp_pat
     folder, cc = made(way), tool(compiler)
     for path in [*folder.glob("*.c"), *folder.glob("node/*.c"), folder / "test" / "replay.c", folder / "m7" / "bare.c"]:
         flags = [*WARNINGS, *flags_of(folder), "-I.", "-Inode", "-Idaqp/include"]
-        own = [*flags, "-std=gnu99"] if path.name in ("main.c", "log.c") else flags
+        own = [*flags, "-std=gnu99"] if path.name in ON_LINUX else flags
         done([cc, *own, "-O2", "-c", path, "-o", tmp_path / "made.o"], folder)
 
 
@@ -212,10 +213,10 @@ def drive_of(folder: Path) -> str:
 
 
 def written_by_hand(folder: Path) -> list[Path]:
-    """The C sources but for the generated ones, which would take minutes, and the log's replay."""
+    """The C sources but for the generated ones, which would take minutes, and those of a program on Linux."""
     generated = ("model.c", "numbers.c", "frames.c")
     found = [*folder.glob("*.c"), *folder.glob("node/*.c")]
-    return sorted(path.relative_to(folder) for path in found if path.name not in (*generated, "main.c"))
+    return sorted(path.relative_to(folder) for path in found if path.name not in (*generated, *ON_LINUX, "replay.c"))
 
 
 @pytest.mark.slow

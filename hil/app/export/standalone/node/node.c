@@ -251,7 +251,7 @@ static double acted(node *n, double now, int mode) {
         capsule_controller_init(&n->capsule.controller, &capsule_deployment, now, belief, (real)n->report);
     }
     reference(n, n->in.time_s, &n->in.position_m[0], &n->in.speed_m_s[0]);
-#if CAPSULE_STAGES
+#if CAPSULE_STAGES > 0
     for (int k = 1; k <= CAPSULE_STAGES; k++)
         reference(n, n->in.time_s + k * (double)capsule_deployment.stage_s, &n->in.position_m[k], &n->in.speed_m_s[k]);
 #endif

@@ -12,6 +12,7 @@ from typing import Any, Final
 from controller.drives import envelope_of
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
+from controller.registry import leads
 from controller.step.daqp_sources import daqp_sources
 from controller.step.library import DAQP_FILES, compiler, loaded, sources_of
 from controller.step.numbers import CHAINS, Numbers, numbers_of
@@ -30,6 +31,7 @@ STANDALONE: Final = Path(__file__).with_name("standalone")
 """Files of an exported folder that are the same for all, or templates."""
 TEMPLATES: Final = ("Makefile", "CMakeLists.txt", "README.md")
 _NEAR: Final = 0.01  # share of the scale within which single precision follows the log before particles differ
+_SIMPLEST: Final = "feedforward"  # leads the run that an estimator is tested with, where it can
 _ONLY_WITH: Final = dict.fromkeys(("mpc.c", "planner.c", "qp.c"), ("MPC", 1)) | {
     "shaker.c": ("SHAKEN", 1),
     "feedforward.c": ("SHAKEN", 0),
@@ -59,8 +61,8 @@ def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], di
     """The files of the folder by their path in it, and facts about them. Raises ValueError of one sentence."""
     deployment = _deployment(asked, known)
     with in_file(asked.path):
-        usual = frame_map_of(deployment.rig.kind).drive.leading  # leads the run that an estimator is tested with
-        name = usual if asked.alone else deployment.control.controller
+        kind = frame_map_of(deployment.rig.kind).drive.name
+        name = _SIMPLEST if asked.alone and kind in leads(_SIMPLEST) else deployment.control.controller
         check_word(name, "control.controller of an exported controller", CHAINS)
         model = deployment.believed(deployment.values)
         envelope = envelope_of(model.drive, deployment.limits)

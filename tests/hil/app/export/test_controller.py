@@ -24,7 +24,6 @@ from tests.hil.app.export.conftest import BASE, FOLDS
 from tests.hil.app.export.native import led, native
 from tests.hil.app.export.tools import HERE, WARNINGS, done, tool
 from tests.places import ROOT
-from tests.rig_texts import PLATE
 
 SHIPPED = ROOT / "examples" / "deployment"
 WAYS = ("feedforward", "mpc", "feedforward --float32", "mpc --float32", "coil", "vibro")
@@ -380,8 +379,7 @@ def test_refusals_are_a_sentence(
     text = deployment(tmp_path, "feedforward").read_text()
     (tmp_path / "d.toml").write_text(text)
     (tmp_path / "pid.toml").write_text(text.replace('"feedforward"', '"pid_measured"'))
-    tables = re.sub(r"(?s)\[capsule\].*?\[noise\].*?\n\n", PLATE + '[rig]\nkind = "vibro"\n\n', text)
-    (tmp_path / "pull.toml").write_text(tables.replace('"vibro"', '"pull"'))
+    (tmp_path / "pull.toml").write_text(re.sub(r"(?s)\[rig\].*?\n\n", '[rig]\nkind = "pull"\n\n', text))
     assert run(["export", *args]) == 2
     error = capsys.readouterr().err
     assert said in error

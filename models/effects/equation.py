@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from models.effects.effect import HOOKS, Effect, Signals
 from models.formula import Formula, Line, called, equal, written
-from models.parameter import Name
+from models.parameter import LETTERS, Name
 from models.theta import Theta, bare
 
 _TABLES: Final = tomllib.loads(Path(__file__).with_name("symbols.toml").read_text(encoding="utf-8"))
@@ -34,8 +34,6 @@ ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = _symbols_of("arguments")
 """Inputs of hooks other than signals, parameters and states: the symbol, and what it is."""
 USUAL: Final[Mapping[str, float]] = _usual("arguments")
 """Arguments of hooks, of usual size."""
-LETTERS: Final[Mapping[str, str]] = _TABLES["parameters"]
-"""Letters of the base models' parameters in equations."""
 TORQUE: Final = "T_extra"
 """What an added force is called about an axis."""
 _UNWRITTEN: Final = ("response",)

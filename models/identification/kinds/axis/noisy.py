@@ -1,5 +1,7 @@
 """An axis whose place is too noisy for its acceleration: fitted to the place, which runs from the measured force."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 

@@ -126,30 +126,15 @@ class Effect:
     proposed_on: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        if cls.__module__.startswith(f"{__package__}."):
-            cls._declare(_OURS.get(vars(cls).get("id", ""), {}))
-
-    @classmethod
-    def _declare(cls, own: Mapping[str, Any]) -> None:
-        """State as attributes what a table of `catalogue.toml` declares."""
+        own = _OURS.get(vars(cls).get("id", ""), {}) if cls.__module__.startswith(f"{__package__}.") else {}
         for key, value in own.items():
-            if key not in ("numbers", "on"):
+            if key != "numbers":
                 setattr(cls, key, _declared(key, value))
         for name, given in own.get("numbers", {}).items():
             setattr(cls, name, number(**given))
         for name, value in vars(cls).items():
             if own and isinstance(value, Parameter):
                 value.__set_name__(cls, name)
-
-    @classmethod
-    def on(cls, kind: str) -> type[Effect] | None:
-        """The effect with the numbers that it has `on` a kind of rig alone; None where it has none of its own there."""
-        own = _OURS.get(cls.id, {}).get("on", {}).get(kind)
-        if own is None:
-            return None
-        made: type[Effect] = type(cls.__name__, (cls,), {"__doc__": cls.__doc__})
-        made._declare(own)
-        return made
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -108,19 +108,7 @@ def output(kind: str, effect: str = "", amplitude: float = 0.0) -> Array:
 def test_every_table_of_the_catalogue_belongs_to_an_effect_and_declares_what_an_effect_may() -> None:
     tables = tomllib.loads((ROOT / "models/effects/catalogue.toml").read_text(encoding="utf-8"))
     assert set(tables) == set(CATALOGUE)
-    variants = [(name, kind, own) for name, table in tables.items() for kind, own in table.pop("on", {}).items()]
-    for name, table in (*tables.items(), *((name, own) for name, _, own in variants)):
-        assert set(table) <= {*DECLARATIONS, "numbers"}, name
-        assert set(table.get("numbers", ())) <= set(CATALOGUE[name].start()), name
-    assert variants
-    for name, kind, own in variants:
-        variant = CATALOGUE[name].on(kind)
-        assert variant is not None
-        assert variant.answers("level") == CATALOGUE[name].answers("level")
-        assert {key: variant.start()[key] for key in own.get("numbers", {})} == {
-            key: number["value"] for key, number in own.get("numbers", {}).items()
-        }
-    assert CATALOGUE["stribeck"].on("pull") is None
+    assert {key for table in tables.values() for key in table} <= set(DECLARATIONS)
 
 
 def test_every_effect_that_a_file_of_the_room_declares_is_in_the_catalogue() -> None:

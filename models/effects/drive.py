@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from models.drives.elastic_link import Link
-from models.effects.effect import Effect, Forms, InnerMassEffect, Signals, Value, Values, by_name
+from models.effects.effect import Effect, Forms, InnerMassEffect, Signals, Value, Values, by_name, number
 from models.effects.friction import DriftInTime, drift
 from models.effects.inner_mass import TRAVEL_M
 from models.formula import Formula, at_least, equal, named, polynomial, shown_as, symbols
@@ -15,8 +15,12 @@ class ActuatorLag(Effect):
     """First-order lag `tau u' = u_cmd - u`, exact for a ramp within the step."""
 
     id = "actuator_lag"
+    source = "first-order drive"
+    symbols = by_name(command="u")
     states = ("command",)
     follows = by_name(command="command")
+
+    time_s = number(0.0, "s", 0.0, 1.0, symbol="tau")
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         return z["command"]
@@ -47,8 +51,14 @@ class CarriageBacklash(Effect):
     """
 
     id = "carriage_backlash"
+    source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
+    symbols = by_name(position_m="u")
     states = ("position_m",)
     follows = by_name(position_m="command")
+
+    play_m = number(0.0, "m", 0.0, 0.008, "tracing catalogue 18", symbol="b")
+    sharpness = number(10.0, "1", 0.0, 60.0, "from an elastic seat to a loose nut", symbol="k")
+    order = number(1.0, "1", 1.0, 4.0, "a seat that stiffens", spread=1.0, symbol="n")
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
         return z["position_m"]
@@ -74,6 +84,11 @@ class StringCompliance(Effect):
     """
 
     id = "string_compliance"
+    source = "tracing catalogue 29"
+
+    compliance_m_per_N = number(0.0, "m/N", 0.0, 0.02, symbol="c")
+    hardening_per_m = number(100.0, "1/m", 0.0, 2000.0, "threads stiffen as they stretch", symbol="b")
+    damping_N_s_per_m = number(0.02, "N s/m", 0.0, 0.3, "loss within the thread", symbol="d")
 
     def link(self, p: Values) -> Link:
         return Link(*(p[name.name] for name in self.parameters()))
@@ -89,6 +104,10 @@ class CouplingDecay(Effect):
     """Scale `1 + g x + b x^2` of the drive's force."""
 
     id = "coupling_decay"
+    source = "tracing catalogue 23"
+
+    slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
+    bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0, symbol="b")
 
     def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return at_least(polynomial(s.x, 1, p["slope_per_m"], p["bend_per_m2"]), 0.05)
@@ -98,6 +117,7 @@ class CouplingFade(DriftInTime):
     """Scale `1 + b t_e + c t_e^2` of the drive's force, over a time that settles."""
 
     id = "coupling_fade"
+    source = "tracing catalogue 20"
 
     def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)
@@ -107,6 +127,9 @@ class ActuatorDeadZone(Effect):
     """Command `sgn(u_cmd) max(|u_cmd| - d, 0)`."""
 
     id = "actuator_dead_zone"
+    source = "tracing catalogue 17"
+
+    zone = number(0.0, "of the command", 0.0, 1.0, symbol="d")
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
         return np.sign(s.command) * np.maximum(np.abs(s.command) - p["zone"], 0.0)
@@ -116,6 +139,9 @@ class ActuatorSaturation(Effect):
     """Scale `1/(1 + a u_cmd^2)` of the drive's force: a cubic loss at small drive."""
 
     id = "actuator_saturation"
+    source = "tracing catalogue 19"
+
+    inverse_square = number(0.0, "1/command^2", 0.0, 100.0, symbol="a")
 
     def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 / (1 + p["inverse_square"] * s.command**2)
@@ -129,7 +155,12 @@ class MagneticHysteresis(Effect):
     """
 
     id = "magnetic_hysteresis"
+    source = "tracing catalogue 22: play in the current (Prandtl's stop, one element of Preisach's model)"
+    symbols = by_name(memory="z")
     states = ("memory",)
+
+    remanence = number(0.0, "command", -2.0, 2.0, symbol="r")
+    width = number(0.05, "command", 0.001, 5.0, symbol="w")
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
         return s.command + p["remanence"] * z["memory"]
@@ -146,6 +177,11 @@ class BackEmf(Effect):
     """Command `u_cmd - K v`: a coil under a voltage loses K volt for each m/s (K/R ampere of a commanded current)."""
 
     id = "back_emf"
+    source = "tracing catalogue 21: i = (u - K v)/R"
+
+    loss_s_per_m = number(
+        0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m", symbol="K"
+    )
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
         return s.command - p["loss_s_per_m"] * s.v
@@ -162,7 +198,11 @@ class CoilLag(InnerMassEffect):
     """
 
     id = "coil_lag"
+    source = "reluctance coil F = i^2/2 dL/dx, literature 2.1"
+    symbols = by_name(current="i")
     states = ("current",)
+
+    time_s = number(0.0, "s", 0.0, 0.015, "coil with R 100 ohm: milliseconds", symbol="tau")
 
     def command(self, s: Signals, p: Values, z: Values) -> Value:
         return z["current"] ** 2
@@ -186,6 +226,9 @@ class CoilReach(InnerMassEffect):
     """
 
     id = "coil_reach"
+    source = "reluctance coil, literature 1.2"
+
+    gain_per_m = number(0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm", symbol="g")
 
     def reach(self, stretch: Value, p: Values) -> Value:
         return np.exp(p["gain_per_m"] * shown_as(np.clip(stretch, -TRAVEL_M, TRAVEL_M), lambda: stretch))

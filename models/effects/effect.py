@@ -26,7 +26,7 @@ NEEDS: Final = (
 )
 """What a motion may offer for an effect to show."""
 _OURS: Final = tomllib.loads(Path(__file__).with_name("catalogue.toml").read_text(encoding="utf-8"))
-"""What each of the project's effects declares beside its law, by id."""
+"""What searches and reports know of each of the project's effects, by id."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,11 @@ def by_name(**entries: Any) -> Mapping[str, Any]:
 
 def _declared(key: str, value: Any) -> Any:
     """A value of `catalogue.toml` as a class states it."""
-    if isinstance(value, Mapping):
-        return by_name(**{name: tuple(one) if isinstance(one, list) else one for name, one in value.items()})
-    if isinstance(value, list):
-        return frozenset(value) if key == "kinds" else tuple(value)
-    return " ".join(value.split()) if isinstance(value, str) else value
+    if key == "kinds":
+        return frozenset(value)
+    if key == "grid":
+        return by_name(**{name: tuple(starts) for name, starts in value.items()})
+    return tuple(value) if isinstance(value, list) else value
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,8 @@ class Effect:
     motion must offer for the effect to show: "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a
     logged one of different sizes), "logged" (an input that changes), "samples" (more than two a mains period), "wall"
     (of living tissue, none on a plate), "turning" (an axis that turns; only its search tries such an effect).
-    `proposed_on` names the records whose residual proposed it. What the project's own effects declare beside their
-    law stands in `catalogue.toml`, their parameters as `numbers`; an effect from elsewhere has all of it as attributes.
+    `proposed_on` names the records whose residual proposed it. What searches and reports know of the project's own
+    effects stands in `catalogue.toml`; an effect from elsewhere states all of it as attributes.
     """
 
     id: ClassVar[str] = ""
@@ -126,15 +126,9 @@ class Effect:
     proposed_on: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        own = _OURS.get(vars(cls).get("id", ""), {}) if cls.__module__.startswith(f"{__package__}.") else {}
-        for key, value in own.items():
-            if key != "numbers":
+        if cls.__module__.startswith(f"{__package__}."):
+            for key, value in _OURS.get(vars(cls).get("id", ""), {}).items():
                 setattr(cls, key, _declared(key, value))
-        for name, given in own.get("numbers", {}).items():
-            setattr(cls, name, number(**given))
-        for name, value in vars(cls).items():
-            if own and isinstance(value, Parameter):
-                value.__set_name__(cls, name)
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -15,6 +15,10 @@ class ViscousDrag(Effect):
     """Force `-c sgn(v) (|v|/10 mm/s)^n`: odd in speed, without memory."""
 
     id = "viscous_drag"
+    source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
+
+    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3, symbol="c")
+    exponent = number(1.0, "1", 0.4, 2.0, symbol="n")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
@@ -29,6 +33,9 @@ class InclineGravity(Effect):
     """Constant force along +x, `m g sin(alpha)` of a tilted lumen."""
 
     id = "incline_gravity"
+    source = "tracing catalogue 13"
+
+    force_N = number(0.0, "N", -0.5, 0.5, symbol="F_g")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["force_N"]
@@ -40,7 +47,16 @@ class StressRelaxation(Effect):
     """
 
     id = "stress_relaxation"
+    source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
+    symbols = by_name(stretch_m="q")
     states = ("stretch_m",)
+
+    stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0, symbol="k")
+    time_s = number(1.0, "s", 0.05, 20.0, symbol="tau")
+    slip_per_m = number(0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995", symbol="c")
+    thinning_s_per_m = number(
+        0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417", symbol="b"
+    )
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return -p["stiffness_N_per_m"] * z["stretch_m"]
@@ -67,7 +83,12 @@ class FluidPlug(Effect):
     """
 
     id = "fluid_plug"
+    source = "Nonlinear Dyn. 2026, doi 10.1007/s11071-025-12175-z"
+    symbols = by_name(swept_m="q")
     states = ("swept_m",)
+
+    drag_N_s_per_m2 = number(0.0, "N s/m^2", -100.0, 2000.0, symbol="c")
+    length_m = number(0.04, "m", 0.003, 1.0, symbol="L")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["drag_N_s_per_m2"] * s.v * np.maximum(z["swept_m"] * np.sign(s.v), 0.0)
@@ -137,7 +158,11 @@ class Respiration(ForceInTime):
     """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
 
     id = "respiration"
+    source = "tracing catalogue 15: 0.2 to 0.3 Hz"
     grid = by_name(frequency_Hz=frequencies(0.04, 0.82))
+
+
+_SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
 
 
 class PeristalticWave(ForceInTime):
@@ -149,7 +174,11 @@ class PeristalticWave(ForceInTime):
     """
 
     id = "peristaltic_wave"
+    source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
     grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
+
+    frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
+    wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5, symbol="k")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(wave_turn(s, p), p)
@@ -164,7 +193,11 @@ class AddedMass(Effect):
     """Force `-m_a a`: fluid or rig mass that moves along."""
 
     id = "added_mass"
+    source = "tracing catalogue 16"
+    symbols = by_name(acceleration="v'")
     states = ("acceleration", "speed")
+
+    mass_kg = number(0.0, "kg", -0.005, 2.0, symbol="m_a")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["mass_kg"] * z["acceleration"]
@@ -181,6 +214,9 @@ class SpringOverPosition(Effect):
     """Force `-k x`; the spring's position of rest is part of the axis' constant force."""
 
     id = "spring_over_position"
+    source = "Hooke's law; balancing springs, cables and hoses of machine axes"
+
+    stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5, symbol="k")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["stiffness_N_per_m"] * s.x
@@ -190,7 +226,11 @@ class GravityOverAngle(Effect):
     """Torque `-G sin(x - x_0)`, `G = m g l`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
 
     id = "gravity_over_angle"
+    source = "m g l of a lever: statics"
     grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
+
+    torque_N_m = number(0.0, "N m", -1e3, 1e3, symbol="G")
+    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="x_0")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])
@@ -202,7 +242,11 @@ class LoadForce(Effect):
     """
 
     id = "load_force"
+    source = "statics: a load cell's lever, a piston's area"
     exact = True
+
+    per_load = number(0.0, "N/(N or N m)", -1e9, 1e9, symbol="c")
+    slope_per_m = number(0.0, "1/m", -100.0, 100.0, symbol="g")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         total = sum(p[q.name] * s.logged(q.name[4:]) for q in self.parameters() if q.name.startswith("per_"))
@@ -213,7 +257,14 @@ class TorqueRipple(Effect):
     """Force `-(A sin q + b_2 sin 2q + c_2 cos 2q)`, `q = 2 pi x/L + phi`: the same both ways and at any speed."""
 
     id = "torque_ripple"
+    source = "cogging and commutation of motors: Holtz, IEEE Trans. Ind. Electron. 43 (1996)"
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
+
+    force_N = number(0.0, "N", -1e3, 1e3, symbol="A")
+    wavelength_m = number(0.01, "m", 1e-4, 10.0, symbol="L")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="phi")
+    second_sin_N = number(0.0, "N", -1e3, 1e3, symbol="b_2")
+    second_cos_N = number(0.0, "N", -1e3, 1e3, symbol="c_2")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         q = named("q", 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])
@@ -227,7 +278,13 @@ class ElasticDrive(Effect):
     """
 
     id = "elastic_drive"
+    source = "two-mass models of drives: Schroeder, Elektrische Antriebe"
+    symbols = by_name(stretch_m="e", load_m_s="v_l")
     states = ("stretch_m", "load_m_s")
+
+    load_kg = number(0.0, "kg", 0.0, 1e4, symbol="m")
+    frequency_Hz = number(8.0, "Hz", 0.5, 60.0, symbol="f")
+    damping = number(0.05, "1", 0.0, 0.9, spread=0.3, symbol="zeta")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         w = named("w", 2 * math.pi * p["frequency_Hz"])

@@ -40,7 +40,12 @@ class Stribeck(Effect):
     """
 
     id = "stribeck"
+    source = "Stribeck curve; Monatsh. Chem. 2016 for mucus"
     by_speed = True
+
+    excess = number(0.0, "1", -0.8, 3.0, symbol="a")
+    speed_m_s = number(0.003, "m/s", 0.0002, 0.05, symbol="v_s")
+    exponent = number(2.0, "1", 0.5, 4.0, "Armstrong-Helouvry 1991: 1/2 to 2", spread=1.0, symbol="delta")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["excess"] * np.exp(-((at_least(np.abs(s.v), _REST_M_S) / p["speed_m_s"]) ** p["exponent"]))
@@ -50,6 +55,9 @@ class DirectionalAsymmetry(Effect):
     """Scale `1 + a sgn(v)`: constant while sliding, of either sign."""
 
     id = "directional_asymmetry"
+    source = "tracing catalogue 14; EMPS, Janot et al. 2019"
+
+    asymmetry = number(0.0, "1", -0.9, 0.9, symbol="a")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["asymmetry"] * s.direction
@@ -61,7 +69,16 @@ class FoldPeriodic(Effect):
     """
 
     id = "fold_periodic"
+    source = "folds up to 8 mm deep (Gray)"
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
+
+    depth = number(0.0, "1", -0.9, 0.9, symbol="a")
+    wavelength_m = number(0.008, "m", 0.002, 0.016, symbol="L")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="phi")
+    second_sin = number(0.0, "1", -1.0, 1.0, symbol="b_2")
+    second_cos = number(0.0, "1", -1.0, 1.0, symbol="c_2")
+    third_sin = number(0.0, "1", -0.7, 0.7, symbol="b_3")
+    third_cos = number(0.0, "1", -0.7, 0.7, symbol="c_3")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         turn = named("q", 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])
@@ -76,6 +93,13 @@ class LumenTaper(Effect):
     """
 
     id = "lumen_taper"
+    source = "tracing catalogue 11, 12"
+
+    slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
+    bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0, symbol="b")
+    curl_per_m3 = number(0.0, "1/m^3", -2e4, 2e4, symbol="c")
+    reach_m = number(0.05, "m", 0.01, 1.0, symbol="L")
+    middle_m = number(0.0, "m", -0.3, 0.3, spread=0.05, symbol="x_m")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         r = named("r", s.x - p["middle_m"])
@@ -94,6 +118,13 @@ class Stenosis(Effect):
     """
 
     id = "stenosis"
+    source = "tracing catalogue 11"
+
+    excess = number(0.0, "1", -0.9, 6.0, symbol="a")
+    centre_m = number(0.0, "m", -0.3, 0.3, role="place", symbol="x_0")
+    width_m = number(0.003, "m", 0.0005, 0.012, symbol="w")
+    tail = number(1.0, "1", -0.6, 2.0, symbol="m")
+    skew = number(0.0, "1", -0.6, 0.6, symbol="k")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         away = named("r", s.x - p["centre_m"])
@@ -108,7 +139,13 @@ class DwellAdhesion(Effect):
     """Scale `1 + b theta`: at rest theta grows as `1 - exp(-t/t_a)`, in motion it fades over the slip length L."""
 
     id = "dwell_adhesion"
+    source = "rate and state ageing, Dillavou arXiv:1908.02676"
+    symbols = by_name(age="theta")
     states = ("age",)
+
+    peak = number(0.0, "1", -0.5, 3.0, symbol="b")
+    ageing_time_s = number(2.0, "s", 0.1, 60.0, symbol="t_a")
+    slip_length_m = number(0.0005, "m", 5e-05, 0.01, symbol="L")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["peak"] * z["age"]
@@ -130,6 +167,11 @@ class Preconditioning(Effect):
     """
 
     id = "preconditioning"
+    source = "Terry 2014: 13 cycles; Mullins"
+
+    fall = number(0.0, "1", -1.0, 0.9, symbol="a")
+    length_m = number(0.05, "m", 0.01, 0.5, symbol="L")
+    quick = number(0.0, "1", 0.0, 0.9, "Terry 2014: the first cycle takes most", spread=0.3, symbol="q")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         path = s.travelled / p["length_m"]
@@ -140,6 +182,7 @@ class TissueDrying(DriftInTime):
     """Scale `1 + b t_e + c t_e^2` of a clock time that settles, also at rest."""
 
     id = "tissue_drying"
+    source = "paper C Section 2.2 (drying in air)"
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)
@@ -149,6 +192,9 @@ class LoadDependentFriction(Effect):
     """Scale `1 + c |N|` of the logged load, in whichever unit; of several a sum, one `growth_per_NAME` each."""
 
     id = "load_dependent_friction"
+    source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
+
+    growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3, symbol="c")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return at_least(
@@ -166,7 +212,12 @@ class Presliding(Effect):
     """
 
     id = "presliding"
+    source = "Dahl, AIAA J. 14 (1976) 1675"
+    symbols = by_name(stretch="z")
     states = ("stretch",)
+
+    distance_m = number(0.0, "m", 0.0, 0.1, symbol="d")
+    exponent = number(1.0, "1", 1.0, 3.0, "Dahl: 1; more where springs of many lengths slip one by one", symbol="n")
 
     def direction(self, s: Signals, p: Values, z: Values) -> Value:
         stretched = np.where(p["distance_m"] > _SHORTEST_M, z["stretch"], s.direction)
@@ -190,6 +241,10 @@ class Warming(Effect):
     """
 
     id = "warming"
+    source = "viscosity of lubricants over temperature; Carlson et al., friction of joints after 1 h of motion"
+
+    fall = number(0.0, "1", -2.0, 0.95, symbol="a")
+    length_m = number(1.0, "m", 0.01, 100.0, symbol="L")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 - p["fall"] * (1 - np.exp(-s.travelled / p["length_m"]))
@@ -204,6 +259,10 @@ class HertzianContact(Effect):
     """
 
     id = "hertzian_contact"
+    source = "Bowden and Tabor: friction goes with the true area; Hertz 1882: N^(2/3), an exponent of -1/3 of the level"
+
+    exponent = number(0.0, "1", -0.9, 1.0, symbol="n")
+    reference_N = number(1.0, "N", 1e-6, 1e9, fit=False, symbol="N_r")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
         return (at_least(np.abs(s.load), _LEAST_N) / p["reference_N"]) ** p["exponent"]
@@ -215,6 +274,9 @@ class AdhesiveContact(Effect):
     """
 
     id = "adhesive_contact"
+    source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
+
+    load_N = number(0.0, "N", -10.0, 100.0, symbol="N_0")
 
     def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         return p["load_N"]
@@ -226,6 +288,10 @@ class MagnetNormalLoad(Effect):
     """
 
     id = "magnet_normal_load"
+    source = "K. W. Yung et al., Magn. Electr. Sep. 9 (1998) 39: two dipoles attract each other across the gap"
+
+    load_N = number(0.0, "N", 0.0, 5.0, symbol="N_m")
+    width_m = number(0.02, "m", 0.003, 0.3, symbol="w")
 
     def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         apart = (s.command - s.x) / p["width_m"]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name
+from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name, number
 from models.formula import Formula, equal
 
 
@@ -13,6 +13,9 @@ class SensorBias(Effect):
     """Reading `y_0 + b`."""
 
     id = "sensor_bias"
+    source = "tracing catalogue 24"
+
+    bias = number(0.0, "of the measured unit", -0.5, 0.5, symbol="b")
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y + p["bias"]
@@ -22,9 +25,15 @@ class SensorScale(Effect):
     """Reading `(1 + epsilon) y_0`."""
 
     id = "sensor_scale"
+    source = "tracing catalogue 24"
+
+    error = number(0.0, "1", -0.5, 0.5, symbol="epsilon")
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return (1 + p["error"]) * y
+
+
+_WARMING = "an amplifier warms up within a minute, then drifts on"
 
 
 class SensorDrift(Effect):
@@ -33,6 +42,11 @@ class SensorDrift(Effect):
     """
 
     id = "sensor_drift"
+    source = "tracing catalogue 24"
+
+    rate_per_s = number(0.0, "of the measured unit/s", -0.01, 0.01, symbol="c")
+    quicker = number(0.0, "1", -1.0, 30.0, _WARMING, spread=5.0, symbol="k")
+    warming_s = number(15.0, "s", 3.0, 200.0, _WARMING, spread=30.0, symbol="t_w")
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         warmed = p["warming_s"] * (1 - np.exp(-s.t / p["warming_s"]))
@@ -43,6 +57,9 @@ class SensorDelay(Effect):
     """Reading `y_0(t - d)`."""
 
     id = "sensor_delay"
+    source = "tracing catalogue 25"
+
+    delay_s = number(0.0, "s", 0.0, 0.5, symbol="d")
 
     def delay(self, p: Values) -> Value:
         return p["delay_s"]
@@ -52,8 +69,12 @@ class SensorLowpass(Effect):
     """Reading `tau y' = y_0 - y`."""
 
     id = "sensor_lowpass"
+    source = "tracing catalogue 26"
+    symbols = by_name(smooth="y")
     states = ("smooth",)
     follows = by_name(smooth="position")
+
+    time_s = number(0.0, "s", 0.0, 0.5, symbol="tau")
 
     def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
         return z["smooth"]
@@ -71,6 +92,11 @@ class MainsHum(Effect):
     """Reading `y_0 + A sin(2 pi f t + phi)`."""
 
     id = "mains_hum"
+    source = "paper C Section 2.3 (power frequency interference)"
+
+    hum = number(0.0, "of the measured unit", -0.05, 0.05, symbol="A")
+    frequency_Hz = number(50.0, "Hz", 49.0, 61.0, symbol="f")
+    phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="phi")
 
     def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y + p["hum"] * np.sin(2 * math.pi * p["frequency_Hz"] * s.t + p["phase_rad"])

@@ -1,7 +1,5 @@
 """The next experiment: the motion that best separates what the records leave confounded, and by how much it would."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The search: calibrate, screen, compare, add while it gains, test again, compare rivals."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

@@ -76,7 +76,6 @@ def ready(record: Record, rig: Rig) -> Record:
 
 
 _BY_RECORD: Final = ("predict", "predictions", "residual", "stacked", "imitate", "extra_force")
-"""What a kind does record by record."""
 
 
 def differing(kind: Kind, own: Mapping[str, Kind]) -> Kind:

@@ -66,13 +66,9 @@ def in_c(iterations: int) -> Act:
     named = [replace(p, name=GRIP if p.name == "slip_m" else p.name) for p in problem.symbols.parameters]
     problem = replace(problem, symbols=replace(problem.symbols, parameters=tuple(named)))
     model = Sharp(**{f.name: getattr(problem, f.name) for f in fields(problem)})
-    same = {
-        "horizon_of": lambda _: replace(HORIZON, iterations=iterations, rest_m=1e-9),
-        "Weights": lambda: WEIGHTS,
-        "noise_of": lambda *_: FilterNoise(),
-    }
+    same = {"Weights": lambda: WEIGHTS, "noise_of": lambda *_: FilterNoise()}
     with patch.multiple("controller.step.numbers", **same):
-        numbers = numbers_of("mpc", model, BOUNDS)
+        numbers = numbers_of("mpc", model, BOUNDS, horizon=replace(HORIZON, iterations=iterations, rest_m=1e-9))
     found = compiled("mpc", model, BOUNDS, numbers)
     assert found is not None
     chain, reference = CompiledChain(found), Strides()

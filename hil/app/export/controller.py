@@ -12,7 +12,7 @@ from typing import Any, Final
 from controller.drives import envelope_of
 from controller.estimator.particle_filter import PARTICLES
 from controller.limits import Envelope
-from controller.registry import leads
+from controller.registry import horizon_of, leads
 from controller.step.compiled import compiled
 from controller.step.daqp_sources import daqp_sources
 from controller.step.library import DAQP_FILES, compiler, sources_of
@@ -44,7 +44,8 @@ _OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
 @dataclass(frozen=True)
 class Asked:
     """What is exported: of the deployment at `path`, with a `stage` of the model file `model` where one is given;
-    `form`: with its controller or the estimator alone; `single`: float32; `particles` of its estimator.
+    `form`: with its controller or the estimator alone; `single`: float32; `particles` of its estimator; `short`: a
+    shorter plan.
     """
 
     path: Path
@@ -53,6 +54,7 @@ class Asked:
     form: str
     single: bool
     particles: int | None = None
+    short: bool = False
 
     @property
     def alone(self) -> bool:
@@ -68,7 +70,10 @@ def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], di
         check_word(name, "control.controller of an exported controller", CHAINS)
         model = deployment.believed(deployment.values)
         envelope = envelope_of(model.drive, deployment.limits)
-        numbers = numbers_of(name, model, envelope, particles=asked.particles or PARTICLES)
+        if asked.short and name != "mpc":
+            raise ValueError(f"control.controller must be 'mpc' for --short-plan; got {name!r}")
+        horizon = horizon_of(model, short=asked.short)
+        numbers = numbers_of(name, model, envelope, particles=asked.particles or PARTICLES, horizon=horizon)
         sources = _sources(numbers, asked)
         files = {**sources, **_daqp(numbers, asked)}
         found = compiled(name, model, envelope, numbers)

@@ -48,6 +48,9 @@ def export(
         int | None,
         typer.Option("--particles", metavar="N", min=50, max=1000, help="Of a controller's estimator; else 300."),
     ] = None,
+    short: Annotated[
+        bool, typer.Option("--short-plan", help="An MPC of 20 stages and one SQP step a tick, not 30 and two.")
+    ] = False,
     json_output: Json = False,
     effects: OwnEffects,
 ) -> None:
@@ -58,11 +61,11 @@ def export(
     if form in IN_C:
         if scenario is None or rig is not None or driven:
             raise ValueError(f"export {form} must have DEPLOYMENT.toml, and neither --rig nor --driven")
-        _in_c((scenario, model, stage, form, single, particles), out, Catalogue.read(effects), json_output)
+        _in_c((scenario, model, stage, form, single, particles, short), out, Catalogue.read(effects), json_output)
         return
-    if single or particles:
-        name = "--float32" if single else "--particles"
-        raise ValueError(f"{name} must stand with export {' or '.join(IN_C)}; got it with export {form}")
+    for name, given in (("--float32", single), ("--particles", particles), ("--short-plan", short)):
+        if given:
+            raise ValueError(f"{name} must stand with export {' or '.join(IN_C)}; got it with export {form}")
     if scenario is not None and (model is not None or rig is not None):
         raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
     if scenario is not None and form != "fmu":
@@ -92,7 +95,7 @@ def export(
 
 
 def _in_c(
-    words: tuple[Path, Path | None, str, str, bool, int | None], out: Path, known: Catalogue, json_output: bool
+    words: tuple[Path, Path | None, str, str, bool, int | None, bool], out: Path, known: Catalogue, json_output: bool
 ) -> None:
     """Write the folder of a compiled controller or estimator."""
     from hil.app.export.controller import Asked, exported

@@ -85,7 +85,7 @@ def page_html(
 ) -> str:
     """One self-contained page: findings, the records, what they would show at least."""
     from hil.report.builder import page  # what draws takes half a second to load
-    from hil.report.figure_records import columns_figure, names
+    from hil.report.figure_traces import columns_figure, names
 
     return page(
         "check.html.j2",

@@ -11,8 +11,7 @@ from hil.app.console import answer, note, printable
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
-from hil.formats.channels import Channel, Heading, refusing
-from hil.formats.clock import by_clock, one_table
+from hil.formats.channels import Channel, Heading, by_clock, one_table, refusing
 from hil.formats.reading import WRITTEN, is_log, write_channels
 from hil.log.record import file_channels
 from hil.log.rig_record import read_rig_record

@@ -4,7 +4,6 @@ import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from typing import Annotated, Any, Final
 
@@ -16,6 +15,7 @@ from hil.app.console import InterruptionError, note, print_json, printable
 from hil.app.shared_options import declared
 from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
+from hil.own_process import version_of
 from models.parameter import nearest
 from models.words.sentences import Sentences
 
@@ -114,11 +114,7 @@ def spread_option(option: str, args: Sequence[str]) -> list[str]:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        try:
-            number = version("capsule-control")
-        except PackageNotFoundError:
-            number = "not installed"
-        typer.echo(f"capsule {number}")
+        typer.echo(f"capsule {version_of()}")
         raise typer.Exit
 
 

@@ -6,7 +6,6 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from subprocess import run
 from typing import Any, Final, NamedTuple
@@ -19,6 +18,7 @@ from controller.step.library import available
 from hil.bus.catalogue import FrameCatalogue
 from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, Logged
 from hil.log.log import NodeLog
+from hil.own_process import version_of
 from models.theta import Theta
 
 START, STOP, UNSOLVED, CUT, EXACT, HEARD, ACKNOWLEDGED = range(1, 8)
@@ -135,11 +135,7 @@ def log_record(
 
 def code_version() -> str:
     """The program's version and, in a checkout, its commit, with "+" if files differ from it."""
-    try:
-        number = version("capsule-control")
-    except PackageNotFoundError:
-        number = "not installed"
-    commit = _git("rev-parse", "--short=12", "HEAD")
+    number, commit = version_of(), _git("rev-parse", "--short=12", "HEAD")
     return f"{number} {commit}{'+' if _git('status', '--porcelain', '-uno') else ''}" if commit else number
 
 

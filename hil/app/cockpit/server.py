@@ -19,8 +19,7 @@ import tornado.web
 import tornado.websocket
 
 from hil.app.cockpit.operator_panel import OperatorPanel
-from hil.app.cockpit.series import BIN_S, KEPT_S
-from hil.app.cockpit.source import BusSource, LogSource
+from hil.app.cockpit.source import BIN_S, KEPT_S, BusSource, LogSource
 from hil.nodes.operator_sender import CYCLE_S
 from hil.report.builder import TEMPLATES
 from models.words.sentences import Sentences

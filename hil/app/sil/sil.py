@@ -28,9 +28,8 @@ from hil.app.sil.learning_page import learning_files
 from hil.app.sil.loop import SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import Progress
-from hil.app.track.page import page_html
 from hil.app.track.score import document, score
-from hil.app.track.summary import LoopRun, lines_of, say
+from hil.app.track.summary import LoopRun, lines_of, page_html, say
 from hil.app.write import check_folder, check_mcap, own_folder, write_files
 from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog

@@ -16,9 +16,8 @@ from hil.app.scenario.model_use import offer_document, offer_of, read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import argument, option
 from hil.app.track.loop import believed_model, run_loop
-from hil.app.track.page import page_html
 from hil.app.track.score import document, score, verdicts
-from hil.app.track.summary import TEXT, LoopRun, lines_of, say
+from hil.app.track.summary import TEXT, LoopRun, lines_of, page_html, say
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
 

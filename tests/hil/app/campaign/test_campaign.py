@@ -20,8 +20,8 @@ from hil.app.campaign.file import laid_over, load_campaign, nested
 from hil.app.campaign.page import Runs, page_html
 from hil.app.campaign.running import Results, chunks
 from hil.app.campaign.worker import TRIES, Loop, pooled, run_job
+from hil.app.cluster import program_version
 from hil.app.main import run
-from hil.app.version import program_version
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed
 from tests.places import SCENARIOS

@@ -94,42 +94,7 @@ TEXT: Final = Sentences(__file__)
 REPORT: Final = "report.json"
 _RANGE = 5.0  # times a fitted size, as far as a new fit may go
 _SHARE = 3.0  # of the resistance, the most that a level may be off
-_FILE: Final = Template('''\
-"""A term that close-loop proposed for what no known effect explained; `capsule effects propose` wrote it."""
-
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-
-from models.effects import shapes
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
-from models.words.sentences import Sentences
-
-TERM = $text
-
-
-@dataclass(frozen=True)
-class $name(Effect):
-    """`size (offset + shape)` of one signal; its numbers begin where the residual's curve has them."""
-
-    id = "$id"
-    summary = "the residual over the $words"
-    source = f"proposed from a residual: {TERM}"
-    kinds = frozenset({$kind})
-    proposed_on = $records
-    separated_by = "records that the proposal was not made on"
-    probe = $probe
-
-$parameters
-
-    def $hook(self, s: Signals, p: Values, z: Values) -> Any:
-        """$doc"""
-        over = $signal
-        shape = shapes.$form(over$arguments)
-        return $answer
-''')
+_FILE: Final = Template(Path(__file__).with_name("own_effect.py.txt").read_text(encoding="utf-8"))
 
 
 def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:

@@ -25,15 +25,7 @@ from plant.experiments.examples import BELIEVED
 
 TEXT: Final = Sentences(__file__)
 RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
-_NOTE: Final = """# A {kind} rig
-
-`rig.toml` holds what you believe about the rig: every key with unit, range and meaning.
-`record.csv` is a **simulated** template with the columns {columns}. Replace it by your records and run
-
-    {command}
-
-Then open `out/report.html`. Add further records of the rig beside the first, and held-out records after `--holdout`.
-"""
+_NOTE: Final = Path(__file__).with_name("rig_readme.md.txt")
 
 
 def init(
@@ -57,7 +49,9 @@ def init(
         with output_to_notes():
             tables, columns = template(KINDS[kind], rotary=rotary)
         command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"
-        note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
+        note = _NOTE.read_text(encoding="utf-8").format(
+            kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command
+        )
         files = {RIG: commented(KINDS[kind], tables, list(columns)), RECORD: table_text(columns), NOTE: note}
         write_files({folder / name: text for name, text in files.items()})
     answer(

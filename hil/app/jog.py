@@ -153,19 +153,10 @@ def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
     return 0 if newest is not None and not sender.refused and not sender.others else 1
 
 
+_ARROWS: Final = {"C": "right", "D": "left", "A": "up", "B": "down"}
 KEYS: Final = {
-    "\x1b[C": "right",
-    "\x1b[D": "left",
-    "\x1b[A": "up",
-    "\x1b[B": "down",
-    "\x1bOC": "right",
-    "\x1bOD": "left",
-    "\x1bOA": "up",
-    "\x1bOB": "down",
-    "\x1b": "quit",
-    "q": "quit",
-    "\x03": "quit",
-    "\x04": "quit",
+    **{f"\x1b{mode}{letter}": name for mode in "[O" for letter, name in _ARROWS.items()},
+    **dict.fromkeys(("\x1b", "q", "\x03", "\x04"), "quit"),
     " ": "release",
 }
 _KEY: Final = re.compile("|".join(map(re.escape, KEYS)))

@@ -58,7 +58,7 @@ class BlfFile(can.BLFWriter):
         self._calendar_s, self._path = calendar_s, path
         if append:
             with path.open("rb+") as file:
-                file.truncate(_whole(file.read(_HEAD.size)))
+                file.truncate(int(_HEAD.unpack(file.read(_HEAD.size))[10]))  # what the header states
         super().__init__(path, append=append, compression_level=1)
         self.start_timestamp = 0.0
         self.flush()
@@ -105,11 +105,6 @@ class BlfFile(can.BLFWriter):
 def is_own(head: bytes) -> bool:
     """Whether `head` begins a BLF file of ours, with times of a node's clock."""
     return len(head) >= _HEAD.size and _HEAD.unpack_from(head)[2] == APPLICATION
-
-
-def _whole(head: bytes) -> int:
-    """The size in bytes that the file's header states."""
-    return int(_HEAD.unpack(head)[10])
 
 
 def direction_of(message: can.Message) -> int:

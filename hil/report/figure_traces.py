@@ -42,13 +42,9 @@ def motion_figure(proposal: Proposal) -> go.Figure:
     line = {"color": STAGE_COLOURS["augmented"], "width": 2}
     look: dict[str, Any] = {"mode": "lines+markers", "line": line, "marker": {"size": 5}, "showlegend": False}
     hover = "%{x:.2f} s: %{y:.3f} mm<extra></extra>"
-    figure = axes("time in s", f"{column_words(_path(proposal))[0]} in mm", 260)
+    path = proposal.column if proposal.column.endswith("_m") else "position_m"
+    figure = axes("time in s", f"{column_words(path)[0]} in mm", 260)
     return figure.add_scatter(x=proposal.times_s, y=1e3 * proposal.places_m, hovertemplate=hover, **look)
-
-
-def _path(proposal: Proposal) -> str:
-    """The column whose path is drawn."""
-    return proposal.column if proposal.column.endswith("_m") else "position_m"
 
 
 def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:

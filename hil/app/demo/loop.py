@@ -113,12 +113,11 @@ def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, l
     return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-def _loops() -> Iterator[LoopExample]:
-    for name, table in tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8")).items():
-        yield LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
-
-
-LOOPS: Final = tuple(_loops())
+_TABLES: Final = tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8"))
+LOOPS: Final = tuple(
+    LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
+    for name, table in _TABLES.items()
+)
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,9 @@ class Background:
     def _ask(self, question: LearningQuestion) -> LearningAnswer:
         try:
             pipe = self._pipe if self._process is not None and self._process.is_alive() else None
-            pipe = pipe or self._renewed()
+            if pipe is None:
+                self._end()
+                pipe = self._start()
         except Exception as error:  # noqa: BLE001 - an exhausted system may raise anything
             self._end()
             return _failed(TEXT("process.not_started", why=error_text(error)))
@@ -86,10 +88,6 @@ class Background:
             # the kernel closes the pipe of a process that dies before it says how that ended
             ended = self._end(CLOSED_S if isinstance(error, EOFError | ConnectionError) else 0.0)
             return _failed(ended or TEXT("process.no_answer", why=error_text(error)))
-
-    def _renewed(self) -> Connection:
-        self._end()
-        return self._start()
 
     def _end(self, wait_s: float = 0.0) -> str:
         """Kill the process and close the pipe; how it had ended within `wait_s`, "" where it had not."""

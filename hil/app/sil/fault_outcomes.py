@@ -97,11 +97,6 @@ def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
     return CYCLE_S if fault.kind == "released" else life_s
 
 
-def operator_limit_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
-    """Longest time in s from the begin of an operator's fault until the drive is in its safe state."""
-    return hold_s(jog, operator, fault) + operator.stop_after_s + BUS_S
-
-
 ROUNDING_S: Final = 1e-9  # of simulated time
 
 
@@ -146,7 +141,7 @@ def outcomes(scenario: SilScenario, trace: SilTrace) -> list[FaultOutcome]:
 def limit_of(scenario: SilScenario, fault: Fault) -> float:
     """Longest time in s from a fault to the safe state; inf: the loop may ride through."""
     if fault.needs == OPERATOR and scenario.jog is not None and scenario.operator is not None:
-        return operator_limit_s(scenario.jog, scenario.operator, fault)
+        return hold_s(scenario.jog, scenario.operator, fault) + scenario.operator.stop_after_s + BUS_S
     if fault.kind in _STRANGERS and scenario.bus.key_file:
         return math.inf
     if scenario.drive is None:

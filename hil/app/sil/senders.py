@@ -7,7 +7,7 @@ from typing import Final
 
 import can
 
-from hil.app.scenario.bus_scenario import JogTable, Step
+from hil.app.scenario.bus_scenario import JogTable
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
 from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
@@ -37,15 +37,13 @@ class ScriptedOperator:
             return
         self._now = now
         self._due_s += CYCLE_S
-        step = None if self.let_go else self._step(now)
+        due = (step for step, end in zip(self._steps, self._ends, strict=True) if now < end)
+        step = None if self.let_go else next(due, None)
         held = step is not None and step.mode != "release"
         self.presses += held and not self._held
         self._held = held
         self._sender.steer("release" if step is None else step.mode, 0.0 if step is None else step.value)
         self._sender.listen()
-
-    def _step(self, now: float) -> Step | None:
-        return next((step for step, end in zip(self._steps, self._ends, strict=True) if now < end), None)
 
 
 class SecondOperator:

@@ -100,14 +100,10 @@ def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | Non
     """The magnet's height in m where it is commanded: that of the model `before`, else chosen anew."""
     if before is not None and before.rig.magnets is not None:
         return before.rig.magnets.height_m
-    chosen = choose_height(scenario.belief, values, _fastest(scenario))
-    return None if chosen is None else chosen.height_m
-
-
-def _fastest(scenario: TrackScenario) -> float:
-    """The largest speed of the reference in m/s."""
     times = np.arange(0.0, scenario.duration_s, scenario.control.tick_s)
-    return float(np.max(np.abs(scenario.reference.speed(times))))
+    fastest = float(np.max(np.abs(scenario.reference.speed(times))))
+    chosen = choose_height(scenario.belief, values, fastest)
+    return None if chosen is None else chosen.height_m
 
 
 def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:

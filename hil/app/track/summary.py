@@ -79,7 +79,10 @@ def say(head: str, runs: Sequence[LoopRun], page: Path | None) -> None:
 def check_rows(found: Sequence[Found]) -> list[list[str]]:
     """Controller, check, value, limit and verdict of each check."""
     return [
-        [one["controller"], _check_words(check), number(check["value"]), number(check["limit"]), _verdict(check)]
+        [
+            *(one["controller"], ", ".join(filter(None, column_words(check["check"])))),
+            *(number(check["value"]), number(check["limit"]), "passed" if check["passed"] else "FAILED"),
+        ]
         for one in found
         for check in one.get("checks", ())
     ]
@@ -103,15 +106,6 @@ def tracking(found: Found) -> list[str]:
     numbers += [fixed(1e3 * found[key], 1) for key in ("wall_force_max_N", "effort")]
     not_ok = ", ".join(f"{name} {n}" for name, n in found["ticks"].items() if n and name != "ok") or "none"
     return [*numbers, str(found["hard_violations"]), not_ok]
-
-
-def _check_words(check: Found) -> str:
-    """What a check compares, and its unit: "settling time, s"."""
-    return ", ".join(filter(None, column_words(check["check"])))
-
-
-def _verdict(check: Found) -> str:
-    return "passed" if check["passed"] else "FAILED"
 
 
 def _print(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

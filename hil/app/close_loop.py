@@ -22,7 +22,7 @@ from hil.app.shared_options import argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.rig_record import read_rig_record
 from hil.report.closed_loop import report_html
-from hil.report.dependence import dependence_words
+from hil.report.figure_residuals import dependence_words
 from hil.report.numbers import report_json
 from hil.report.words import PARTS, confidence_words, disagreement_words, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue, effect_words

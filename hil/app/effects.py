@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 from rich.table import Table
 
-from hil.app.console import answer, text_table
+from hil.app.console import TEXT, answer, text_table
 from hil.app.shared_options import Json, OwnEffects, argument, option
 from hil.app.write import check_file, check_targets, write_files
 from hil.report.words import column_words
@@ -22,7 +22,6 @@ from models.files.toml import is_number
 from models.identification.model import read_report
 from models.identification.residual_term import FORMS, SYMBOLS, UNITS
 from models.parameter import Parameter, nearest
-from models.words.sentences import Sentences
 
 
 def effects(
@@ -90,7 +89,6 @@ def _table(found: Sequence[type[Effect]]) -> Table:
     return table
 
 
-TEXT: Final = Sentences(__file__)
 REPORT: Final = "report.json"
 _RANGE = 5.0  # times a fitted size, as far as a new fit may go
 _SHARE = 3.0  # of the resistance, the most that a level may be off

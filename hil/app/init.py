@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from hil.app.console import answer, output_to_notes
+from hil.app.console import TEXT, answer, output_to_notes
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
 from models.files.toml import check_word
@@ -20,10 +20,8 @@ from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
 from models.rigs.schema import Table, field_of, key_unit, span
 from models.rigs.tables import Noise
-from models.words.sentences import Sentences
 from plant.experiments.examples import BELIEVED
 
-TEXT: Final = Sentences(__file__)
 RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
 _NOTE: Final = Path(__file__).with_name("rig_readme.md.txt")
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import answer, note
+from hil.app.console import TEXT, answer, note
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import StopSignals
 from hil.app.run.machine import open_bus
@@ -24,9 +24,7 @@ from hil.app.shared_options import Json, argument, option
 from hil.nodes.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender, refusal_words, steering_words
 from models.files.toml import check_word, in_file
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal last sent it; terminals repeat keys every 30 ms or so."""
 QUIET_S: Final = 0.1

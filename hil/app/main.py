@@ -11,15 +11,13 @@ import typer
 from threadpoolctl import threadpool_limits
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from hil.app.console import InterruptionError, note, print_json, printable
+from hil.app.console import TEXT, InterruptionError, note, print_json, printable
 from hil.app.shared_options import declared
 from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
 from hil.own_process import version_of
 from models.parameter import nearest
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 BAD_INPUT = 2  # exit status
 FILES = (
     "--out", "--rig", "--model", "--reference", "--holdout", "--log", "--mcap", "--plot", "--effects", "--controllers",

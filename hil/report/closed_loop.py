@@ -5,13 +5,18 @@ from typing import Any
 
 from hil.report import words
 from hil.report.builder import page
-from hil.report.dependence import curves_figure, dependence_words, surface_figure
-from hil.report.figure_residuals import agreement_figure, residual_figure, speed_map
+from hil.report.figure_residuals import (
+    agreement_figure,
+    curves_figure,
+    dependence_words,
+    residual_figure,
+    speed_map,
+    surface_figure,
+)
 from hil.report.figure_summary import candidate_figure, error_figure, profile_figure
-from hil.report.figure_traces import motion_figure, trace_figure
+from hil.report.figure_traces import Panel, closer, motion_figure, panels, trace_figure
 from hil.report.mathml import equations_html, symbol_html
 from hil.report.numbers import error_rows, parameters, smallest_rows
-from hil.report.panels import Panel, closer, panels
 from hil.report.words import PARTS, TEXT, column_words
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map

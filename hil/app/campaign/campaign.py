@@ -20,7 +20,7 @@ from hil.app.campaign.series_answers import document as answers_document
 from hil.app.campaign.series_page import page_html as answers_html
 from hil.app.campaign.worker import PASSING, Row, run_job
 from hil.app.cluster import Workers, program_version
-from hil.app.console import json_text, note, output_to_notes, print_json, summary, text_table
+from hil.app.console import answer, json_text, note, output_to_notes, print_json, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, Scheduler, WorkerCount, argument, option
 from hil.app.write import own_folder, write_files
 from hil.report.words import column_words
@@ -79,11 +79,7 @@ def campaign(
             found, lines, failed = _loops(plan, out, command, on, retry=retry)
         else:
             found, lines, failed = _series(paths, out, own, seed, on, retry=retry)
-    if json_output:
-        print_json(found)
-    else:
-        for line in (*lines, TEXT("report", path=found["report"])):
-            summary().print(line, soft_wrap=isinstance(line, str))
+    answer(json_output, found, *lines, TEXT("report", path=found["report"]))
     return int(failed)
 
 
@@ -195,9 +191,9 @@ def _lines(answers: Sequence[SeriesAnswer], resumed: int) -> list[str | Table]:
     for effect, named, part in lacking(answers):
         table.add_row(effect, str(named), str(part))
     lines += [table] * bool(table.row_count)
-    for answer in answers:
-        lines += [TEXT("disagrees", series=answer.name, sentence=sentence) for sentence in answer.disagrees]
-        lines += [TEXT("refused", series=answer.name, error=answer.error)] * bool(answer.error)
+    for one in answers:
+        lines += [TEXT("disagrees", series=one.name, sentence=sentence) for sentence in one.disagrees]
+        lines += [TEXT("refused", series=one.name, error=one.error)] * bool(one.error)
     return lines
 
 

@@ -171,11 +171,8 @@ class Facts:
             "about": self.about,
             "models": list(self.models),
             "tips": tips(),
-            "panels": [panel.document() for panel in self.panels()],
+            "panels": [panel.document() for panel in panels_of(self.frame_map, self.catalogue)],
         }
-
-    def panels(self) -> tuple[LivePanel, ...]:
-        return panels_of(self.frame_map, self.catalogue)
 
 
 def models_of(task: Task) -> tuple[dict[str, Any], ...]:

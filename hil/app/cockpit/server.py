@@ -19,12 +19,11 @@ import tornado.web
 import tornado.websocket
 
 from hil.app.cockpit.operator_panel import OperatorPanel
+from hil.app.cockpit.phrases import TEXT
 from hil.app.cockpit.source import BIN_S, KEPT_S, BusSource, LogSource
 from hil.nodes.operator_sender import CYCLE_S
 from hil.report.builder import TEMPLATES
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 Source = BusSource | LogSource
 _HERE: Final = Path(__file__).parent
 _FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")

@@ -9,14 +9,14 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.cockpit.panels import Facts, Line, Values
+from hil.app.cockpit.panels import Facts, Line, Values, panels_of
+from hil.app.cockpit.phrases import TEXT
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
 from hil.app.system import error_text
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.wrapping import plain
 from hil.log.blf_file import NOTED, Logged
-from models.words.sentences import Sentences
 
 Array = NDArray[np.float32]
 BIN_S: Final = 0.04
@@ -141,7 +141,6 @@ def _spans(times: NDArray[np.float64], pairs: Array, edges: NDArray[np.float64],
     return found
 
 
-TEXT: Final = Sentences(__file__)
 BUSY_S: Final = 0.02
 """Longest time to read frames for one picture; further frames wait for the next one."""
 QUIET_S: Final = 0.5  # without a frame, after which the page reports it
@@ -249,4 +248,5 @@ class LogSource:
 
 
 def _feed(facts: Facts) -> LineFeed:
-    return LineFeed([line for panel in facts.panels() for line in panel.lines], facts.catalogue)
+    panels = panels_of(facts.frame_map, facts.catalogue)
+    return LineFeed([line for panel in panels for line in panel.lines], facts.catalogue)

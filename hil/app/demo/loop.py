@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from controller.choice.choose import Progress
 from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
-from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, Progress, found_in
+from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.learning_page import NUMBERS, came_to, learning_files

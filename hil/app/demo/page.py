@@ -14,9 +14,8 @@ from hil.app.sil.learning_page import error_figure
 from hil.report.builder import page
 from hil.report.figure_residuals import residual_figure
 from hil.report.figure_summary import stage_bar
-from hil.report.figure_traces import motion_figure, trace_figure
+from hil.report.figure_traces import motion_figure, panels, trace_figure
 from hil.report.numbers import parameters
-from hil.report.panels import panels
 from hil.report.theme import MUTED, POINTS, STAGE_COLOURS, axes, line, styled
 from hil.report.words import (
     column_words,
@@ -162,7 +161,7 @@ def story_row(example: Example, one: End) -> list[str]:
     """Title, hidden, found, size of both, and error of the prediction and of the tracking, before and after."""
     found = one.learnt if isinstance(one, Learned) else [effect.id for effect in one.finding.effects]
     sizes = _learnt(one) if isinstance(one, Learned) else _found(one)
-    hidden = listed(map(effect_words, one.hidden)) or TEXT("row.measured")
+    hidden = listed(map(effect_words, one.truth)) or TEXT("row.measured")
     title = title_of(example)
     row = [title[:1].upper() + title[1:], hidden, listed(map(effect_words, found)) or TEXT("row.nothing")]
     return [*row, _sizes(one.truth) or DASH, sizes or DASH, _prediction(one), _tracking(one)]

@@ -10,13 +10,11 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Final, Self
 
-from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
+from hil.app.learn.identify import TEXT, LearningAnswer, LearningQuestion, answer
 from hil.app.system import error_text
 from models.theta import Theta
-from models.words.sentences import Sentences
 from models.workers import end_with_parent
 
-TEXT: Final = Sentences(__file__)
 NICE: Final = 19  # the lowest priority
 READY_S: Final = 60.0
 """Longest wait for its start before the first tick."""

@@ -1,6 +1,7 @@
 """`capsule seeds`: the seed papers' numbers as table or JSON, and a page of their figures."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -46,7 +47,7 @@ def seeds(
     rows = seed_rows()
     drawn = None if plot is None else write_page(plot)
     if json_output:
-        print_json({"rows": [r.record() for r in rows], "figures": None if drawn is None else str(drawn)})
+        print_json({"rows": [asdict(r) for r in rows], "figures": None if drawn is None else str(drawn)})
         return
     console = Console()
     if not console.is_terminal:

@@ -103,11 +103,7 @@ class Waypoints(ReferenceTable):
 
 
 REFERENCES: Final[Mapping[str, type[ReferenceTable]]] = {
-    "ramp": Ramp,
-    "sine": Sine,
-    "steps": Steps,
-    "hold": Hold,
-    "waypoints": Waypoints,
+    one.__name__.lower(): one for one in (Ramp, Sine, Steps, Hold, Waypoints)
 }
 
 

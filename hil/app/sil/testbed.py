@@ -96,7 +96,7 @@ class Bench:
             drive=drive,
             draw=partial(random.Random(seed).getrandbits, 32),
         )
-        self.ends = ends
+        self.ends, self.slots = ends, self.plant.slots
         jog = scenario.jog
         self.operator = self.second = None
         if jog is not None:
@@ -184,10 +184,6 @@ class Bench:
         """Let the wire run until the next tick."""
         self.ticks += 1
         self.medium.advance(self.time_s)
-
-    @property
-    def slots(self) -> int:
-        return self.plant.slots
 
     def _bus(self, name: str, seed: int) -> can.BusABC:
         """The bus of a node: its port, behind a link where a fault tampers with what it receives."""

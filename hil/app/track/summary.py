@@ -1,7 +1,7 @@
 """The outcome of closed-loop runs in words, numbers and figures, the same on the terminal and on the page."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
+from rich.table import Table
 
 from controller.drives import DRIVES
 from controller.supervision.fallback import DONE
@@ -60,20 +61,21 @@ def lines_of(found: Found) -> list[str]:
     return [*filter(None, (chosen_words(found), *changes, ended, health_words(found), offer_words(found)))]
 
 
-def say(head: str, runs: Sequence[LoopRun], page: Path | None) -> None:
-    """Print what kind of run it was, the headline, the runs as tables, what is said of each, and where the page is."""
+def lines_of_runs(head: str, runs: Sequence[LoopRun], page: Path | None) -> Iterator[str | Table]:
+    """What kind of run it was, the headline, the runs as tables, what is said of each, and where the page is."""
     found = [run.found for run in runs]
-    console.say(head, headline(found))
-    _print(HEADS, [[one["controller"], *tracking(one)] for one in found])
-    _print([_MOST_USED], [[one["controller"], most_used(one)] for one in found])
-    _print(TIMES, [[one["controller"], *times(one)] for one in found])
+    hard = [max((share, name) for name, share in one["limit_use"].items() if name in HARD) for one in found]
+    yield from (head, headline(found))
+    yield _table(HEADS, map(tracking, found), found)
+    yield _table([_MOST_USED], ([f"{name} {100 * share:.0f} %"] for share, name in hard), found)
+    yield _table(TIMES, map(times, found), found)
     if checks := check_rows(found):
-        _print(("check", "value", "at most", "verdict"), checks)
+        yield _table(("check", "value", "at most", "verdict"), checks)
     for run in runs:
         whose = f"{run.found['controller']}: " if len(runs) > 1 else ""
-        console.say(*(f"{whose}{words}" for words in run.lines))
+        yield from (f"{whose}{words}" for words in run.lines)
     if page is not None:
-        console.say(f"report: {page}")
+        yield f"report: {page}"
 
 
 def check_rows(found: Sequence[Found]) -> list[list[str]]:
@@ -86,12 +88,6 @@ def check_rows(found: Sequence[Found]) -> list[list[str]]:
         for one in found
         for check in one.get("checks", ())
     ]
-
-
-def most_used(found: Found) -> str:
-    """The limit of the true state that was used most: "gap 83 %"."""
-    share, name = max((share, name) for name, share in found["limit_use"].items() if name in HARD)
-    return f"{name} {100 * share:.0f} %"
 
 
 def times(found: Found) -> list[str]:
@@ -108,11 +104,12 @@ def tracking(found: Found) -> list[str]:
     return [*numbers, str(found["hard_violations"]), not_ok]
 
 
-def _print(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], found: Sequence[Found] = ()) -> Table:
+    """A table of rows, which begin with the controller or get it from what was `found`."""
     table = console.text_table("", ("controller", *heads), _WORDS, bare=True)
-    for row in rows:
-        table.add_row(*row)
-    console.summary().print(table)
+    for k, row in enumerate(rows):
+        table.add_row(*([found[k]["controller"]] if found else []), *row)
+    return table
 
 
 ACROSS = 2

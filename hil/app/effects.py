@@ -101,7 +101,12 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
     check_file(out, "--out", (".py",))
     check_targets([out], "--out", [report])
     text = effect_text(read_report(report), out.stem, str(report))
-    _check(text, out)
+    with tempfile.TemporaryDirectory() as draft_folder:
+        draft = Path(draft_folder) / out.name
+        draft.write_text(text, encoding="utf-8")
+        for origin in effects_in(draft):
+            if (failure := own_failure(origin.effect, CATALOGUE)) is not None:
+                raise ValueError(f"{out}: {failure}")
     write_files({out: text})
     answer(
         json_output,
@@ -109,17 +114,6 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
         TEXT("effects.proposed", out=out, effect=out.stem, count=len(CHECKS)),
         TEXT("effects.use", out=out),
     )
-
-
-def _check(text: str, out: Path) -> None:
-    """Load a draft of the file and check it, so that only a valid effect is written."""
-    with tempfile.TemporaryDirectory() as folder:
-        draft = Path(folder) / out.name
-        draft.write_text(text, encoding="utf-8")
-        for origin in effects_in(draft):
-            failure = own_failure(origin.effect, CATALOGUE)
-            if failure is not None:
-                raise ValueError(f"{out}: {failure}")
 
 
 def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:

@@ -231,16 +231,13 @@ class FrameWatch:
             if since > BURST_S:
                 self.say(t, TEXT("event.reset", target=words(self._named(name, "Target", values))))
         elif name == "WantedMotion":
-            self._report_motion(t, before, values)
+            follows = bool(values["Following"])
+            if follows != bool(before and before["Following"]):
+                self.say(t, TEXT("event.leads" if follows else "event.stops"))
+            if before and values["Model"] > before["Model"]:
+                self.say(t, TEXT("event.model", number=int(values["Model"]) + 1), "good")
         elif "State" in values and (before is None or before["State"] != values["State"]):
             self._report_state(t, name, sender, before, values)
-
-    def _report_motion(self, t: float, before: Mapping[str, float] | None, values: Mapping[str, float]) -> None:
-        follows = bool(values["Following"])
-        if follows != bool(before and before["Following"]):
-            self.say(t, TEXT("event.leads" if follows else "event.stops"))
-        if before and values["Model"] > before["Model"]:
-            self.say(t, TEXT("event.model", number=int(values["Model"]) + 1), "good")
 
     def _report_state(
         self, t: float, name: str, sender: str, before: Mapping[str, float] | None, values: Mapping[str, float]

@@ -28,7 +28,6 @@ from hil.report.theme import axes, line, line_look
 from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 from models.words.quantities import fixed, number
 
@@ -62,7 +61,9 @@ def design(
             if vibrates:
                 shaken = study_of(VibroModel.from_rig(belief, values), 1e-3 * delay_ms)
             else:
-                plant = control_model(belief, values, TICK_S, driven=_driven(belief))
+                # a coil is commanded by its voltage where the rig file has its resistance, else by its current
+                known = belief.coil is not None and belief.coil.coil_resistance_Ohm is not None
+                plant = control_model(belief, values, TICK_S, driven="coil_voltage_V" if known else "")
                 found = study(plant, 1e-3 * speed_mm_s, 1e-3 * delay_ms)
         if page is not None:
             write_files({page: vibro_html(shaken, title) if vibrates else design_html(found, plant, title)})
@@ -77,12 +78,6 @@ def design(
     for words in () if vibrates else tables.balance_lines(found):
         console.print(words)
     say(TEXT("plots", page=page) if page else TEXT("no_plots"))
-
-
-def _driven(belief: Rig) -> str:
-    """The column that is commanded: a coil's voltage where the rig file has its resistance, else its current."""
-    known = belief.coil is not None and belief.coil.coil_resistance_Ohm is not None
-    return "coil_voltage_V" if known else ""
 
 
 def design_json(found: Study, unit: str) -> dict[str, Any]:
@@ -172,34 +167,25 @@ def vibro_lines(found: VibroStudy) -> list[str]:
 
 def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
     """Costs and margins."""
-    return _cost_table(found), _loop_table(found)
-
-
-def _cost_table(found: VibroStudy) -> Table:
     heads = ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s")
-    table = text_table(TEXT("title.costs"), heads, ("", "impact"))
+    costs = text_table(TEXT("title.costs"), heads, ("", "impact"))
     for speed, waves in found.alternatives.items():
         for one in waves:
             wave = one.waveform
             duty = number(wave.edges[1], 3) if one.shape == "square" else ""
             cost = (number(x, 3) for x in (one.gait.energy_J_per_m, 1e3 * wave.period_s))
             rest = (number(x, 3) for x in (max(wave.levels), 1e3 * one.gait.speed_m_s))
-            table.add_row(number(1e3 * speed), one.shape, one.impact, *cost, duty, *rest)
+            costs.add_row(number(1e3 * speed), one.shape, one.impact, *cost, duty, *rest)
         if not waves:
-            table.add_row(number(1e3 * speed), "out of reach", *[""] * 6)
-    return table
-
-
-def _loop_table(found: VibroStudy) -> Table:
-    table = text_table(
-        TEXT("title.slow", delay=found.delay_s), ("mm/s", *tables.MARGINS, "bandwidth in Hz", "slope", "holds")
-    )
-    for one in found.slow:
-        m = one.loop.margins()
+            costs.add_row(number(1e3 * speed), "out of reach", *[""] * 6)
+    heads = ("mm/s", *tables.MARGINS, "bandwidth in Hz", "slope", "holds")
+    margins = text_table(TEXT("title.slow", delay=found.delay_s), heads)
+    for slow in found.slow:
+        m = slow.loop.margins()
         numbers = [number(x, 3) for x in (*tables.margin_numbers(m), m.bandwidth_Hz)]
-        slopes = f"{fixed(one.slope_low, 2)} to {fixed(one.slope_high, 2)}"
-        table.add_row(number(1e3 * one.speed_m_s), *numbers, slopes, "yes" if one.holds else "NO")
-    return table
+        slopes = f"{fixed(slow.slope_low, 2)} to {fixed(slow.slope_high, 2)}"
+        margins.add_row(number(1e3 * slow.speed_m_s), *numbers, slopes, "yes" if slow.holds else "NO")
+    return costs, margins
 
 
 def vibro_html(found: VibroStudy, name: str) -> str:

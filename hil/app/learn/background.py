@@ -122,21 +122,17 @@ def _end_words(code: int) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    _stand_back()
-    pipe.send(None)
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            pipe.send(answer(pipe.recv()))
-
-
-def _stand_back() -> None:
-    """Lowest priority, no reaction to Ctrl-C (which asks the controller for a stop), and an end with the parent."""
+    """Answer with lowest priority, without reaction to Ctrl-C (which asks the controller for a stop), and end with the
+    parent.
+    """
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     end_with_parent()
     os.nice(NICE)
-    if not hasattr(os, "sched_getaffinity"):
-        return
-    cores = sorted(os.sched_getaffinity(0))
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     if len(cores) > 1:
         os.sched_setaffinity(0, cores[1:])
+    pipe.send(None)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            pipe.send(answer(pipe.recv()))

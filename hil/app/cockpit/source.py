@@ -47,7 +47,7 @@ class LineFeed:
         found = []
         for number in self._by_frame.get(name, ()):
             of: Values = last[name]
-            span = self.lines[number].of(of, last)
+            span = self.lines[number].value(of, last)
             found.append((number, *(span if span is not None else (np.nan, np.nan))))
         return found
 

@@ -9,7 +9,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.nodes.frame_map import FRAME_MAPS
 
 CATALOGUE = load_catalogue()
-LINE = Line("x", "CapsuleLocalisation", lambda values, _: (values["Position_m"], values["Position_m"]), "teal")
+LINE = Line("x", "CapsuleLocalisation", "Position_m", "teal")
 NAME = LINE.frame
 
 

@@ -25,3 +25,8 @@ def version_of(package: str = "capsule-control") -> str:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
+
+
+def error_text(error: BaseException, most: int = 200) -> str:
+    """The text of an error in one line of at most `most` characters, or its type where it has none."""
+    return " ".join(str(error).split())[:most] or type(error).__name__

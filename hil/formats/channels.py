@@ -13,6 +13,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.own_process import error_text
 from models.files.access import opened
 from models.files.csv_reader import MOST_CELLS
 from models.rigs.columns import TIME, TIME_SERIES_ROWS
@@ -56,8 +57,7 @@ def refusing(path: Path, wanted: str) -> Iterator[None]:
     except Exception as error:
         if type(error) is ValueError and str(error).startswith(str(path)):
             raise
-        words = " ".join(str(error).split())[:160] or type(error).__name__
-        raise ValueError(f"{path}: file must be {wanted}; got: {words}") from None
+        raise ValueError(f"{path}: file must be {wanted}; got: {error_text(error, 160)}") from None
 
 
 class RefusedError(ValueError):

@@ -20,6 +20,7 @@ from hil.formats.mf4_file import EXTRA, check_within
 from hil.formats.reading import confined, is_log, reading_process
 from hil.log.blf_file import PACKED, Logged, Tell, direction_of, read_blf
 from hil.log.place import record_path
+from hil.own_process import error_text
 from models.files.access import check_source, opened, read_json
 from models.files.csv_text import clock_s
 from models.records.clock import are_differences, left_out
@@ -65,7 +66,9 @@ def library_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
         else:
             reader = can.LogReader(path)
     except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
-        raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
+        raise ValueError(
+            f"{path}: log must be one in the format that its name ends in; got: {error_text(error, 160)}"
+        ) from None
     with reader:
         yield from _frames(reader, path, round(late * 1e9))
 
@@ -83,14 +86,10 @@ def _frames(reader: Any, path: Path, late_ns: int) -> Iterator[Logged]:
         except Exception as error:
             if str(error).startswith(f"{path}: "):
                 raise
-            raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
+            raise ValueError(f"{path}: log must be whole; got after {count} frames: {error_text(error, 160)}") from None
         count += 1
         if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
             yield Logged(stamp, message.arbitration_id, bytes(message.data), direction_of(message))
-
-
-def _words(error: BaseException) -> str:
-    return " ".join(str(error).split())[:160] or type(error).__name__
 
 
 def read_mf4_frames(path: Path) -> Iterator[Logged]:

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from hil.report.figure_traces import Panel, binned, largest, pooled
-from hil.report.theme import INK, MUTED, STAGE_COLOURS, Array, axes, line_colour, styled
+from hil.report.theme import INK, MUTED, STAGE_COLOURS, Array, axes, grid, line_colour, styled
 from hil.report.words import SHOWN_SHARE, TEXT, column_words
 from models.identification.finding import Dependence, ResidualCurve
 from models.words.quantities import scale
@@ -36,14 +35,8 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
     }
     everything = np.abs(np.concatenate(rests[before] + rests[after]))
     factor, unit = (1.0, "%") if several else scale([float(np.nanquantile(everything, 0.99))], drawn[0].unit)
-    figure = make_subplots(
-        rows=len(names),
-        cols=2,
-        shared_yaxes=True,
-        horizontal_spacing=0.03,
-        vertical_spacing=72 / (60 + 240 * len(names)),
-        column_titles=[f"before: {before} model", f"after: {after} model"],
-    )
+    titles = [f"before: {before} model", f"after: {after} model"]
+    figure = grid(len(names), 2, 72 / (60 + 240 * len(names)), column_titles=titles)
     for row, name in enumerate(names, start=1):
         words, own = column_words(name)
         along, prefixed = scale((largest(pool.signals[name]) for pool in pools), own)
@@ -103,7 +96,7 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
     factor, unit = scale(columns["measured"], drawn[0].unit)
     limit = factor * float(np.nanmax(np.abs(means["measured"])))
     titles = [name if name == "measured" else f"{name} model" for name in means]
-    figure = make_subplots(rows=1, cols=len(means), shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=titles)
+    figure = grid(1, len(means), subplot_titles=titles)
     edge = {"color": INK, "width": 0.7}
     for column, values in enumerate(means.values(), start=1):
         figure.add_scatter(
@@ -174,7 +167,7 @@ def curves_figure(found: Dependence) -> go.Figure | None:
     if not shown:
         return None
     factor, unit = scale(np.concatenate([c.values for c in shown]), found.unit)
-    figure = make_subplots(rows=1, cols=len(shown), shared_yaxes=True, horizontal_spacing=0.03)
+    figure = grid(1, len(shown))
     for col, curve in enumerate(shown, start=1):
         words, own = column_words(curve.variable)
         along, prefixed = scale(curve.centres, own)

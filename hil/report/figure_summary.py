@@ -6,9 +6,8 @@ from textwrap import wrap
 from typing import Any
 
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
-from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
+from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, grid, styled
 from hil.report.words import PARTS, column_words, error_scale, parameter_words
 from models.effects import effect_words
 from models.identification.finding import STAGES, CandidateRow, Finding, Profile
@@ -55,15 +54,9 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
         return None
     shown = {index: _best(finding, index) for index in rounds}
     sizes = [len(rows) for rows in shown.values()]
-    figure = make_subplots(
-        rows=len(rounds),
-        cols=2,
-        shared_yaxes=True,
-        horizontal_spacing=0.04,
-        vertical_spacing=_ROOM / _height(sizes),
-        row_heights=[max(size, 3) for size in sizes],
-        subplot_titles=[t for k in rounds for t in (f"round {k}: screened", _GAIN)],
-    )
+    look: dict[str, Any] = {"row_heights": [max(size, 3) for size in sizes]}
+    look |= {"subplot_titles": [t for k in rounds for t in (f"round {k}: screened", _GAIN)]}
+    figure = grid(len(rounds), 2, _ROOM / _height(sizes), 0.04, **look)
     for panel, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
         colours = [_colour(finding, row.id) for row in rows]
@@ -108,14 +101,8 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
         return None
     rows = -(-len(profiles) // COLUMNS)
     height = 60 + 240 * rows
-    figure = make_subplots(
-        rows=rows,
-        cols=COLUMNS,
-        horizontal_spacing=0.07,
-        vertical_spacing=124 / height if rows > 1 else 0.0,
-        subplot_titles=[_title(one) for one in profiles],
-        shared_yaxes=True,
-    )
+    below, titles = 124 / height if rows > 1 else 0.0, [_title(one) for one in profiles]
+    figure = grid(rows, COLUMNS, below, 0.07, subplot_titles=titles)
     for k, one in enumerate(profiles):
         at = {"row": k // COLUMNS + 1, "col": k % COLUMNS + 1}
         factor, unit = scale(one.values, one.unit)

@@ -183,7 +183,7 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
     def _answer(self, source: LogSource, begin_s: float, end_s: float, pixels: int) -> None:
         if not 0 < end_s - begin_s < float("inf"):
             return
-        self._write(source.window(begin_s, end_s, pixels))
+        self._write(source.samples.window(begin_s, end_s, pixels))
         self._say({"kind": "state", **source.document(min(end_s, source.end_s)), "events": self._new_events()})
 
     def _new_events(self) -> list[list[Any]]:

@@ -13,10 +13,10 @@ from hil.app.cockpit.panels import Facts, Line, Values, panels_of
 from hil.app.cockpit.phrases import TEXT
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
-from hil.app.system import error_text
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.wrapping import plain
 from hil.log.blf_file import NOTED, Logged
+from hil.own_process import error_text
 
 Array = NDArray[np.float32]
 BIN_S: Final = 0.04
@@ -236,10 +236,6 @@ class LogSource:
         self._states.append(self.watch.document())
         if len(self._times) > SNAPSHOTS:
             self._times, self._states, self._every = self._times[::2], self._states[::2], 2 * self._every
-
-    def window(self, begin_s: float, end_s: float, pixels: int) -> bytes:
-        """The lines from `begin_s` to `end_s` as `hil.app.cockpit.source.packed`."""
-        return self.samples.window(begin_s, end_s, pixels)
 
     def document(self, time_s: float) -> dict[str, Any]:
         """The last state kept before `time_s`."""

@@ -11,7 +11,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Final, Self
 
 from hil.app.learn.identify import TEXT, LearningAnswer, LearningQuestion, answer
-from hil.app.system import error_text
+from hil.own_process import error_text
 from models.theta import Theta
 from models.workers import end_with_parent
 

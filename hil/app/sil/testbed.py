@@ -13,7 +13,7 @@ import can
 
 from controller.model.control_model import ControlModel, control_model
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.sil.senders import FalseController, ScriptedOperator, SecondOperator
+from hil.app.sil.senders import FalseController, ScriptedOperator, second_operators
 from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
@@ -98,12 +98,12 @@ class Bench:
         )
         self.ends, self.slots = ends, self.plant.slots
         jog = scenario.jog
-        self.operator = self.second = None
+        self.operator, self.second = None, dict[str, ScriptedOperator]()
         if jog is not None:
-            self.operator = ScriptedOperator(self._authentic(SimulatedBus(self.medium, "operator")), jog)
+            port = self._authentic(SimulatedBus(self.medium, "operator"))
+            self.operator = ScriptedOperator(port, jog.source, jog.life_ms, jog.planned(), 0.0)
             if "second_operator" in self._kinds:
-                second = self._authentic(SimulatedBus(self.medium, "second operator"))
-                self.second = SecondOperator(second, jog, frames())
+                self.second = second_operators(self._authentic(SimulatedBus(self.medium, "second operator")), jog)
         self.ticks = 0
         self._active: list[Fault] = []
         self._due = list(scenario.faults)
@@ -130,7 +130,7 @@ class Bench:
     @property
     def steered(self) -> tuple[float, float, float, float]:
         """Reference in m, source that steers, how often one began to steer, how often an operator pressed."""
-        pressed = sum(one.presses for one in (self.operator, self.second) if one is not None)
+        pressed = sum(one.presses for one in (self.operator, self.second.get("same")) if one is not None)
         operator = self.node.operator
         source, presses = (0, 0) if operator is None else (operator.source, operator.presses)
         return self.node.wanted_m(self.time_s), source, presses, pressed
@@ -171,8 +171,8 @@ class Bench:
         if self.operator is not None:
             self.operator.send(at)
         for fault in self._active:
-            if self.second is not None and fault.kind == "second_operator":
-                self.second.send(at, fault.target)
+            if self.second and fault.kind == "second_operator":
+                self.second[fault.target].send(at)
         if (port := self._babbler) is not None and any(f.kind == "babbling" for f in self._active):
             while len(port.waiting) < 16:
                 port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))

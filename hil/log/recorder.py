@@ -53,17 +53,12 @@ class Recorder:
         direction = WITHHELD if self._dry else SENT
         self._tick.append(_Entry(message.timestamp, direction, message.arbitration_id, bytes(message.data)))
 
-    def start(self, now: float, origin_s: float) -> None:
-        """Call just before `ControllerNode.start(now, origin_s)`; nan: without an origin."""
-        self._note(now, START, origin_s)
-
-    def stop(self, now: float) -> None:
-        """Call just before `ControllerNode.stop()`."""
-        self._note(now, STOP)
-
-    def acknowledge(self, now: float) -> None:
-        """Call just before `ControllerNode.acknowledge()`."""
-        self._note(now, ACKNOWLEDGED)
+    def note(self, now: float, code: int, value: float = 0.0) -> None:
+        """Write a note; call it just before the node's own call: `START` with the origin in s (nan: without one) before
+        `start`, `STOP` before `stop`, `ACKNOWLEDGED` before `acknowledge`.
+        """
+        self.flush()
+        self._write([_Entry(now, NOTED, code, _value(value))])
 
     def unsolved(self, now: float) -> None:
         """Call just before `ControllerNode.tick(now, solved=False)`."""
@@ -73,7 +68,7 @@ class Recorder:
         """Call after a tick at `now`; a replay cuts its plan where the clock did."""
         self.flush()
         if action.cut_after is not None:
-            self._note(now, CUT, action.cut_after)
+            self.note(now, CUT, action.cut_after)
 
     def flush(self) -> None:
         entries, self._tick = self._tick, []
@@ -82,10 +77,6 @@ class Recorder:
         sent = any(entry.direction != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
         late = next((k for k, entry in enumerate(heard) if sent and entry.time_s > self._began_s), len(heard))
         self._write([*heard[:late], *own], heard[late:])
-
-    def _note(self, now: float, code: int, value: float = 0.0) -> None:
-        self.flush()
-        self._write([_Entry(now, NOTED, code, _value(value))])
 
     def _write(self, entries: list[_Entry], after: Sequence[_Entry] = ()) -> None:
         """Write entries with their notes; those of `after` were received after the tick had sent."""

@@ -17,7 +17,7 @@ from hil.app.sil.senders import FalseController, ScriptedOperator, second_operat
 from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
-from hil.log.recorder import Recorder
+from hil.log.recorder import START, Recorder
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.node import ControllerNode, Tick
 from hil.nodes.operator import SETPOINT
@@ -143,7 +143,7 @@ class Bench:
         """Start the node with the reference at 0; with a probe, where the capsule is after it."""
         here = self.scenario.loop.control.probe
         if self._recorder is not None:
-            self._recorder.start(self.time_s, math.nan if here else 0.0)
+            self._recorder.note(self.time_s, START, math.nan if here else 0.0)
         self.node.start(self.time_s, None if here else 0.0)
 
     def begin_tick(self) -> Tick | None:

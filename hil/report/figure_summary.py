@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, grid, styled
 from hil.report.words import PARTS, column_words, error_scale, parameter_words
 from models.effects import effect_words
-from models.identification.finding import STAGES, CandidateRow, Finding, Profile
+from models.identification.finding import STAGES, Finding, Profile
 from models.identification.fitting.profile import LINE
 from models.words.quantities import number, scale, unit_words
 
@@ -52,7 +52,8 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
     rounds = sorted({row.round for row in finding.candidates})[:MOST_ROUNDS]
     if not rounds:
         return None
-    shown = {index: _best(finding, index) for index in rounds}
+    ranked = sorted(finding.candidates, key=lambda row: (row.gain is None, -(row.gain or 0.0), -row.screened))
+    shown = {index: [row for row in ranked if row.round == index][:MOST_CANDIDATES] for index in rounds}
     sizes = [len(rows) for rows in shown.values()]
     look: dict[str, Any] = {"row_heights": [max(size, 3) for size in sizes]}
     look |= {"subplot_titles": [t for k in rounds for t in (f"round {k}: screened", _GAIN)]}
@@ -73,12 +74,6 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
 
 def _height(sizes: list[int]) -> int:
     return 80 + sum(24 * max(size, 3) + _ROOM for size in sizes)
-
-
-def _best(finding: Finding, index: int) -> list[CandidateRow]:
-    rows = [row for row in finding.candidates if row.round == index]
-    rows.sort(key=lambda row: (row.gain is None, -(row.gain or 0.0), -row.screened))
-    return rows[:MOST_CANDIDATES]
 
 
 def _colour(finding: Finding, effect: str) -> str:

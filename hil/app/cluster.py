@@ -29,8 +29,7 @@ def program_version() -> str:
     one version give the same rows.
     """
     sources = hashlib.sha256()
-    files = (path for folder in _FOLDERS for path in (_ROOT / folder).rglob("*.*") if path.suffix in (".py", ".toml"))
-    for path in sorted(path for path in files if "scenarios" not in path.parts):
+    for path in sorted(path for folder in _FOLDERS for path in (_ROOT / folder).rglob("*.py")):
         sources.update(path.relative_to(_ROOT).as_posix().encode() + path.read_bytes())
     packages = " ".join(f"{name} {version_of(name)}" for name in _PACKAGES)
     others = [

@@ -8,7 +8,7 @@ import can
 from pydantic import BeforeValidator
 
 from hil.bus.wrapping import plain
-from hil.drives.table import NODE, ActuatorTable, meanings
+from hil.drives.table import NODE, ActuatorTable
 from hil.nodes import frame_map as our
 from models.rigs.schema import Among, key
 
@@ -34,7 +34,18 @@ MASTER_NODE: Final = 127  # the last node id
 _SDO_WRITES: Final = (0, 1, 6)  # client commands of an SDO download: a segment, its begin, a block
 OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
 HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9  # modes of operation
-MODE_NAMES: Final = meanings("cia402", "modes")
+MODE_NAMES: Final[Mapping[int, str]] = {
+    0: "none",
+    1: "profile position",
+    2: "velocity",
+    3: "profile velocity",
+    4: "profile torque",
+    HOMING_MODE: "homing",
+    7: "interpolated position",
+    CYCLIC_SYNCHRONOUS_POSITION: "cyclic synchronous position",
+    CYCLIC_SYNCHRONOUS_VELOCITY: "cyclic synchronous velocity",
+    10: "cyclic synchronous torque",
+}
 """Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 is set if a drive knows it."""
 MODES: Final[Mapping[str, int]] = {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
 RPDO: Final = struct.Struct("<Hi")  # controlword 0x6040, target position 0x607A or target velocity 0x60FF

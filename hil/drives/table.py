@@ -1,34 +1,19 @@
 """What the tables of other makers' drives have in common."""
 
 import time
-import tomllib
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import can
 from pydantic import AfterValidator, Field
 
 from hil.bus.wrapping import heard_for, waiting
-from hil.nodes.frame_map import frames
 from models.rigs.schema import NamedTable, key
 
 NODE: Final = "node of the carriage's drive, clear of the catalogue's identifiers"
 TURNS: Final = (1.0, 1e5)  # least and most turns per metre
 RESTS_M_S: Final = 5e-3  # measured speed below which a disabled drive is at rest: its encoder's noise stays below
-
-
-def meanings(maker: str, what: str) -> dict[int, Any]:
-    """What the numbers of a table of `makers.toml` mean."""
-    tables = tomllib.loads(Path(__file__).with_name("makers.toml").read_text(encoding="utf-8"))
-    return {int(number, 0): meaning for number, meaning in tables[maker][what].items()}
-
-
-def fault_meanings(maker: str, what: str) -> dict[int, tuple[str, int]]:
-    """The same of faults: name, and the catalogue's code."""
-    code = frames()["CarriageFault"].field("Code")
-    return {number: (name, code.number(ours)) for number, (name, ours) in meanings(maker, what).items()}
 
 
 class ActuatorTable(NamedTable):

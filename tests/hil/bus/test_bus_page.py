@@ -5,7 +5,7 @@ import re
 
 from hil.app.sil.fault_outcomes import limit_of
 from hil.bus.catalogue import load_catalogue
-from hil.simulated.faults import KINDS, LIES, Fault
+from hil.simulated.faults import KINDS, LIES, LINKS, Fault
 from tests.hil.app.sil.sil_runs import RIGS, scenario_of
 from tests.hil.bus.markdown_tables import frames_table, load_table
 from tests.hil.simulated.fault_rows import OWN_KINDS
@@ -31,9 +31,7 @@ def limits(kind: str, target: str) -> str:
 def test_every_fault_stands_there_with_its_limits() -> None:
     rows = dict(re.findall(r"^\| ([a-z_]+(?: [a-z()]+)?) \| [^|]+ \| ([-\d./ ]+) \| [^|]+ \|$", PAGE, re.M))
     expected = {
-        f"{kind} (any)"
-        if kind in REFUSED and target in ("commands", "feedback", "localisation", "all")
-        else f"{kind} {target}".strip(): limits(kind, target)
+        f"{kind} (any)" if kind in REFUSED and target in LINKS else f"{kind} {target}".strip(): limits(kind, target)
         for kind in OWN_KINDS
         for target in KINDS[kind].targets
     }

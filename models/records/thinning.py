@@ -1,4 +1,4 @@
-"""A series as if it had been logged slower and more seldom: rows beyond what a fit needs are left out, and told."""
+"""A series as if it had been logged slower and more seldom: what a fit does not need is left out, and told."""
 
 import math
 from collections.abc import Sequence
@@ -13,45 +13,93 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 MOST_ROWS: Final = 80_000  # of a series in a search
+MOST_RECORDS: Final = 24  # of a series in a search
 LEAST_HZ: Final = 100.0  # rate that a record keeps: a slip event shows
+USUAL_HZ: Final = 500.0  # rate beyond which rows of a long series only repeat each other
 _A_PERIOD: Final = 50  # samples that remain of the fastest period of the driven column
 _POWER: Final = 0.9999  # share of its power that lies below that frequency
 _MOST_USED: Final = 0.5  # share of rows with a measured value, from which any row will do
-_TOO_MANY: Final = 3.0  # times the most rows, up to which every record remains
+_TOO_MANY: Final = 3.0  # times the most rows, up to which records remain
 _FEWEST: Final = 3  # records that remain
+_PART: Final = 0.25  # of the most rows, that remain at the usual rate
+_MEAN_S: Final = 0.1  # over which a signal's mean is taken
+_BINS: Final = 24  # parts of a signal's range
+_ENDS: Final = (0.5, 99.5)  # percentiles that are its ends
 
 
-def thinned(records: Sequence[Record], most: float = MOST_ROWS) -> tuple[list[Record], str]:
-    """The `records` with about `most` rows in all, and in words what was left out, "" if nothing.
+def thinned(records: Sequence[Record], most: float = MOST_ROWS) -> tuple[list[Record], list[Record]]:
+    """Those of the `records` that show most, `MOST_RECORDS` with about `most` rows in all, and the others.
 
     Of each k rows the last is kept; where few rows have a measured value, the last that has one. A record keeps at
-    least `LEAST_HZ`, and 50 samples in the fastest period of its drive. Where thrice `most` remain, records are left
-    out evenly; the last one stays.
+    least `LEAST_HZ`, and 50 samples in the fastest period of its drive. No more records are kept than have thrice
+    `most` rows at those rates.
     """
-    rows, kept = sum(map(len, records)), slower(records, most)
-    left = sum(map(len, kept))
-    if (left == rows and rows <= _TOO_MANY * most) or not all(record.layout.time for record in records):
-        return kept, ""
-    few = max(_FEWEST, math.floor(len(kept) * min(_TOO_MANY * most / left, 1.0)))
-    chosen = sorted({round(k) for k in np.linspace(0, len(kept) - 1, min(few, len(kept)))})
-    kept = [kept[k] for k in chosen]
-    said = TEXT("thinned", rows=rows, kept=sum(map(len, kept)))
+    few = len(records)
+    if all(record.layout.time for record in records):
+        left = sum(len(record) / longest_step(record) for record in records) if few > _FEWEST else 0
+        few = min(few, MOST_RECORDS, max(_FEWEST, math.floor(few * _TOO_MANY * most / max(left, 1))))
+    best = range(few) if few == len(records) else showing(records, few)
+    return slower([records[k] for k in best], most), slower([r for k, r in enumerate(records) if k not in best], most)
+
+
+def said_of(records: Sequence[Record], kept: Sequence[Record]) -> str:
+    """What was left out of the `records` where these are `kept`, in words; "" if nothing."""
+    rows, left = sum(map(len, records)), sum(map(len, kept))
     fewer = f" {TEXT('fewer', records=len(records), chosen=len(kept))}" if len(kept) < len(records) else ""
-    return kept, said + fewer
+    return TEXT("thinned", rows=rows, kept=left) + fewer if left < rows else ""
+
+
+def showing(records: Sequence[Record], count: int) -> list[int]:
+    """Which `count` of the time series show most, in order: chosen one after the other by what each adds to the
+    logarithm of the time spent in each part of the range of each signal, of its rate and of the time from the start.
+    """
+    seen = [_signals(record) for record in records]
+    names = sorted(set[str]().union(*seen))
+    spent = np.zeros((len(records), len(names), _BINS))
+    for n, name in enumerate(names):
+        low, high = np.percentile(np.concatenate([own[name] for own in seen if name in own]), _ENDS)
+        for k, own in enumerate(seen):
+            share = (own.get(name, seen[k][TIME][:0]) - low) / max(high - low, np.finfo(float).tiny)
+            spent[k, n] = np.bincount(np.clip(share * _BINS, 0, _BINS - 1).astype(int), minlength=_BINS)
+    spent /= spent.mean()
+    best, total = list[int](), np.zeros(spent.shape[1:])
+    for _ in range(count):
+        gains = np.log1p(total + spent).sum(axis=(1, 2))
+        gains[best] = -np.inf
+        best.append(int(np.argmax(gains)))
+        total += spent[best[-1]]
+    return sorted(best)
+
+
+def _signals(record: Record) -> dict[str, np.ndarray]:
+    """Means of the columns over 0.1 s, their rates, and the time from the start."""
+    t = record[TIME] - record[TIME][0]
+    some = min(max(1, round(_MEAN_S * len(t) / max(float(t[-1]), 1e-9))), len(t) // 2)
+    finite = {name: y for name, y in {**record.columns, TIME: t}.items() if name[0] != "_" and np.isfinite(y).all()}
+    means = {name: y[: len(y) // some * some].reshape(-1, some).mean(axis=1) for name, y in finite.items()}
+    return means | {f"{name} rate": np.diff(y) for name, y in means.items() if name != TIME}
 
 
 def slower(records: Sequence[Record], most: float = MOST_ROWS) -> list[Record]:
-    """All of the `records`, with so few rows at most that their rates allow."""
-    wanted = math.ceil(sum(map(len, records)) / most)
-    return [_slower(r, min(wanted, longest_step(r)) if wanted > 1 and r.layout.time else 1) for r in records]
+    """All of the `records`, with so few rows at most that their rates allow, of many at the usual rate."""
+    rows = sum(map(len, records))
+    wanted, usual = math.ceil(rows / most), rows / (_PART * most)
+    return [_slower(r, _step(r, wanted, usual) if wanted > 1 and r.layout.time else 1) for r in records]
+
+
+def _step(record: Record, wanted: int, usual: float) -> int:
+    return min(max(wanted, math.floor(min(usual, 1 / (USUAL_HZ * _interval(record))))), longest_step(record))
+
+
+def _interval(record: Record) -> float:
+    return float(np.ptp(record[TIME])) / max(len(record) - 1, 1)
 
 
 def longest_step(record: Record) -> int:
     """Of how many rows one may be kept; all beside an accelerometer, whose readings are means over their intervals."""
     if not record.columns.keys().isdisjoint(record.layout.beside):
         return 1
-    t = record[TIME]
-    dt = float(np.ptp(t)) / max(len(t) - 1, 1)
+    dt = _interval(record)
     driven = [name for names in record.layout.driven for name in names if name in record.columns]
     fastest = max((_fastest_Hz(record[name], dt) for name in driven), default=0.0)
     return max(1, math.floor(1 / (dt * max(LEAST_HZ, _A_PERIOD * fastest))))

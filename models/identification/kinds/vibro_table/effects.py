@@ -4,63 +4,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from models.effects.drive import ActuatorLag
-from models.effects.effect import Effect, by_name, number
-from models.effects.force import ViscousDrag
-from models.effects.friction import DirectionalAsymmetry, Stribeck
-from models.effects.inner_mass import EndStopImpact, SpringHardening
+from models.effects import variants_on
 from models.identification.kinds.vibro_table.solver import GRAVITY, VibroCycle
 from models.parameter import Name
 from models.rigs.benches import VIBRO_TABLE
 from models.theta import Theta, spelled
 
-
-class SwitchLag(ActuatorLag):
-    """`actuator_lag` of a coil that is switched on and off, milliseconds."""
-
-    kinds = frozenset({VIBRO_TABLE.id})
-    probe = 0.002
-    confounders = ("coil_lag", "coil_reach", "incline_gravity")
-    time_s = number(0.0, "s", 0.0, 0.015)
-
-
-class SoftStop(EndStopImpact):
-    """`end_stop_impact` of elastic rubber: mean speeds hardly show a short impact."""
-
-    grid = by_name(gap_m=(0.005, 0.01, 0.015))
-    stiffness_N_per_m = number(0.0, "N/m", 0.0, 3000.0, "rubber stops")
-    gap_m = number(0.01, "m", 0.003, 0.03, "travel of the inner mass")
-    loss_s = number(0.0, "s", 0.0, 5e-3, fit=False)
-
-
-class Duffing(SpringHardening):
-    """`spring_hardening` with the third power, the only one that mean speeds identify."""
-
-    power = number(3.0, "1", 1.5, 5.0, fit=False)
-
-
-class PlateDrag(ViscousDrag):
-    """`viscous_drag` of a plate, never negative: a body would run away."""
-
-    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
-
-
-class PlateStribeck(Stribeck):
-    """`stribeck` of a dry plate: it fades over speeds of the body's own swing, up to 0.15 m/s."""
-
-    grid = by_name(speed_m_s=(0.01, 0.03, 0.08))
-    excess = number(0.0, "1", 0.0, 2.0)
-    speed_m_s = number(0.03, "m/s", 0.002, 0.15)
-    exponent = number(2.0, "1", 0.5, 4.0, fit=False)
-
-
-class PlateAsymmetry(DirectionalAsymmetry):
-    """`directional_asymmetry` of a plate."""
-
-    asymmetry = number(0.0, "1", -0.4, 0.4, "directional friction of dry contacts: tens of percent")
-
-
-VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)
+VARIANTS: Final = variants_on(VIBRO_TABLE.id)
 
 FIELDS: Final[Mapping[Name, str]] = MappingProxyType(
     {

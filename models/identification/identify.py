@@ -13,7 +13,6 @@ from models.checks.finding import RecordFinding
 from models.identification.answer import answer
 from models.identification.finding import STAGES, Check, Finding, Trace
 from models.identification.fitting.confidence import intervals
-from models.identification.fitting.fit import judged_cost
 from models.identification.foresight import seconds_of_search, smallest
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
@@ -24,22 +23,22 @@ from models.identification.record_checks import check_parts, check_records
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
+from models.identification.thinning import said_of, slower, thinned
 from models.identification.validity import Ranges, ranges_of
 from models.identification.verdict import (
     at_bounds,
     checks_of_model,
     checks_of_rest,
-    outside_check,
     periods_of,
     setback_findings,
     setbacks,
+    unexplained,
     verdict_of,
 )
 from models.records.record import Record
-from models.records.thinning import said_of, slower, thinned
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
-from models.workers import each, worker_count
+from models.workers import worker_count
 
 TEXT: Final = Sentences(__file__)
 
@@ -79,10 +78,10 @@ def close(
     if told is not None:
         told(smallest(prepared.kind, train))
     joined = list[Record]()
-    while True:
+    for again in (True, True, False):
         found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
         worse, outside = unexplained(prepared.kind, found, others)
-        if not worse or len(joined) > SET.joined or found.ended == "time":
+        if not (worse and again) or found.ended == "time":
             break
         joined, train = [*joined, *worse], [*train, *worse]
         others = [record for record in others if record not in worse]
@@ -126,18 +125,6 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     if isinstance(kind, SeriesKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
-
-
-def unexplained(kind: AnyKind, found: Search, others: Sequence[Record]) -> tuple[list[Record], list[Check]]:
-    """Those of the `others`, which no fit has seen, that the model which was `found` does not explain, the worst ones
-    alone, and the check that it explains all.
-    """
-    if not others:
-        return [], []
-    costs = each(lambda record: judged_cost(kind, [record], found.augmented.theta), others)
-    check = outside_check(max(costs), SET.clean * max(found.after, 1.0))
-    worst = np.argsort(costs, kind="stable")[::-1][: SET.joined]
-    return [others[k] for k in worst if costs[k] > check.limit], [check]
 
 
 def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]]) -> Predicted:

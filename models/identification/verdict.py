@@ -11,7 +11,8 @@ from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
 from models.identification.finding import STAGES, Check, Fitted
 from models.identification.fitting.confidence import near
-from models.identification.fitting.fit import Fit, axes
+from models.identification.fitting.fit import Fit, axes, judged_cost
+from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
 from models.identification.rehearsal import Left, left_by, rehearsed
 from models.identification.search.search import Search
@@ -21,6 +22,7 @@ from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta, spelled
 from models.words.sentences import Quantity, Sentences
+from models.workers import each
 
 TEXT: Final = Sentences(__file__)
 
@@ -39,9 +41,17 @@ def _check(name: str, value: float, limit: float, column: str = "") -> Check:
     return Check(name, said, float(value), float(limit), bool(value <= limit), meaning)
 
 
-def outside_check(cost: float, limit: float) -> Check:
-    """Whether what the model leaves at most of the records that the search left out is within the `limit`."""
-    return _check("outside", cost, limit)
+def unexplained(kind: Kind, found: Search, others: Sequence[Record]) -> tuple[list[Record], list[Check]]:
+    """Those of the `others`, which no fit has seen, that the model which was `found` does not explain, the worst ones
+    alone, and the check that it explains all.
+    """
+    if not others:
+        return [], []
+    seen = [prefixes(kind.searched([record]), found.horizon_s) for record in others]
+    costs = each(lambda part: judged_cost(kind, part, found.augmented.theta), seen)
+    check = _check("outside", max(costs), SET.clean * max(found.after, 1.0))
+    worst = np.argsort(costs, kind="stable")[::-1][: SET.joined]
+    return [others[k] for k in worst if costs[k] > check.limit], [check]
 
 
 def checks_of_rest(

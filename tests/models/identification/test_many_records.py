@@ -10,9 +10,9 @@ from models.identification import identify
 from models.identification.finding import Finding
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
-from models.records import thinning
+from models.identification.settings import SET
+from models.identification.thinning import thinned
 from models.records.record import Record
-from models.records.thinning import MOST_ROWS, thinned
 from models.rigs.reader import parse_rig
 
 RIG = parse_rig({"rig": {"kind": "axis"}, "noise": {"force_std_N": 0.02}})
@@ -39,7 +39,7 @@ def closed(records: Sequence[Record], monkeypatch: pytest.MonkeyPatch, most: int
         return search(kind, train, *rest)
 
     search = identify.search
-    monkeypatch.setattr(thinning, "MOST_RECORDS", most)
+    monkeypatch.setattr(SET, "most_records", most)
     monkeypatch.setattr(identify, "search", counted)
     finding, _ = identify.close(RIG, records, [], lambda *_: None, drawn=False)
     return finding, searched
@@ -52,7 +52,7 @@ def test_two_hundred_long_records_are_fitted_as_two_dozen() -> None:
     fitted = [Fitter.of(kind, part, []) for part, _ in kind.splits(few)]
     assert (len(few), len(others)) == (24, 176)
     assert len(fitted) <= 12
-    assert all(sum(map(len, one.records)) <= 1.5 * MOST_ROWS for one in fitted)
+    assert all(sum(map(len, one.records)) <= 1.5 * SET.most_rows for one in fitted)
 
 
 def test_groups_of_records_validate_the_others_each_once() -> None:

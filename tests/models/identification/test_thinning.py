@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from models.identification.settings import SET
+from models.identification.thinning import longest_step, said_of, thinned
 from models.records.record import Record
-from models.records.thinning import LEAST_HZ, MOST_RECORDS, longest_step, said_of, thinned
 
 
 def record(name: str, rate_Hz: float, seconds: float, shake_Hz: float = 0.0, every: int = 1) -> Record:
@@ -27,7 +28,7 @@ def test_a_fast_logger_is_thinned_to_what_its_drive_needs(shake_Hz: float) -> No
     [short], _ = thinned([long])
     said = said_of([long], [short])
     rate_Hz = (len(short) - 1) / np.ptp(short["t_s"])
-    assert rate_Hz >= max(LEAST_HZ, 50 * shake_Hz)
+    assert rate_Hz >= max(SET.least_hz, 50 * shake_Hz)
     assert len(short) <= 80_000
     assert f"{len(short)} of {len(long)} rows" in said
     step = 49 if shake_Hz else 100
@@ -55,7 +56,7 @@ def test_of_many_records_a_search_uses_those_that_show_most() -> None:
     loaded = records[7].with_column("load_N", np.where(t > 4, 0.2, 0.1))
     records[120], records[7], records[64] = fast, loaded, record("64", 200.0, 60.0)
     few, others = thinned(records)
-    assert len(few) == MOST_RECORDS
+    assert len(few) == SET.most_records
     assert {"120", "7", "64"} <= {one.name for one in few}
     assert sorted(int(one.name) for one in [*few, *others]) == list(range(200))
     assert [int(one.name) for one in few] == sorted(int(one.name) for one in few)

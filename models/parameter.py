@@ -6,11 +6,11 @@ import difflib
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 SETS = Path(__file__).parent / "sets"
 Name = str | tuple[str, str]
@@ -145,3 +145,8 @@ def load_set(name: str) -> ParameterSet:
 def available_sets() -> list[str]:
     """Names of the parameter sets that ship with the models."""
     return sorted(path.stem for path in SETS.glob("*.toml"))
+
+
+def setting(value: Any, unit: str, meaning: str, chosen_on: str = "by hand") -> Any:
+    """A field of a room's record of settings; "1" is the unit of a bare number."""
+    return field(default=value, metadata={"unit": unit, "meaning": meaning, "chosen_on": chosen_on})

@@ -22,8 +22,7 @@ class Agreement:
     @property
     def close(self) -> bool:
         """Whether it may stand for the place's."""
-        alike = abs(self.gain - 1) < SET.speed_gain and abs(self.lag_s) < SET.speed_lag_s
-        return bool(alike and self.left < SET.speed_left)
+        return abs(self.gain - 1) < SET.speed_gain and abs(self.lag_s) < SET.speed_lag_s and self.left < SET.speed_left
 
 
 def agreement(place: Array, logged: Array, dt: float) -> Agreement | None:

@@ -1,12 +1,13 @@
 """A search of many records: how many it fits, and that it misses nothing in those that it leaves out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from models.identification import identify
+from models.identification import identify, thinning
 from models.identification.finding import Finding
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
@@ -39,7 +40,7 @@ def closed(records: Sequence[Record], monkeypatch: pytest.MonkeyPatch, most: int
         return search(kind, train, *rest)
 
     search = identify.search
-    monkeypatch.setattr(SET, "most_records", most)
+    monkeypatch.setattr(thinning, "SET", replace(SET, most_records=most))
     monkeypatch.setattr(identify, "search", counted)
     finding, _ = identify.close(RIG, records, [], lambda *_: None, drawn=False)
     return finding, searched

@@ -197,7 +197,7 @@ class AxisKind(Kind):
     def _believed(self, record: Record) -> float:
         """The noise assumed for a force whose own is unknown."""
         filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
-        return float(SET.axis_noise * float(np.sqrt(np.mean(filtered**2))))
+        return SET.axis_noise * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """The error in % that the noise of the quietest record makes; NaN where a noise is unknown."""

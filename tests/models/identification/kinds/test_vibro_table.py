@@ -12,7 +12,6 @@ from models.effects.inner_mass import SpringDamping
 from models.formula import line_text
 from models.identification.kinds.reports import vibro_table as report
 from models.identification.kinds.reports.vibro_table import cross_validated, reversal
-from models.identification.kinds.vibro_table.effects import FIELDS, vibro_cycle
 from models.identification.kinds.vibro_table.solver import (
     VibroCycle,
     drive_force,
@@ -21,7 +20,7 @@ from models.identification.kinds.vibro_table.solver import (
     resistance,
     suspension_force,
 )
-from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.kinds.vibro_table.vibro_table import FIELDS, PlateAsymmetry, VibroTableKind, vibro_cycle
 from models.identification.search.search import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig
@@ -239,9 +238,7 @@ def test_measured_runs_reverse_direction_where_the_damped_model_does_and_the_nom
 def test_the_loop_finds_the_damping_in_measured_runs_and_says_what_it_is_worth() -> None:
     period, duty, _, speed = np.array([row for row in MEASURED if row[0] <= 135]).T
     table = record(period * 1e-3, duty, 8, speed * 1e-3)
-    kind = replace(
-        KIND.settled([table]), effects=(SpringDamping, KIND.declared("directional_asymmetry"), InclineGravity)
-    )
+    kind = replace(KIND.settled([table]), effects=(SpringDamping, PlateAsymmetry, InclineGravity))
     found = search(kind, [table], lambda *_: None, np.random.default_rng(0))
     assert found.effects[0] == "spring_damping"
     assert found.before - found.after > 0.6 * (found.before - found.null_cost)

@@ -1,7 +1,5 @@
 """PID and LQR, the classical controllers to compare with."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

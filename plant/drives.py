@@ -11,7 +11,7 @@ import numpy as np
 
 from plant import layout as at
 from plant import steps
-from plant.hidden.registry import COIL, MAGNETIC, PULL, ROW, VIBRO
+from plant.hidden.registry import AXIS, COIL, MAGNETIC, PULL, ROW, VIBRO
 from plant.tables import Floats
 
 
@@ -28,6 +28,7 @@ class TrueDrive(ABC):
       else held. `pushes`: it puts a force on the body that a limit applies to.
     - `measured`: the plant's column that a record measures, `reports`: the column of its own feedback, `recorded`: see
       `columns`.
+    - `unit`: that of the measured column, as keys have it.
     - `calibrated`: the names in a calibration of its force and spring. `step`: its compiled step.
     """
 
@@ -39,6 +40,7 @@ class TrueDrive(ABC):
     straight: ClassVar[bool] = False
     pushes: ClassVar[bool] = True
     measured: ClassVar[int] = at.O_X
+    unit: ClassVar[tuple[str, str]] = ("position", "m")
     calibrated: ClassVar[dict[str, str]] = {}
 
     @property
@@ -87,6 +89,7 @@ class TruePull(TrueDrive):
 
     kind: ClassVar[str] = PULL
     measured: ClassVar[int] = at.O_FORCE
+    unit: ClassVar[tuple[str, str]] = ("force", "N")
     recorded: ClassVar[dict[str, str]] = {"position_m": "commanded", "force_N": "reading"}
     link_stiffness_N_per_m: float = _at(at.P_LINK_K, 0.0)
     link_damping_N_s_per_m: float = _at(at.P_LINK_C, 0.05)
@@ -215,5 +218,41 @@ class TrueVibro(TrueDrive):
         return {"coil_voltage_V": "mean", "position_m": "reading", "coil_current_A": "current"}
 
 
-DRIVES: Final[dict[str, type[TrueDrive]]] = {drive.kind: drive for drive in (TruePull, TrueMagnet, TrueCoil, TrueVibro)}
+@dataclass(frozen=True)
+class TrueAxis(TrueDrive):
+    """A stage on bearings, `F = m a + (F_c + F_v |v|) Sgn(v) + offset`, whose place is imposed; the plant's mass and
+    plate have m and F_c. What turns has rad, N m and kg m2 for m, N and kg.
+    """
+
+    kind: ClassVar[str] = AXIS
+    step: ClassVar[int] = steps.PULL
+    measured: ClassVar[int] = at.O_FORCE
+    unit: ClassVar[tuple[str, str]] = ("force", "N")
+    recorded: ClassVar[dict[str, str]] = {"position_m": "commanded", "force_N": "reading"}
+    viscous_N_s_per_m: float = _at(at.P_VISCOUS, 0.0)
+    offset_N: float = _at(at.P_OFFSET, 0.0)
+
+
+class TurningAxis(TrueAxis):
+    unit: ClassVar[tuple[str, str]] = ("torque", "N_m")
+    recorded: ClassVar[dict[str, str]] = {"angle_rad": "commanded", "torque_N_m": "reading"}
+
+
+class ForcedAxis(TrueAxis):
+    """The same, pushed by a force."""
+
+    step: ClassVar[int] = steps.FORCE
+    measured: ClassVar[int] = at.O_X
+    unit: ClassVar[tuple[str, str]] = ("position", "m")
+    recorded: ClassVar[dict[str, str]] = {"force_N": "commanded", "position_m": "reading"}
+
+
+class TurnedAxis(ForcedAxis):
+    unit: ClassVar[tuple[str, str]] = ("angle", "rad")
+    recorded: ClassVar[dict[str, str]] = {"torque_N_m": "commanded", "angle_rad": "reading"}
+
+
+DRIVES: Final[dict[str, type[TrueDrive]]] = {
+    drive.kind: drive for drive in (TruePull, TrueMagnet, TrueCoil, TrueVibro, TrueAxis)
+}
 """The drives of scenarios, by the kind of rig."""

@@ -32,10 +32,12 @@ from typing import Final
     P_REAR_GAP,  # m
     P_REAR_K,  # N/m
     P_REACTION,  # 1: the drive's reaction acts on the body, 0: outer field
+    P_VISCOUS,  # N s/m, of a plate
+    P_OFFSET,  # N, against +x
     P_PROFILE_START,  # m
     P_PROFILE_STEP,  # m
     P_COUNT,
-) = range(31)
+) = range(33)
 GUT: Final = 0.0  # what the body lies on
 PLATE: Final = 1.0
 

@@ -109,6 +109,7 @@ _POSITIVE = (
     *("mass_kg", "radius_m", "cylinder_length_m", "recovery_time_s", "inner_mass_kg", "resistance_ohm"),
     *("current_limit_A", "magnet_range_m", "outer_moment_A_m2", "inner_moment_A_m2", "height_m"),
 )
+_SIGNED = ("gain", "force", "back_emf", "offset")
 
 
 def _check(record: object, where: str) -> None:
@@ -116,7 +117,7 @@ def _check(record: object, where: str) -> None:
     for name, value in vars(record).items():
         if not isinstance(value, float | int) or isinstance(value, bool):
             continue
-        if not (value > 0 if name in _POSITIVE else value >= 0 or name.startswith(("gain", "force", "back_emf"))):
+        if not (value > 0 if name in _POSITIVE else value >= 0 or name.startswith(_SIGNED)):
             raise ValueError(
                 f"{where}.{name} must be {'positive' if name in _POSITIVE else 'zero or more'}; got {value:g}"
             )

@@ -168,7 +168,7 @@ def _advance_pull(
         if k == due:
             came = s[at.S_V]
             seen = hoop * resistance_level(x, came, t, s, h) if leveled else hoop
-            force = inertia(p, h) * (v - came) / dt
+            force = inertia(p, h) * (v - came) / dt + p[at.P_OFFSET]
             limit = sliding_limit(came, seen, s, p, tab)
             if leveled:
                 limit = resistance_at_nose(limit, came, h)
@@ -232,7 +232,7 @@ def advance(
         if leveled:
             limit = resistance_at_nose(limit, v, h)
             hoop = hoop_at_slip(hoop, x, h)
-        net = force - wall_force(v, hoop, s, p, h, tab)
+        net = force - p[at.P_OFFSET] - wall_force(v, hoop, s, p, h, tab)
         if kind in (MAGNET, PAIR):
             limit += sideways_load(drive[k] - x, h)
         if forced:

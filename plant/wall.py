@@ -5,7 +5,7 @@ from typing import Final
 
 from plant.compiling import compiled
 from plant.hidden.registry import ROW
-from plant.layout import GUT, P_MU, P_MU_STATIC, P_RECOVERY, P_SURFACE, P_WEIGHT, S_PRESSING, S_SLIP, S_U
+from plant.layout import GUT, P_MU, P_MU_STATIC, P_RECOVERY, P_SURFACE, P_VISCOUS, P_WEIGHT, S_PRESSING, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, resistance, tension
 
 _MOST: Final = 200  # iterations for the stretch of a stiffened wall
@@ -38,10 +38,11 @@ def recovery_speed(u: float, u_c: float, t_r: float, h: Floats) -> float:
 
 @compiled
 def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
-    """`hoop F_e(|v|)` of the gut or `hoop mu N` of a plate in N; the static one of a plate at `v = 0`."""
+    """`hoop F_e(|v|)` of the gut or `hoop (mu N + F_v |v|)` of a plate in N; the static one of a plate at `v = 0`."""
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
-    return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * (p[P_WEIGHT] + s[S_PRESSING]))
+    coulomb = (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * (p[P_WEIGHT] + s[S_PRESSING])
+    return float(hoop * (coulomb + p[P_VISCOUS] * abs(v)))
 
 
 @compiled

@@ -1,7 +1,5 @@
 """The model and the controller that lead: those whose worst error over all possible models is least."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

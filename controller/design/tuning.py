@@ -1,7 +1,5 @@
 """Fair baselines: PID and LQR with the strongest integral in stick and slip with delay, and their loops' margins."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

@@ -196,7 +196,12 @@ def print_summary(finding: Finding, out: Path) -> None:
     terminal, depends = console.summary(), finding.dependence
     terminal.print(f"{finding.verdict}: ", style="bold", end="")
     terminal.print(headline(finding))
-    said = (confidence_words(finding), *finding.reasons, *(dependence_words(depends) if depends else ()))
+    said = (
+        finding.left_out,
+        confidence_words(finding),
+        *finding.reasons,
+        *(dependence_words(depends) if depends else ()),
+    )
     console.say(*(f"  {sentence}" for sentence in said if sentence))
     if depends and depends.term:
         console.say(f"  {TEXT('close_loop.propose', out=out)}")

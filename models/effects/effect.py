@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from inspect import isfunction
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
@@ -25,8 +23,6 @@ NEEDS: Final = (
     *("load", "logged", "samples", "wall", "turning"),
 )
 """What a motion may offer for an effect to show."""
-_OURS: Final = tomllib.loads(Path(__file__).with_name("catalogue.toml").read_text(encoding="utf-8"))
-"""What searches and reports know of each of the project's effects, by id."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +75,6 @@ def by_name(**entries: Any) -> Mapping[str, Any]:
     return MappingProxyType(entries)
 
 
-def _declared(key: str, value: Any) -> Any:
-    """A value of `catalogue.toml` as a class states it."""
-    if key == "kinds":
-        return frozenset(value)
-    if key == "grid":
-        return by_name(**{name: tuple(starts) for name, starts in value.items()})
-    return tuple(value) if isinstance(value, list) else value
-
-
 @dataclass(frozen=True)
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
@@ -102,8 +89,7 @@ class Effect:
     motion must offer for the effect to show: "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a
     logged one of different sizes), "logged" (an input that changes), "samples" (more than two a mains period), "wall"
     (of living tissue, none on a plate), "turning" (an axis that turns; only its search tries such an effect).
-    `proposed_on` names the records whose residual proposed it. What searches and reports know of the project's own
-    effects stands in `catalogue.toml`; an effect from elsewhere states all of it as attributes.
+    `proposed_on` names the records whose residual proposed it.
     """
 
     id: ClassVar[str] = ""
@@ -124,11 +110,6 @@ class Effect:
     exact: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
     proposed_on: ClassVar[tuple[str, ...]] = ()
-
-    def __init_subclass__(cls) -> None:
-        if cls.__module__.startswith(f"{__package__}."):
-            for key, value in _OURS.get(vars(cls).get("id", ""), {}).items():
-                setattr(cls, key, _declared(key, value))
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -1,9 +1,7 @@
 """An effect's equations, traced from its hooks: what is written is what is computed."""
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from inspect import signature
-from pathlib import Path
 from typing import Any, Final
 
 from models.effects.effect import HOOKS, Effect, Signals
@@ -11,29 +9,63 @@ from models.formula import Formula, Line, called, equal, written
 from models.parameter import LETTERS, Name
 from models.theta import Theta, bare
 
-_TABLES: Final = tomllib.loads(Path(__file__).with_name("symbols.toml").read_text(encoding="utf-8"))
-_DIRECTION: Final = "sgn(v)"
-
-
-def _symbols_of(table: str) -> dict[str, tuple[str, str]]:
-    return {name: (row[0], row[1]) for name, row in _TABLES[table].items() if row[0] != _DIRECTION}
-
-
-def _usual(table: str) -> dict[str, float]:
-    return {name: row[2] for name, row in _TABLES[table].items()}
-
-
-LEFT: Final[Mapping[str, tuple[str, str]]] = _symbols_of("hooks")
+LEFT: Final[Mapping[str, tuple[str, str]]] = {
+    "level": ("friction scale", "factor on F_e and f_c, or on the Coulomb friction of a plate or an axis"),
+    "direction": ("s_F", "what friction follows in place of sgn(v), from -1 to 1"),
+    "nose": ("scale at the nose", "factor on F_e"),
+    "weight": ("scale of the weight", "factor on the weight's part of f_c, mu m g"),
+    "pressed": ("scale of the pressure", "factor on the part of f_c that the wall presses, mu N_p"),
+    "force": ("F_extra", "added force on the capsule along +x, N"),
+    "normal_load": ("N_extra", "added force that presses the capsule on its surface, N"),
+    "stiffening": ("tension scale", "factor on the wall's tension T(u_w)"),
+    "wall_force": ("F_wall", "added force with which the wall resists being dragged, N"),
+    "recovery": ("v_i", "speed at which a slipping wall draws back, m/s"),
+    "command": ("u", "command that arrives at the capsule"),
+    "gain": ("drive scale", "factor on the drive's force"),
+    "measured": ("y", "reading of the sensor"),
+    "delay": ("y", "reading of the sensor"),
+    "suspension": ("F_spring", "added force that pulls the inner mass back to the body, N"),
+    "reach": ("coil scale", "factor on the coil's force"),
+    "link": ("F_link", "force of the link, N"),
+    "modulus": ("G_extra", "added complex modulus, Pa"),
+}
 """The left side of the equation of each hook, and what it is."""
 SIDES: Final = ("nose", "weight", "pressed")
-SIGNALS: Final[Mapping[str, tuple[str, str]]] = _symbols_of("signals")
+SIGNALS: Final[Mapping[str, tuple[str, str]]] = {
+    "t": ("t", "time, s"),
+    "x": ("x", "position, m"),
+    "v": ("v", "speed, m/s"),
+    "command": ("u_cmd", "command that was sent: carriage position, coil current or voltage, drive on"),
+    "rate": ("u_cmd'", "rate of the command"),
+    "travelled": ("s", "distance travelled, m"),
+    "tension": ("T", "quasi-static tension of the wall, N"),
+    "drag": ("u_w", "displacement of the wall, m"),
+    "drag_rate": ("u_w'", "rate of the wall's displacement, m/s"),
+    "dwell": ("t_rest", "time at rest, s"),
+    "load": ("N", "load, N or N m"),
+}
 """The symbol of each signal in equations, and what it is; the direction of motion is written as `sgn(v)`."""
-TRIED: Final[Mapping[str, float]] = _usual("signals")
-"""Values of the signals, SI, at which the hooks are tried."""
-ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = _symbols_of("arguments")
+ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = {
+    "y": ("y_0", "true value that the sensor reads"),
+    "h": ("h", "step, s"),
+    "speed": ("v_i0", "speed at which the base model's wall draws back, m/s"),
+    "onset": ("u_c", "displacement of the wall at which it slips, m"),
+    "stretch": ("xi", "displacement of the inner mass, m"),
+    "rate": ("xi'", "speed of the inner mass, m/s"),
+    "frequency_Hz": ("f", "frequency, Hz"),
+    "factors": ("lambda", "product of all friction scales"),
+    "e": ("e", "stretch of the link, m"),
+    "e_rate": ("e'", "rate of the link's stretch, m/s"),
+}
 """Inputs of hooks other than signals, parameters and states: the symbol, and what it is."""
-USUAL: Final[Mapping[str, float]] = _usual("arguments")
-"""Arguments of hooks, of usual size."""
+_BASE: Final = {
+    "F_act": "force of the drive",
+    "F_e": "resistance of the wall at the nose",
+    "F_v": "drag of the mucus at the relative speed w",
+    "f_c": "tension at which the wall slips",
+    "I_1": "hoop stress integrated over the nose",
+    "I_2": "hoop stress integrated over the cylinder",
+}
 TORQUE: Final = "T_extra"
 """What an added force is called about an axis."""
 _UNWRITTEN: Final = ("response",)
@@ -85,7 +117,7 @@ def lines_of(effects: Iterable[type[Effect]], theta: Theta, *, turns: bool = Fal
 
 def legend(lines: Iterable[Line]) -> dict[str, str]:
     """The meaning of the symbols in `lines` that are no parameters, in alphabetical order."""
-    known = _TABLES["base"] | dict(entry for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values())
+    known = _BASE | dict(entry for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values())
     found = {name for line in lines for part in line if isinstance(part, Formula) for name in part.names()}
     return {name: known[name] for name in sorted(found & set(known), key=str.lower)}
 

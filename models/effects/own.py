@@ -2,8 +2,6 @@
 `capsule.effects`. A catalogue that holds them treats them like our own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which record of a series disagrees with the others, and by which parameter or effect."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """The null distribution of a verdict's checks: what the same fits leave of records that the found model made itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass

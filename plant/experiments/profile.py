@@ -132,18 +132,21 @@ class ConstantSpeed:
 
 @dataclass(frozen=True)
 class SineProfile:
-    """`offset + amplitude sin(2 pi f t)`, the amplitude in one of the three units."""
+    """`offset + amplitude sin(2 pi f t)`, the amplitude in one of the units."""
 
     frequency_Hz: float
     amplitude_m: float = 0.0
     amplitude_V: float = 0.0
     amplitude_N: float = 0.0
+    amplitude_rad: float = 0.0
+    amplitude_N_m: float = 0.0
     offset: float = 0.0
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        given = [a for a in (self.amplitude_m, self.amplitude_V, self.amplitude_N) if a != 0.0]
+        amplitudes = {name: value for name, value in vars(self).items() if name.startswith("amplitude")}
+        given = [a for a in amplitudes.values() if a != 0.0]
         if len(given) != 1:
-            raise ValueError(f"sine must have one of amplitude_m, amplitude_V, amplitude_N; got {len(given)} of them")
+            raise ValueError(f"sine must have one of {', '.join(amplitudes)}; got {len(given)} of them")
         t = dt * np.arange(round(duration_s / dt) + 1)
         return np.asarray(self.offset + given[0] * np.sin(2 * np.pi * self.frequency_Hz * t))
 
@@ -186,11 +189,25 @@ class RandomVoltage:
     amplitude_V: float = 1.6
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return self.amplitude_V * self.wave(duration_s, dt, rng)
+
+    @staticmethod
+    def wave(duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         t = np.arange(round(duration_s / dt) + 1) * dt
         frequencies = np.geomspace(0.05, 2.0, 7) * rng.uniform(0.8, 1.25, 7)
         turns = [2 * np.pi * f * t + rng.uniform(0, 2 * np.pi) for f in frequencies]
         wave = np.sum([rng.uniform(0.2, 0.4) * np.sin(turn) for turn in turns], axis=0)
-        return np.asarray(self.amplitude_V * wave * np.clip(t / 0.5, 0, 1))
+        return np.asarray(wave * np.clip(t / 0.5, 0, 1))
+
+
+@dataclass(frozen=True)
+class RandomForce:
+    """The same wave as the force in N (torque in N m) on an axis."""
+
+    amplitude: float
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return self.amplitude * RandomVoltage.wave(duration_s, dt, rng)
 
 
 @dataclass(frozen=True)
@@ -226,5 +243,6 @@ PROFILES: Final[dict[str, type[Profile]]] = {
     "pwm": Pwm,
     "random_pulses": RandomPulses,
     "random_voltage": RandomVoltage,
+    "random_force": RandomForce,
     "record": Recorded,
 }

@@ -20,19 +20,30 @@ from models.files.toml import (
     shown,
     with_contact_angle,
 )
-from models.laws.geometry import Capsule, Tissue
+from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.parameter import nearest
 from models.rigs.magnets import Magnet as MagnetTable
 from models.rigs.magnets import read_magnets
 from models.rigs.schema import Table as RigTable
-from models.rigs.schema import check_range, from_table
-from models.rigs.tables import BodyTable, CapsuleTable, DriveTable, SurfaceTable, TissueTable
+from models.rigs.schema import check_range, checked, from_table
+from models.rigs.tables import Axis, BodyTable, CapsuleTable, DriveTable, SurfaceTable, TissueTable
 from models.rigs.tables import Noise as NoiseTable
 from plant import layout as at
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.drives import (
+    DRIVES,
+    ForcedAxis,
+    TrueAxis,
+    TrueCoil,
+    TrueDrive,
+    TrueMagnet,
+    TrueMagnetPair,
+    TrueVibro,
+    TurnedAxis,
+    TurningAxis,
+)
 from plant.experiments.profile import PROFILES, Profile, Pwm, Recorded
-from plant.hidden.registry import hidden
+from plant.hidden.registry import AXIS, hidden
 from plant.hidden.table import effect_table
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.sensing import FASTEST_HZ, Sensor
@@ -40,7 +51,7 @@ from plant.tables import Floats
 
 Table = Mapping[str, Any]
 TABLES: Final = (
-    *("scenario", "capsule", "tissue", "rig", "drive", "surface"),
+    *("scenario", "capsule", "tissue", "rig", AXIS, "drive", "surface"),
     *("profile", "sensor", "accelerometer", "noise", "anatomy", "effects"),
 )
 MOST_STEPS: Final = 50_000_000  # of a simulation: a thousand seconds at the usual step
@@ -69,8 +80,12 @@ class SensorNoise:
 
     force_std_N: float = 0.0
     position_std_m: float = 0.0
+    torque_std_N_m: float = 0.0
+    angle_std_rad: float = 0.0
     force_quantum_N: float = 0.0
     position_quantum_m: float = 0.0
+    torque_quantum_N_m: float = 0.0
+    angle_quantum_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -141,7 +156,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
                 f"[accelerometer] must be that of a free capsule, its rate_Hz positive and at most {FASTEST_HZ:g}; got"
                 f" a {kind} rig and {beside.rate_Hz:g}"
             )
-    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind), beside)
+    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, rig.drive), beside)
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
@@ -155,6 +170,10 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
             f" steps of {run.step_s:g} s; got {run.duration_s:g} s"
         )
     kind = check_word(raw.get("rig", {}).get("kind"), "rig.kind", DRIVES)
+    if kind == AXIS:
+        return run, kind, replace(_axis(raw), hidden=_effects(raw.get("effects", {}), kind), step_s=run.step_s)
+    if AXIS in raw:
+        raise ValueError(f"[axis] must be left out of a {kind} rig")
     body = BodyTable if raw.get("surface", {}).get("kind", "gut") != "gut" else CapsuleTable
     models: dict[str, type[RigTable]] = {"capsule": body, "tissue": TissueTable, "noise": NoiseTable}
     models |= {"surface": SurfaceTable, **_DRIVE_TABLES.get(DRIVES[kind], {})}
@@ -175,6 +194,41 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
         step_s=run.step_s,
     )
     return run, kind, rig
+
+
+_OF_AXIS: Final = ("scenario", "rig", AXIS, "profile", "sensor", "noise", "effects")
+_AXES: Final = {
+    ("", False): TrueAxis,
+    ("", True): TurningAxis,
+    ("force_N", False): ForcedAxis,
+    ("torque_N_m", True): TurnedAxis,
+}
+
+
+def _axis(raw: Table) -> Truth:
+    """An axis in the keys of its rig file, all numbers of one that moves along a line, or of one that turns."""
+    strange = next((name for name in raw if name not in _OF_AXIS), None)
+    if strange is not None:
+        raise ValueError(f"tables of an axis must be among {', '.join(_OF_AXIS)}; got [{strange}]")
+    head = dict(raw["rig"])
+    driven = check_word(head.pop("driven", ""), "rig.driven", {driven for driven, _ in _AXES})
+    further = next((key for key in head if key != "kind"), None)
+    if further is not None:
+        raise ValueError(f"[rig] of an axis must have kind and driven alone; got {further!r}")
+    table = checked("scenario", AXIS, Axis, raw.get(AXIS, {})).model_dump(exclude_none=True)
+    keys = list(Axis.model_fields)
+    line, turn = keys[:4], keys[4:8]
+    turns = turn[0] in table
+    names = turn if turns else line
+    strange = next((key for key in table if key not in names), None)
+    if names[0] not in table or strange is not None or (driven, turns) not in _AXES:
+        raise ValueError(
+            f"[axis] must have {line[0]} and may have {', '.join(line[1:])}, under torque_N_m or for angles those of an"
+            f" axis that turns, {', '.join(turn)}; got {', '.join(table) or 'none'} with driven {driven or 'its place'}"
+        )
+    mass, viscous, coulomb, offset = (float(table.get(name, 0.0)) for name in names)
+    plate = TruePlate(coulomb / (mass * GRAVITY))
+    return Truth(_AXES[driven, turns](viscous, offset), Capsule(mass_kg=mass), surface=plate)
 
 
 def _drive(kind: str, raw: Table) -> TrueDrive:
@@ -247,12 +301,11 @@ def _profile(table: Table, folder: Path) -> Profile:
     return replace(profile, folder=str(folder)) if isinstance(profile, Recorded) else profile
 
 
-def _sensor(raw: Table, kind: str) -> Sensor:
+def _sensor(raw: Table, drive: TrueDrive) -> Sensor:
     sampling = from_table(Sampling, raw.get("sensor", {}), "sensor")
     noise = from_table(SensorNoise, raw.get("noise", {}), "noise")
-    std, quantum = noise.position_std_m, noise.position_quantum_m
-    if DRIVES[kind] is TruePull:
-        std, quantum = noise.force_std_N, noise.force_quantum_N
+    column, unit = drive.unit
+    std, quantum = (float(getattr(noise, f"{column}_{what}_{unit}")) for what in ("std", "quantum"))
     return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)
 
 
@@ -270,6 +323,8 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     truth = scenario.rig.drive
     switched = isinstance(scenario.profile, Pwm)
     plant = Plant(scenario.rig)
+    if isinstance(truth, TrueAxis) and not isinstance(truth, ForcedAxis):
+        plant.state[at.S_V] = (drive[1] - drive[0]) / dt  # no blow of a heavy stage at the start
     finest = 1 if rng is None else _FASTEST_ROWS
     beside = scenario.accelerometer
     rate = max(scenario.sensor.rate_Hz, beside.rate_Hz if beside else 0.0)

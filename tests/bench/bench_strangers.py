@@ -187,7 +187,7 @@ def said(folder: Path) -> dict[str, Any]:
     command += ["--rig", str(folder / "rig.toml"), "--out", str(folder / "out"), "--json"]
     begun = time.monotonic()
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    report = json.loads(ended.stdout) if ended.stdout.strip().startswith("{") else {}
+    report = json.loads(ended.stdout) if ended.returncode != 2 else {}  # with 2 it is the sentence of an error
     result = {"status": ended.returncode, "sentence": ended.stderr[-2000:], "report": report}
     result["seconds"] = time.monotonic() - begun
     kept.write_text(json.dumps(result))

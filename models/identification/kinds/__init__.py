@@ -1,18 +1,17 @@
 """The kinds of rig that can be identified."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Final, cast
+from typing import Any, Final, cast
 
 from models.assembly.model import effect_parameters
 from models.checks.usable import cleaned, resampled
 from models.effects import REFINEMENTS
+from models.identification.kind import Kind
 from models.identification.kinds.axis.axis import AxisKind
-from models.identification.kinds.axis.driven import DrivenAxisKind
-from models.identification.kinds.axis.noisy import NoisyAxisKind
+from models.identification.kinds.axis.driven import DrivenAxisKind, NoisyAxisKind
 from models.identification.kinds.axis.zero_phase import evened
-from models.identification.kinds.differing import differing
 from models.identification.kinds.dma import DmaKind
 from models.identification.kinds.friction import FrictionKind
 from models.identification.kinds.periods import PeriodsKind
@@ -23,6 +22,7 @@ from models.parameter import Name, Parameter, nearest
 from models.records.record import USED, Record, named
 from models.rigs.benches import AXIS, DRIVEN_AXIS
 from models.rigs.rig import Rig
+from models.theta import Theta
 
 Known = Mapping[Name, tuple[float, float]]
 """Values by name, each with its standard deviation: of base parameters, and of effects that a model has already."""
@@ -73,3 +73,37 @@ def ready(record: Record, rig: Rig) -> Record:
         clean = cleaned(record, rig)
         even = evened(clean, (*clean.layout.known(), USED)) if record.kind == AXIS.id else clean
         return even if even is clean else resampled(even, clean)
+
+
+_BY_RECORD: Final = ("predict", "predictions", "residual", "stacked", "imitate", "extra_force")
+
+
+def differing(kind: Kind, own: Mapping[str, Kind]) -> Kind:
+    """`kind`, which takes for the records of some names their `own` kind. Of a parameter that a fit may change, the
+    difference of its nominal values stays.
+    """
+    nominal = kind.nominal()
+    shifts = {
+        name: {key: value - nominal[key] for key, value in other.nominal().items() if value != nominal[key]}
+        for name, other in own.items()
+    }
+
+    def shifted(theta: Any, by: Mapping[Any, float]) -> Any:
+        if not isinstance(theta, Theta):
+            return [shifted(one, by) for one in theta]
+        return theta | {key: theta[key] + change for key, change in by.items()}
+
+    def method(name: str) -> Callable[..., Any]:
+        def called(self: Kind, record: Record, theta: Theta | Sequence[Theta], *rest: Any) -> Any:
+            of = record.name.rpartition("/")[2]
+            if of in own:
+                return getattr(own[of], name)(record, shifted(theta, shifts[of]), *rest)
+            return getattr(super(made, self), name)(record, theta, *rest)
+
+        return called
+
+    made: type[Any] = type(type(kind).__name__, (type(kind),), {name: method(name) for name in _BY_RECORD})
+    same: Kind = object.__new__(made)
+    for name, value in vars(kind).items():
+        object.__setattr__(same, name, value)
+    return same

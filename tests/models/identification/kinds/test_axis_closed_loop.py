@@ -10,7 +10,7 @@ from models.effects.effect import Effect, Signals, Value, Values, number
 from models.effects.own import Origin
 from models.identification import close
 from models.identification.kinds import kind_for, ready
-from models.identification.kinds.axis.noisy import NoisyAxisKind
+from models.identification.kinds.axis.driven import NoisyAxisKind
 from models.records.record import record_of
 from models.rigs.reader import parse_rig
 

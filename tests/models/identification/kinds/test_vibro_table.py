@@ -12,7 +12,6 @@ from models.effects.inner_mass import SpringDamping
 from models.formula import line_text
 from models.identification.kinds.reports import vibro_table as report
 from models.identification.kinds.reports.vibro_table import cross_validated, reversal
-from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
 from models.identification.kinds.vibro_table.solver import (
     VibroCycle,
     drive_force,
@@ -21,7 +20,7 @@ from models.identification.kinds.vibro_table.solver import (
     resistance,
     suspension_force,
 )
-from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.kinds.vibro_table.vibro_table import FIELDS, PlateAsymmetry, VibroTableKind, vibro_cycle
 from models.identification.search.search import search
 from models.records.record import Record
 from models.rigs.reader import parse_rig

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from controller.drives import driven_of
 from controller.estimator.base import CURRENT, Counts, Observer
 from controller.limits import Envelope, Issued, number
 from controller.model.control_model import ControlModel
@@ -60,13 +59,13 @@ def compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | N
 
 
 def _compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | None:
-    if name not in CHAINS or envelope.shaken or driven_of(model.drive).shaken:
+    if name not in CHAINS:
         return None
     numbers = numbers_of(name, model, envelope)
     library = loaded(numbers)
     if library is None:
         return None
-    stage_s, reach_s = (float(numbers.values.get(key, [0.0])[0]) for key in ("stage_s", "reach_s"))
+    stage_s, reach_s = (float(numbers.values.get(key, 0.0)) for key in ("stage_s", "reach_s"))
     return Compiled(library, numbers.vector, name, model, stage_s, reach_s)
 
 

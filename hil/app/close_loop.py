@@ -216,7 +216,12 @@ def print_summary(finding: Finding, out: Path) -> None:
     console, depends = summary(), finding.dependence
     console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding))
-    said = (confidence_words(finding), *finding.reasons, *(dependence_words(depends) if depends else ()))
+    said = (
+        finding.left_out,
+        confidence_words(finding),
+        *finding.reasons,
+        *(dependence_words(depends) if depends else ()),
+    )
     say(*(f"  {sentence}" for sentence in said if sentence))
     if depends and depends.term:
         say(f"  {TEXT('close_loop.propose', out=out)}")

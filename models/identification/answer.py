@@ -60,9 +60,8 @@ def answer(
     drawn: bool = True,
     left_out: str = "",
 ) -> Finding:
-    """All that is known of the records and the model, but for how long it took; `left_out` of the records are these;
-    without what a report alone shows
-    where none is `drawn`.
+    """All that is known of the records and the model, but for how long it took; `left_out` says what of the records a
+    search did without. What a report alone shows is missing where none is `drawn`.
     """
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
@@ -110,6 +109,7 @@ def answer(
         profiles=profiles(kind, found.augmented, found.model, train) if drawn else (),
         stopped=STOPPED[ended],
         constant=predicted.constant,
+        left_out=left_out,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class Conditions:
     high: float
 
     @classmethod
+    @lru_cache(maxsize=64)
     def of(cls, record: Record) -> Conditions:
         view = View(record, Rig(record.kind))
         v = view.speed[view.moves]

@@ -11,7 +11,6 @@ from typing import Final
 from controller.baselines import LQR, PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Observer, trusting
-from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.feedforward import Feedforward
@@ -76,11 +75,12 @@ Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 
 
-def horizon_of(model: ControlModel, deadline_s: float = math.inf) -> Horizon:
-    """The horizon of `model`'s MPC."""
+def horizon_of(model: ControlModel, deadline_s: float = math.inf, short: bool = False) -> Horizon:
+    """The horizon of `model`'s MPC; `short`: as long, with fewer stages and one SQP step, for a microcontroller."""
     off = level_off(model)
     late = LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
-    return Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
+    found = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
+    return replace(found, stages=20, stage_s=7.5e-3, iterations=1) if short else found
 
 
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
@@ -88,7 +88,7 @@ def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (first, Feedforward(model, envelope), PID(model, envelope))
 
 
-_INNER_MASS: Mapping[str, Builder] = {
+SHAKING: Mapping[str, Builder] = {
     INNER_MASS.leading: lambda model, envelope, _: (vibro_controller(model),),
     "vibro_square": lambda model, envelope, _: (vibro_controller(model, optimise=False),),
     "vibro_map": lambda model, envelope, _: (vibro_controller(model, feedback=False),),
@@ -104,7 +104,7 @@ _BUILDERS: dict[str, Builder] = {
     "lqr": lambda model, envelope, _: (LQR(model, envelope), PID(model, envelope)),
     "feedforward": lambda model, envelope, _: (Feedforward(model, envelope), PID(model, envelope)),
     "mpc": _mpc,
-    **_INNER_MASS,
+    **SHAKING,
 }
 CONTROLLERS: Mapping[str, Builder] = MappingProxyType(_BUILDERS)
 """`pid` and `pid_friction` use a kinematic filter, as in a laboratory without a friction model; all others, the two
@@ -121,7 +121,7 @@ def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can control."""
     if name in _OWN:
         return tuple(getattr(_OWN[name], "kinds", ()))
-    return tuple(kind for kind, driven in DRIVES.items() if driven.shaken == (name in _INNER_MASS))
+    return tuple(kind for kind, driven in DRIVES.items() if driven.shaken == (name in SHAKING))
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
@@ -173,8 +173,6 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
         from controller.estimator.ukf import UnscentedEstimator  # filterpy loads half of SciPy
 
         return UnscentedEstimator(sharp, noise)
-    if driven.shaken:
-        return CubatureEstimator(sharp, noise)
     return ParticleEstimator(sharp, noise_of(name, sharp, age_s))
 
 

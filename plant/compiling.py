@@ -20,9 +20,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 @cache
 def source_digest() -> str:
-    """Hash of all source files of the plant and its tables."""
+    """Hash of all source files of the plant."""
     digest = hashlib.sha256()
-    for path in sorted(path for path in Path(__file__).parent.rglob("*.*") if path.suffix in (".py", ".toml")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -229,7 +229,7 @@ def model_code(model: ControlModel, envelope: Envelope, varied: Sequence[int], p
         _function(
             "real capsule_sharp_wall(const real *x, real t, const real *q)", ("x", "t", "q"), wall, "    return found;"
         ),
-        _drive(model, envelope),
+        "" if envelope.shaken else _drive(model, envelope),
         _planning(model) if planned else "",
     ]
     return "\n".join(part for part in parts if part)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from controller.drives import driven_of
+from controller.drives import INNER_MASS, driven_of
 from controller.estimator.base import START_STD, Level
 from controller.estimator.particle_filter import PARTICLES, SCATTER_S
 from controller.estimator.periodic import Periodic
@@ -15,16 +15,19 @@ from controller.feedforward import loop_of, remembers
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.mpc.planner import plan_numbers
-from controller.registry import horizon_of, noise_of
+from controller.registry import SHAKING, build, horizon_of, noise_of
 from controller.signals import Array
 from controller.step.model_code import literal, model_code, plain
+from controller.step.shaking import shaking
 from controller.supervision.fallback import Rules
 from controller.tuned import FilterNoise, Horizon, Weights
+from controller.vibro.controller import VibroController
 from models.theta import bare
 
 CHAINS: Final[Mapping[str, tuple[str, ...]]] = {
     "mpc": ("mpc", "feedforward", "pid"),
     "feedforward": ("feedforward", "pid"),
+    **dict.fromkeys(SHAKING, (INNER_MASS.leading,)),
 }
 """The controllers that are written in C, with their fallbacks."""
 _PARAMETERS: Final = "parameters"
@@ -33,7 +36,7 @@ _PARAMETERS: Final = "parameters"
 @dataclass(frozen=True)
 class Numbers:
     """`sizes`: the C macros without their prefix, a whole number or a text; `values`: the entries of `capsule_numbers`
-    in order, (k,) each; `model`: the source of its functions.
+    in order, (k,) or a number each; `model`: the source of its functions.
     """
 
     sizes: Mapping[str, int | str]
@@ -56,7 +59,7 @@ class Numbers:
     @property
     def vector(self) -> Array:
         """All numbers in the order of the C structure."""
-        return np.concatenate(list(self.values.values()))
+        return np.concatenate([value.ravel() for value in self.values.values()])
 
 
 _HEAD: Final = "/* Generated: sizes of the deployment, and its numbers in SI units. */\n#ifndef CAPSULE_NUMBERS_H\n" + (
@@ -66,28 +69,33 @@ _FOOT: Final = "#endif\n"
 
 
 def _dimension(value: Array) -> str:
-    return "" if value.size == 1 else f"[{value.size}]"
+    return f"[{value.size}]" if value.ndim else ""
 
 
 def _initial(value: Array) -> str:
-    texts = [literal(float(one)) for one in value]
-    return texts[0] if len(texts) == 1 else "{" + ", ".join(texts) + "}"
+    texts = ", ".join(literal(float(one)) for one in value.flat)
+    return f"{{{texts}}}" if value.ndim else texts
 
 
 def numbers_of(
-    controller: str, model: ControlModel, envelope: Envelope, rules: Rules | None = None, particles: int = PARTICLES
+    controller: str,
+    model: ControlModel,
+    envelope: Envelope,
+    *,
+    particles: int = PARTICLES,
+    horizon: Horizon | None = None,
 ) -> Numbers:
-    """What the C controller named `controller` of `model` is compiled from. Raises ValueError for one that is not
-    written in C, and for a model whose operations are not.
+    """What the C controller named `controller` of `model` is compiled from, `horizon` in place of its MPC's own. Raises
+    ValueError for one that is not written in C, and for a model whose operations are not.
     """
-    if controller not in CHAINS or envelope.shaken:
-        raise ValueError(
-            f"controller must be one of {', '.join(CHAINS)} of a drive that moves a body; got {controller!r}"
-        )
+    if controller not in CHAINS:
+        raise ValueError(f"controller must be one of {', '.join(CHAINS)}; got {controller!r}")
+    (first, *_) = build(controller, model, envelope) if envelope.shaken else (None,)
+    own = shaking(first) if isinstance(first, VibroController) else ({}, {})
     sharp, planned = model.sharp, controller == "mpc"
     periodic = Periodic.of(sharp, 1).index
     varied = [Level.index, *periodic.tolist()]
-    horizon = horizon_of(model) if planned else Horizon()
+    horizon = (horizon or horizon_of(model)) if planned else Horizon()
     sizes: dict[str, int | str] = {
         "MPC": int(planned),
         "STATES": len(sharp.states),
@@ -100,6 +108,7 @@ def numbers_of(
         "PLAN_SUBSTEPS": horizon.substeps,
         "ITERATIONS": horizon.iterations,
         **_structure(sharp, envelope),
+        **own[0],
     }
     noise = noise_of(controller, sharp, envelope.limits.age_s)
     sizes["KEPT"] = math.ceil((noise.latest_s + sharp.delay_s) / sharp.tick_s) + 2
@@ -112,11 +121,11 @@ def numbers_of(
         "level_std": noise.fitted_level_std if sharp.fitted else noise.level_std,
         **dict(zip(("level_low", "level_high", "level_middle"), _level(sharp), strict=True)),
         **_limits(envelope),
-        **_rules(Rules() if rules is None else rules),
-        **_loops(model),
+        **_rules(Rules()),
+        **(own[1] or _loops(model)),
         **(_plan(model, envelope, horizon) if planned else {}),
     }
-    arrays = {name: np.atleast_1d(np.array(value, dtype=float)) for name, value in values.items()}
+    arrays = {name: np.array(value, dtype=float) for name, value in values.items()}
     return Numbers(sizes, arrays, model_code(model, envelope, varied, planned))
 
 
@@ -140,10 +149,15 @@ def _structure(model: ControlModel, envelope: Envelope) -> dict[str, int | str]:
         "ANCHORED": int(model.drive.anchored),
         "WALK_TICKS": max(1, round(SCATTER_S / model.tick_s)),
         "PLACED": int(envelope.placed),
-        "REMEMBERS": int(remembers(model, envelope)),
+        "SHAKEN": int(envelope.shaken),
         "EFFECTS": int(any(p.effect for p in model.symbols.parameters)),
-        "REACH_SUBSTEPS": replace(model, tick_s=loop_of(model)[1]).substeps,
+        **({} if envelope.shaken else _reach(model, envelope)),
     }
+
+
+def _reach(model: ControlModel, envelope: Envelope) -> dict[str, int | str]:
+    substeps = replace(model, tick_s=loop_of(model)[1]).substeps
+    return {"REMEMBERS": int(remembers(model, envelope)), "REACH_SUBSTEPS": substeps}
 
 
 def _started(model: ControlModel) -> dict[str, Array]:

@@ -119,26 +119,24 @@ class AveragedMpc:
     def __init__(self, lag_s: float, step_s: float = 0.1, horizon: int = 12) -> None:
         self.step_s, self.horizon = step_s, horizon
         F, g = transition(step_s, lag_s)
-        self._free = np.zeros((2 * horizon, 3))
-        self._forced = np.zeros((2 * horizon, horizon))
+        self.free = np.zeros((2 * horizon, 3))
+        self.forced = np.zeros((2 * horizon, horizon))
         power, columns = np.eye(3), [g]
         for k in range(horizon):
             power = F @ power
             for j in range(k + 1):
                 response = columns[k - j]
-                self._forced[k, j] = response[0] / _PROGRESS_M
-                self._forced[horizon + k, j] = (response[1] + response[2]) / _SPEED_M_S
-            self._free[k] = power[0] / _PROGRESS_M
-            self._free[horizon + k] = (power[1] + power[2]) / _SPEED_M_S
+                self.forced[k, j] = response[0] / _PROGRESS_M
+                self.forced[horizon + k, j] = (response[1] + response[2]) / _SPEED_M_S
+            self.free[k] = power[0] / _PROGRESS_M
+            self.free[horizon + k] = (power[1] + power[2]) / _SPEED_M_S
             columns.append(F @ columns[-1])
-        self._scale = np.concatenate((np.full(horizon, 1 / _PROGRESS_M), np.full(horizon, 1 / _SPEED_M_S)))
+        self.scale = np.concatenate((np.full(horizon, 1 / _PROGRESS_M), np.full(horizon, 1 / _SPEED_M_S)))
         change = (np.eye(horizon) - np.eye(horizon, k=-1)) / _CHANGE_M_S
-        self._first = np.zeros(horizon)
-        self._first[0] = 1 / _CHANGE_M_S
-        self._hessian = self._forced.T @ self._forced + change.T @ change
-        self._inverse = np.linalg.inv(self._hessian)
-        self._diagonal = np.diag(self._hessian).tolist()
-        self._change = change
+        self.last = 1 / _CHANGE_M_S**2
+        self.hessian = self.forced.T @ self.forced + change.T @ change
+        self.inverse = np.linalg.inv(self.hessian)
+        self._diagonal = np.diag(self.hessian).tolist()
 
     def plan(
         self,
@@ -151,13 +149,14 @@ class AveragedMpc:
         sweeps: int = 20,
     ) -> Array:
         """Commands (horizon,) in m/s from `z` = (p, s, b) for the wanted values at the ends of the steps."""
-        wanted = np.concatenate((positions_m, speeds_m_s)) * self._scale - self._free @ z
-        gradient = self._forced.T @ wanted + self._change.T @ (self._first * last_m_s)
-        u = self._inverse @ gradient
+        wanted = np.concatenate((positions_m, speeds_m_s)) * self.scale - self.free @ z
+        gradient = self.forced.T @ wanted
+        gradient[0] += self.last * last_m_s
+        u = self.inverse @ gradient
         if u.min() >= low_m_s and u.max() <= high_m_s:
             return np.asarray(u)
         u = np.clip(u, low_m_s, high_m_s)
-        slope = gradient - self._hessian @ u
+        slope = gradient - self.hessian @ u
         for _ in range(sweeps):
             largest = 0.0
             for j in range(self.horizon):
@@ -165,7 +164,7 @@ class AveragedMpc:
                 step = to - float(u[j])
                 if step != 0.0:
                     u[j] = to
-                    slope -= self._hessian[j] * step
+                    slope -= self.hessian[j] * step
                     largest = max(largest, abs(step))
             if largest < _ENOUGH:
                 break

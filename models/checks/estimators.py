@@ -1,5 +1,7 @@
 """Estimates of a column that several checks use: noise, grid, running mean, runs of rows."""
 
+import weakref
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from models.checks.settings import SET
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _OVERLAPPED = 0.95  # of the degrees of freedom of windows that overlap by half, what they count (Welch 1967)
+_STEPS: dict[int, float] = {}  # of arrays by id
 _ROUNDED = np.sqrt(12)  # steps over the standard deviation of what rounding to them leaves
 
 
@@ -32,14 +35,21 @@ def smooth_speed(x: Array, dt: float) -> tuple[Array, float, int]:
     noise = max(white_noise(x), step_noise(x))
     for window in SET.speed_windows_s:
         n = max(1, round(window / 2 / dt))
-        smooth, centre = running_mean(x, n), running_mean(np.arange(len(x), dtype=np.float64), n)
         ahead = np.minimum(np.arange(len(x)) + n, len(x) - 1)
         back = np.maximum(np.arange(len(x)) - n, 0)
+        smooth, centre = running_mean(x, n), 0.5 * (ahead + back)
         speed = (smooth[ahead] - smooth[back]) / (np.maximum(centre[ahead] - centre[back], 0.5) * dt)
         left = noise * float(np.sqrt(2 / (2 * n + 1))) / (2 * n * dt)
         if 5 * left < SET.speed_shown * float(np.percentile(np.abs(speed), 90)):
             break
     return np.asarray(speed), left, n
+
+
+def regressed(rows: Array, y: Array) -> Array:
+    """Weights (m,) of the least-squares line through `y` (n,) by the columns of `rows` (n, m), brought to one size."""
+    scale = np.std(rows, axis=0)
+    scale[scale <= 1e-12 * np.max(np.abs(rows), axis=0)] = 1.0  # constant columns
+    return np.asarray(np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale)
 
 
 def spectral_noise(x: Array) -> tuple[float, bool]:
@@ -59,7 +69,16 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
 
 
 def grid_step(x: Array) -> float:
-    """Step of the grid on which the values of `x` lie; 0 where they lie on none that is identifiable."""
+    """Step of the grid on which the values of `x` lie; 0 where they lie on none that is identifiable. Found once for as
+    long as an array lives, which never changes.
+    """
+    if id(x) not in _STEPS:
+        _STEPS[id(x)] = _grid_step(x)
+        weakref.finalize(x, _STEPS.pop, id(x), None)
+    return _STEPS[id(x)]
+
+
+def _grid_step(x: Array) -> float:
     values = np.unique(x)
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-9 * max(float(np.ptp(x)), 1e-300)]

@@ -66,12 +66,12 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
         if finding.severity == "stops" and finding.id in rig.checks.accept
         else finding
         for record in (on_one_clock(record, rig) for record in records)
-        for finding in _of(View(record, rig), View(where_measured(record), rig))
+        for finding in _of(View(record, rig))
     ]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
 
 
-def _of(whole: View, measured: View) -> Findings:
+def _of(whole: View) -> Findings:
     """The stamps first: where they stop, nothing else can be judged of the measured rows."""
     if not whole.timed:
         yield from sizes.check_table(whole)
@@ -79,7 +79,8 @@ def _of(whole: View, measured: View) -> Findings:
     of_the_stamps = [finding for check in STAMPS for finding in check(whole)]
     yield from of_the_stamps
     if stopping(of_the_stamps) is None:
-        sane = View(without_outliers(measured), measured.rig)
+        measured = whole.of(where_measured(whole.record))
+        sane = measured.of(without_outliers(measured))
         for view, checks in ((sane, MOTION), (measured, INSTRUMENTS), (sane, COLUMNS)):
             for check in checks:
                 yield from check(view)

@@ -11,7 +11,7 @@ from models.checks.finding import Findings
 from models.checks.sensor import without_outliers
 from models.checks.settings import SET
 from models.checks.usable import usable
-from models.checks.view import TEXT, View
+from models.checks.view import TEXT, View, once
 from models.rigs.schema import bounds
 from models.rigs.tables import Noise
 
@@ -74,7 +74,7 @@ def check_colour(view: View) -> Findings:
     """Noise of the measured column that is correlated from sample to sample: a sensor that filters."""
     if view.noise == 0:
         return
-    view = View(without_outliers(view), view.rig)
+    view = view.of(without_outliers(view))
     found = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in SET.colour_windows)
     rows, least = next(((rows, least) for rows, fewest, least in found if len(rows) >= fewest), (np.zeros((0, 1)), 0.0))
     if rows.size and (correlation := _correlation(view, rows)) >= max(least, SET.colour_sure / np.sqrt(rows.size)):
@@ -141,6 +141,7 @@ def _at_rest(view: View) -> list[tuple[float, float]]:
     return found
 
 
+@once
 def _throughout(view: View) -> list[tuple[float, float]]:
     """The three strongest lines at most that stand out in the spectrum of every stretch of the record."""
     n = len(view.y) // SET.tone_parts

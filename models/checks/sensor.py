@@ -5,10 +5,10 @@ A mask says which samples of the measured column a fit may not use; a check repo
 
 import numpy as np
 
-from models.checks.estimators import Array, Mask, grid_step, runs_of, white_noise
+from models.checks.estimators import Mask, grid_step, runs_of, white_noise
 from models.checks.finding import Findings, Severity
 from models.checks.settings import SET
-from models.checks.view import View
+from models.checks.view import View, once
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.words.quantities import number
@@ -17,6 +17,7 @@ SWITCHED = ("drive_on", "coil_voltage_V")
 """Driven columns with edges of their own."""
 
 
+@once
 def clipped(view: View) -> Mask:
     """Where the measured column stands at an end of its range as clipping leaves it, shape of the column. Needs noise:
     without it rest at the end of a stroke looks the same.
@@ -42,6 +43,7 @@ def check_clipping(view: View) -> Findings:
         yield view.weakens("clipping", rows=np.flatnonzero(where), share=where.mean(), limits=limits)
 
 
+@once
 def fresh(view: View) -> Mask:
     """Where a value of the measured column is a new one, shape of the column; everywhere where none are repeated."""
     y, mask = view.y, np.ones(len(view.y), dtype=bool)
@@ -70,6 +72,7 @@ def check_held_values(view: View) -> Findings:
         yield view.notes("held_values", rate=1 / view.dt, fresh=share / view.dt, length=1 / share)
 
 
+@once
 def silent(view: View) -> Mask:
     """Where the measured column lies on one value or one straight line for longer than its noise lets it; nowhere in a
     column without noise. Shape of the column.
@@ -103,6 +106,7 @@ def check_silence(view: View) -> Findings:
         yield view.finding(severity, "sensor_silent", rows=begins, n=n, longest=longest, least=least)
 
 
+@once
 def spikes(view: View, name: str) -> Mask:
     """Where one or two samples of the column `name` differ from both sides by far more than noise and motion do, and by
     more than the sides differ from each other, shape (n,): an outlier, no step and no pulse.
@@ -123,9 +127,10 @@ def spikes(view: View, name: str) -> Mask:
     return mask
 
 
-def beyond(values: Array) -> Mask:
-    """The values, shape (n,), ten times as far from the median as all others: at most a twentieth of them."""
-    far = np.abs(values - np.median(values))
+@once
+def beyond(view: View) -> Mask:
+    """The measured values, shape (n,), ten times as far from the median as all others: at most a twentieth of them."""
+    far = np.abs(view.y - np.median(view.y))
     last = np.sort(far)[-1 - round(SET.stray_most * len(far)) :]
     gaps = np.flatnonzero((last[1:] > SET.stray_apart * last[:-1]) & (last[:-1] > 0))
     return np.asarray(far > (last[gaps[0]] if len(gaps) else np.inf))
@@ -133,7 +138,7 @@ def beyond(values: Array) -> Mask:
 
 def off(view: View) -> Mask:
     """Where the measured column holds an outlier of either kind."""
-    return spikes(view, view.measured) | beyond(view.y)
+    return spikes(view, view.measured) | beyond(view)
 
 
 def without_outliers(view: View) -> Record:
@@ -152,7 +157,7 @@ def straight_over(record: Record, name: str, gaps: Mask) -> Record:
 
 def check_no_values(view: View) -> Findings:
     """Values of the measured column that no sensor gave: -999 of a logger that got no answer."""
-    where = beyond(view.y)
+    where = beyond(view)
     if where.any():
         values = [number(value, 6) for value in np.unique(view.y[where])[:3]]
         rows = np.flatnonzero(where)
@@ -164,6 +169,6 @@ def check_outliers(view: View) -> Findings:
     for name in dict.fromkeys((view.measured, view.driven or view.measured)):
         where = spikes(view, name) & ~clipped(view)
         if name == view.measured:
-            where &= ~beyond(view.y)
+            where &= ~beyond(view)
         if where.any():
             yield view.notes("outliers", name, np.flatnonzero(where), n=int(where.sum()), far=SET.far)

@@ -13,7 +13,7 @@ from models.checks.finding import Findings
 from models.checks.positions import POSITIONS, without_slips, without_steps
 from models.checks.sensor import clipped, fresh, off, silent, spikes, straight_over
 from models.checks.settings import SET
-from models.checks.view import TEXT, View
+from models.checks.view import TEXT, View, once
 from models.records.record import USED, Record, where_measured
 from models.rigs.benches import AXIS
 from models.rigs.columns import TIME
@@ -47,6 +47,7 @@ def resampled(even: Record, record: Record) -> Record:
     return treated(replace(even, treated=record.treated), "resampled", n=len(record))
 
 
+@once
 def usable(view: View) -> Mask:
     """Where the measured column holds a value of its own: new, not clipped, no outlier, not filled in."""
     return np.asarray(fresh(view) & ~clipped(view) & ~off(view) & ~silent(view))
@@ -66,14 +67,14 @@ def cleaned(record: Record, rig: Rig) -> Record:
     if not view.timed or view.measured not in record.columns:
         return replace(record, treated=record.treated or ())
     good = used(record)
-    good[good] = usable(View(where_measured(record), rig))
+    good[good] = usable(view.of(where_measured(record)))
     if not good.all() and good.sum() > 2:
         record = filled(record.with_column(USED, good), view.measured)
         record = treated(record, "left_out", column=view.measured, n=int(np.sum(~good)), total=len(good))
     if rows := run_in(view):
         record = treated(from_row(record, rows), "run_in", seconds=rows * view.dt)
     record = _over_pauses(view, record)
-    view = View(record, rig)
+    view = view.of(record)
     if view.driven and (apart := spikes(view, view.driven)).any():
         record = straight_over(record, view.driven, apart)
         record = treated(record, "straightened", column=view.driven, n=int(np.sum(apart)))
@@ -119,7 +120,7 @@ def _over_pauses(view: View, record: Record) -> Record:
 
 def _settled_m(view: View) -> float:
     """The travel in m after which a wall, and behind a magnet the gap, are as in motion."""
-    return float(SET.wall_settled_m if view.kind.drawn else SET.settled_m)
+    return SET.wall_settled_m if view.kind.drawn else SET.settled_m
 
 
 def used(record: Record) -> Mask:
@@ -169,7 +170,7 @@ def run_in(view: View) -> int:
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    return int(min(int(np.searchsorted(travelled, _settled_m(view))), round(SET.start_share * len(travelled))))
+    return min(int(np.searchsorted(travelled, _settled_m(view))), round(SET.start_share * len(travelled)))
 
 
 def _first(view: View, seconds: float = SET.start_s) -> slice:

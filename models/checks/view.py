@@ -1,9 +1,9 @@
 """One record as the checks see it: columns, clock, motion and noise."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partialmethod
-from typing import Any, Final
+from functools import cached_property, partialmethod, wraps
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 Rows = Sequence[int] | NDArray[np.int64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,10 @@ class View:
 
     record: Record
     rig: Rig
+
+    def of(self, record: Record) -> "View":
+        """The view of another `record` of the rig; this one, with all that it knows, where it is the same."""
+        return self if record is self.record else View(record, self.rig)
 
     @property
     def kind(self) -> RigKind:
@@ -199,6 +204,21 @@ class View:
         times = [f" ({self.t[row]:.6g} s)" if self.timed else "" for row in rows[:most]]
         shown = [f"{self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
         return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
+
+
+def once(found: Callable[..., T]) -> Callable[..., T]:
+    """What is `found` of a view, and further arguments, computed once for each view."""
+
+    @wraps(found)
+    def kept(view: View, *more: Any) -> T:
+        known = vars(view).setdefault("_known", {})
+        key = (found.__name__, *more)
+        if key not in known:
+            known[key] = found(view, *more)
+        value: T = known[key]
+        return value
+
+    return kept
 
 
 def _text(case: str, part: str, values: Mapping[str, Any]) -> str:

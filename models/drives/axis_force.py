@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from models.drives.drive import Actuation, Drive, Push, Values
-from models.surfaces.rail import LINE, TURN, Rail
+from models.surfaces.surface import LINE, TURN, Rail
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,6 @@ REFINEMENTS: Final = _declared(refinements)
 """Free curves and further orders that refine the shape of a named effect; never candidates."""
 
 
-def variants_on(kind: str) -> tuple[type[Effect], ...]:
-    """The project's effects that have numbers of their own on a `kind` of rig."""
-    return tuple(variant for effect in EFFECTS if (variant := effect.on(kind)))
-
-
 @dataclass(frozen=True)
 class Catalogue(Mapping[str, type[Effect]]):
     """Every effect that may take part, by its id: the project's, and its `own` from outside; `variants` replace them on

@@ -210,7 +210,7 @@ def _printed(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """printed equations"""
     known_letters = effect.letters()
     letters = [known_letters.get(name, name) for name in (*values_of(effect), *effect.states)]
-    taken = [*letters, *(symbol for symbol, _ in SIGNALS.values())]
+    taken = [*letters, *(symbol for symbol, *_ in SIGNALS.values())]
     for letter in sorted({letter for letter in letters if taken.count(letter) > 1}):
         yield f".symbols must differ from each other and from those of signals; got {letter!r} twice"
     p = Symbols(effect, {})

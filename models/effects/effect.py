@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from inspect import isfunction
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
@@ -25,8 +23,6 @@ NEEDS: Final = (
     *("load", "logged", "samples", "wall", "turning"),
 )
 """What a motion may offer for an effect to show."""
-_OURS: Final = tomllib.loads(Path(__file__).with_name("catalogue.toml").read_text(encoding="utf-8"))
-"""What each of the project's effects declares beside its law, by id."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +75,6 @@ def by_name(**entries: Any) -> Mapping[str, Any]:
     return MappingProxyType(entries)
 
 
-def _declared(key: str, value: Any) -> Any:
-    """A value of `catalogue.toml` as a class states it."""
-    if isinstance(value, Mapping):
-        return by_name(**{name: tuple(one) if isinstance(one, list) else one for name, one in value.items()})
-    if isinstance(value, list):
-        return frozenset(value) if key == "kinds" else tuple(value)
-    return " ".join(value.split()) if isinstance(value, str) else value
-
-
 @dataclass(frozen=True)
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
@@ -102,8 +89,7 @@ class Effect:
     motion must offer for the effect to show: "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a
     logged one of different sizes), "logged" (an input that changes), "samples" (more than two a mains period), "wall"
     (of living tissue, none on a plate), "turning" (an axis that turns; only its search tries such an effect).
-    `proposed_on` names the records whose residual proposed it. What the project's own effects declare beside their
-    law stands in `catalogue.toml`, their parameters as `numbers`; an effect from elsewhere has all of it as attributes.
+    `proposed_on` names the records whose residual proposed it.
     """
 
     id: ClassVar[str] = ""
@@ -124,32 +110,6 @@ class Effect:
     exact: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
     proposed_on: ClassVar[tuple[str, ...]] = ()
-
-    def __init_subclass__(cls) -> None:
-        if cls.__module__.startswith(f"{__package__}."):
-            cls._declare(_OURS.get(vars(cls).get("id", ""), {}))
-
-    @classmethod
-    def _declare(cls, own: Mapping[str, Any]) -> None:
-        """State as attributes what a table of `catalogue.toml` declares."""
-        for key, value in own.items():
-            if key not in ("numbers", "on"):
-                setattr(cls, key, _declared(key, value))
-        for name, given in own.get("numbers", {}).items():
-            setattr(cls, name, number(**given))
-        for name, value in vars(cls).items():
-            if own and isinstance(value, Parameter):
-                value.__set_name__(cls, name)
-
-    @classmethod
-    def on(cls, kind: str) -> type[Effect] | None:
-        """The effect with the numbers that it has `on` a kind of rig alone; None where it has none of its own there."""
-        own = _OURS.get(cls.id, {}).get("on", {}).get(kind)
-        if own is None:
-            return None
-        made: type[Effect] = type(cls.__name__, (cls,), {"__doc__": cls.__doc__})
-        made._declare(own)
-        return made
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

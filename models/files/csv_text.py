@@ -101,9 +101,9 @@ def to_number(cell: str) -> float:
 
 def may_group(lines: Sequence[str], separator: str) -> bool:
     """Whether digits in the lines may stand in groups of three: not where all have as many marks and none has two."""
-    marks = {line.count(".") + line.count(",") for line in lines}
     if separator == ",":
         return any('"' in line and _GROUPS.search(line) for line in lines)
+    marks = {line.count(".") + line.count(",") for line in lines}
     return any(_TWICE.search(line) or (len(marks) > 1 and _GROUPS.search(line)) for line in lines)
 
 

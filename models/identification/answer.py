@@ -37,8 +37,16 @@ from models.theta import Theta
 from models.words.sentences import Sentences, sentence
 
 TEXT: Final = Sentences(__file__)
-STOPPED: Final = {"chance": "noise", "form": "no gain", "gain": "no gain", "most": "four effects", "time": "time"}
-"""What a report says of why a search ended (`Search.ended`)."""
+STOPPED: Final = {
+    "chance": "noise",
+    "cost": "no gain",
+    "form": "no gain",
+    "gain": "no gain",
+    "most": "four effects",
+    "time": "time",
+}
+"""What a report says of why a search ended (`Search.ended`; "cost" is "chance" where the residual is more)."""
+_OF_RESIDUAL: Final = ("residual_size", "whiteness", "held_out")  # checks
 
 
 def answer(
@@ -52,12 +60,13 @@ def answer(
     drawn: bool = True,
     left_out: str = "",
 ) -> Finding:
-    """All that is known of the records and the model, but for how long it took; `left_out` of the records are these;
-    without what a report alone shows
-    where none is `drawn`.
+    """All that is known of the records and the model, but for how long it took; `left_out` says what of the records a
+    search did without. What a report alone shows is missing where none is `drawn`.
     """
     kind, verdict, theta = prepared.kind, judged.verdict, predicted.thetas["augmented"]
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
+    left = any(not check.ok and check.id.partition(".")[0] in _OF_RESIDUAL for check in judged.checks)
+    ended = "cost" if found.ended == "chance" and left else found.ended
     proposal = _proposal(prepared, found, train, seed, unexplained=verdict == "unknown")
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
@@ -80,7 +89,7 @@ def answer(
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
             *([left_out] if left_out else []),
-            *_statements(kind, found, predicted, words),
+            *_statements(kind, found, predicted, words, ended),
             *_proposed(kind, found, predicted),
             *report.statements(kind, predicted.thetas, train),
         ),
@@ -98,8 +107,9 @@ def answer(
         leading=_leading(choice),
         disagreeing=disagreements(kind, found.augmented, found.model, train) if drawn else (),
         profiles=profiles(kind, found.augmented, found.model, train) if drawn else (),
-        stopped=STOPPED[found.ended],
+        stopped=STOPPED[ended],
         constant=predicted.constant,
+        left_out=left_out,
     )
 
 
@@ -191,7 +201,9 @@ def _rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
     return rows
 
 
-def _statements(kind: AnyKind, found: Search, predicted: Predicted, words: Callable[[str], str]) -> list[str]:
+def _statements(
+    kind: AnyKind, found: Search, predicted: Predicted, words: Callable[[str], str], ended: str
+) -> list[str]:
     costs = {"before": found.before, "after": found.after, "chance": found.null_cost}
     said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
     if found.effects:
@@ -208,8 +220,8 @@ def _statements(kind: AnyKind, found: Search, predicted: Predicted, words: Calla
     for name in found.refinements:
         shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
         said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
-    count = found.effects if found.ended == "most" else found.rounds[-1][1] if found.rounds else ()
-    return [*said, TEXT(f"statement.ended_{found.ended}", n=len(count))]
+    count = found.effects if ended == "most" else found.rounds[-1][1] if found.rounds else ()
+    return [*said, TEXT(f"statement.ended_{ended}", n=len(count))]
 
 
 def _proposed(kind: AnyKind, found: Search, predicted: Predicted) -> list[str]:

@@ -9,7 +9,6 @@ import numpy as np
 
 from models.checks.excitation import Shown
 from models.effects import effect_words
-from models.identification.drive_plan import DrivePlan, DriveRoom
 from models.identification.finding import NEXT_CSV, Proposal, Separation
 from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Fit, axes, evaluate
@@ -17,7 +16,7 @@ from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind
 from models.identification.kinds.series.drive_input import driven_column
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.motion_plan import Plan, Room
+from models.identification.motion_plan import DrivePlan, DriveRoom, Plan, Room
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.search import Search
 from models.identification.settings import SET

@@ -255,8 +255,8 @@ class Finding:
     - `next_experiment`: what to record next, a sentence, and its motion, `proposal`; None where nothing is open.
     - `dependence`: what the residual depends on after "unknown", with the proposed term.
     - `equations` with numbers, `symbolic` with the names of the fitted parameters; `profiles`: the likelihood of each.
-    - `leading`: which stages may lead a controller; `stopped`: why no further effect was sought; `seconds` in all and
-      by step, `timings`.
+    - `leading`: which stages may lead a controller; `stopped`: why no further effect was sought; `left_out`: what the
+      search did without; `seconds` in all and by step, `timings`.
     """
 
     kind: str
@@ -293,6 +293,7 @@ class Finding:
     profiles: tuple[Profile, ...] = ()
     constant: Mapping[str, float] = field(default_factory=dict)
     beside: Mapping[str, Column] = field(default_factory=dict)
+    left_out: str = ""
 
     @property
     def by_column(self) -> list[Finding]:

@@ -10,41 +10,37 @@ import numpy as np
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show, inseparable
 from models.checks.finding import RecordFinding
-from models.checks.usable import lead_in_s
 from models.identification.answer import answer
-from models.identification.finding import STAGES, Finding, Trace
+from models.identification.finding import STAGES, Check, Finding, Trace
 from models.identification.fitting.confidence import intervals
+from models.identification.foresight import seconds_of_search, smallest
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.possible import choice_of
 from models.identification.record_checks import check_parts, check_records
-from models.identification.search.screening import null_distribution, records_for_null
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
+from models.identification.thinning import said_of, slower, thinned
 from models.identification.validity import Ranges, ranges_of
 from models.identification.verdict import (
     at_bounds,
     checks_of_model,
     checks_of_rest,
+    periods_of,
     setback_findings,
     setbacks,
+    unexplained,
     verdict_of,
 )
 from models.records.record import Record
-from models.records.thinning import slower, thinned
-from models.rigs.columns import TIME
 from models.rigs.rig import Rig
-from models.words.quantities import measured_unit
 from models.words.sentences import Quantity, Sentences
 from models.workers import worker_count
 
 TEXT: Final = Sentences(__file__)
-_POINTS: Final = 8  # that a kind simulates at once
-_BATCHES: Final = 1500.0  # of points, in the search of an effect
-_TRIES: Final = 3  # of a timing: the shortest counts
 
 
 def close(
@@ -65,28 +61,38 @@ def close(
     Base parameters that are `known` from elsewhere replace the rig file's and constrain the calibration as its
     `[prior]` does; known effects belong to the base. At most `most` effects are searched for. Before the fit `told`, if
     given, gets the `smallest` sizes that would show. What a report alone shows is left out where none is `drawn`. A
-    search uses no more rows than it needs, and those that `budget_s` allows. Without one, the same records and `seed`
-    give the same numbers. Raises ValueError for records from which nothing is identifiable.
+    search uses no more rows and records than it needs, and those that `budget_s` allows; records that it left out and
+    does not explain join it, the worst ones first. Without a budget, the same records and `seed` give the same numbers.
+    Raises ValueError for records from which nothing is identifiable.
     """
     began = time.monotonic()
     findings = examined(rig, train, holdout)
-    train, holdout = [ready(record, rig) for record in train], [ready(record, rig) for record in holdout]
-    logged, (train, left_out), holdout = train, thinned(train), slower(holdout)
+    logged, holdout = [ready(record, rig) for record in train], slower([ready(record, rig) for record in holdout])
+    train, others = thinned(logged)
     prepared = prepare(rig, train, known, findings)
-    check_parts(prepared.kind, train, holdout)
+    check_parts(prepared.kind, train, [*holdout, *others])
     if (seconds := seconds_of_search(prepared.kind, train)) > budget_s:
-        train, left_out = thinned(logged, sum(map(len, train)) * budget_s / seconds)
+        train, others = thinned(logged, sum(map(len, train)) * budget_s / seconds)
         seconds = budget_s
     progress(TEXT("estimate", seconds=seconds, rows=sum(map(len, train)), workers=worker_count()), 0.01)
     if told is not None:
         told(smallest(prepared.kind, train))
-    found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
+    joined = list[Record]()
+    for again in (True, True, False):
+        found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
+        worse, outside = unexplained(prepared.kind, found, others)
+        if not (worse and again) or found.ended == "time":
+            break
+        joined, train = [*joined, *worse], [*train, *worse]
+        others = [record for record in others if record not in worse]
+        prepared = prepare(rig, train, known, findings)
     progress("predicting and judging", 0.95)
     predicted = predict(prepared.kind, found, {"train": train, "holdout": holdout})
-    judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed)
+    judged = judge(prepared, found, train, holdout, predicted.error["holdout"], seed, outside)
     progress("planning the next experiment", 0.97)
     choice = choice_of(prepared, found, predicted, judged, train, seed)
-    finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn, left_out)
+    left_out = [said_of(logged, train), *([TEXT("joined", records=[r.name for r in joined])] if joined else [])]
+    finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn, " ".join(left_out))
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = _model(prepared.kind, predicted, judged, provenance, choice, ranges_of(prepared.kind, train))
     progress("done", 1.0)
@@ -119,30 +125,6 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     if isinstance(kind, SeriesKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
-
-
-def seconds_of_search(kind: AnyKind, records: Sequence[Record]) -> float:
-    """About how long the search for one effect takes in `records`, on the workers that there are: from the time of one
-    simulation.
-    """
-    values = [kind.nominal()] * _POINTS
-    spent = []
-    for _ in range(_TRIES):
-        began = time.perf_counter()
-        for record in kind.searched(records):
-            kind.predictions(record, values)
-        spent.append(time.perf_counter() - began)
-    return _BATCHES * min(spent) / worker_count()
-
-
-def smallest(kind: AnyKind, records: Sequence[Record]) -> dict[str, Quantity]:
-    """The smallest amplitude of each effect of `kind` that a search in such `records` would tell from chance, before
-    any fit: in records that the nominal model makes. Nothing where they are too few for that.
-    """
-    part = records_for_null(kind, kind.searched(records))
-    _, sizes, _ = null_distribution(kind, part, kind.nominal(), np.random.default_rng(0))
-    units = {name: kind.declared(name).amplitude().unit for name in sizes}
-    return {name: Quantity(size, measured_unit(units[name], kind.unit)) for name, size in sorted(sizes.items())}
 
 
 def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]]) -> Predicted:
@@ -188,10 +170,11 @@ def judge(
     holdout: Sequence[Record],
     error: Mapping[str, float],
     seed: int,
+    more: Sequence[Check] = (),
 ) -> Judged:
-    """The verdict on what was `found`; `error` is that of the held-out records by stage, empty without any. Without
-    effects the last stage is the one before it; where it errs more than an earlier one, and beyond what right models
-    leave, that weakens the verdict.
+    """The verdict on what was `found`; `error` is that of the held-out records by stage, empty without any, and `more`
+    are further checks. Without effects the last stage is the one before it; where it errs more than an earlier one, and
+    beyond what right models leave, that weakens the verdict.
     """
     kind, fit, rng = prepared.kind, found.augmented, np.random.default_rng(seed)
     fitted = intervals(kind, fit, found.model, found.parts)
@@ -201,10 +184,10 @@ def judge(
     bounds = {"calibrated": at_bounds(kind, found.calibrated, []), "augmented": at_bounds(kind, fit, found.model)}
     beyond = any(check.id == "held_out" and not check.ok for check in rest)
     findings = (*setback_findings(said, holdout, bounds, last if beyond else None), *prepared.findings)
-    longest_s = max(
-        float(np.ptp(r[TIME])) - lead_in_s(r) if r.layout.time else np.inf for r in train
-    )  # tables: endless
-    checks = (*rest, *checks_of_model(kind, found, fitted, error, findings, longest_s))
+    periods = periods_of(kind, found.effects, fit.theta, train)
+    long = [name for name, share in periods.items() if share > 1 / SET.seen_again]
+    fitted |= {name: replace(fitted[name], identifiable=False) for name in long}
+    checks = (*rest, *more, *checks_of_model(kind, found, fitted, error, findings, periods))
     return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
 
 

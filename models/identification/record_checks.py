@@ -88,7 +88,7 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
     for group in groups:
         there = [name for name in group if all(name in r.columns for r in records)]
         values = {name: np.concatenate([r[name] for r in records]) for name in there}
-        constant = all(len(np.unique(column)) == 1 for column in values.values())
+        constant = all(np.all(column == column[0]) for column in values.values())
         if layout.time and there and constant:
             got = values[there[0]][0]
             raise ValueError(f"{names}: {' and '.join(there)} must change to identify anything; got {got:g} throughout")

@@ -246,8 +246,7 @@ def _text(term: Term) -> str:
 def _errors(curve: ResidualCurve) -> Array:
     """Standard deviations of a curve's values, none much smaller than the median's."""
     error = (curve.high - curve.low) / (2 * SET.z95)
-    least = max(0.3 * float(np.median(error)), 1e-12 * float(np.ptp(curve.values)) + 1e-300)
-    return np.asarray(np.maximum(error, least))
+    return np.maximum(error, max(0.3 * float(np.median(error)), 1e-12 * float(np.ptp(curve.values)) + 1e-300))
 
 
 def _square(fit: tuple[Array, Array]) -> float:

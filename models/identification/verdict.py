@@ -2,22 +2,27 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.usable import lead_in_s
 from models.identification.finding import STAGES, Check, Fitted
 from models.identification.fitting.confidence import near
-from models.identification.fitting.fit import Fit, axes
+from models.identification.fitting.fit import Fit, axes, judged_cost
+from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
 from models.identification.rehearsal import Left, left_by, rehearsed
 from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.parameter import Name
 from models.records.record import Record
-from models.theta import spelled
+from models.rigs.columns import TIME
+from models.theta import Theta, spelled
 from models.words.sentences import Quantity, Sentences
+from models.workers import each
 
 TEXT: Final = Sentences(__file__)
 
@@ -34,6 +39,19 @@ def _check(name: str, value: float, limit: float, column: str = "") -> Check:
     said, meaning = (TEXT(f"check.{name}.{key}", lags=SET.lags, stretches=SET.blocks) for key in ("name", "meaning"))
     said, name = (f"{said}, {column}", f"{name}.{column}") if column else (said, name)
     return Check(name, said, float(value), float(limit), bool(value <= limit), meaning)
+
+
+def unexplained(kind: Kind, found: Search, others: Sequence[Record]) -> tuple[list[Record], list[Check]]:
+    """Those of the `others`, which no fit has seen, that the model which was `found` does not explain, the worst ones
+    alone, and the check that it explains all.
+    """
+    if not others:
+        return [], []
+    seen = [prefixes(kind.searched([record]), found.horizon_s) for record in others]
+    costs = each(lambda part: judged_cost(kind, part, found.augmented.theta), seen)
+    check = _check("outside", max(costs), SET.clean * max(found.after, 1.0))
+    worst = np.argsort(costs, kind="stable")[::-1][: SET.joined]
+    return [others[k] for k in worst if costs[k] > check.limit], [check]
 
 
 def checks_of_rest(
@@ -83,26 +101,43 @@ def checks_of_model(
     spread: Mapping[Name, Fitted],
     held_out: Mapping[str, float],
     findings: Sequence[RecordFinding],
-    longest_s: float = np.inf,
+    periods: Mapping[Name, float] = MappingProxyType({}),
 ) -> tuple[Check, ...]:
-    """What a verdict rests on beside what is left: parameters, held-out errors in the kind's measure and the findings
-    on the records. `longest_s` is the length of the longest record.
+    """What a verdict rests on beside what is left: parameters, held-out errors in the kind's measure, the findings on
+    the records and the `periods` of the effects.
     """
     at_bound = _check("bounds", len(at_bounds(kind, found.augmented, found.effects)), 0)
     weak = _check("records", sum(finding.severity == "weakens" for finding in findings), 0)
-    own = _of_effects(kind, found, spread, held_out, longest_s) if found.effects else (weak,)
+    own = _of_effects(kind, found, spread, held_out, periods) if found.effects else (weak,)
     return (at_bound, *own, *_information(spread))
 
 
+def periods_of(kind: Kind, effects: Sequence[str], theta: Theta, records: Sequence[Record]) -> dict[Name, float]:
+    """The period of each of the `effects` at `theta`: one in time as a share of the longest record, a wavelength of the
+    way that the `records` cover.
+    """
+    found = dict[Name, float]()
+    timed = [float(np.ptp(r[TIME])) - lead_in_s(r) for r in records if r.layout.time]
+    for p, name in ((p, (effect, p.name)) for effect in effects for p in kind.declared(effect).parameters()):
+        if p.unit == "Hz":
+            found[name] = 1 / theta[name] / max(timed, default=np.inf)
+        elif p.name.startswith("wavelength"):
+            places = [r[column] for r in records for column in ("position_m", "angle_rad") if column in r.columns]
+            found[name] = theta[name] / float(np.ptp(np.concatenate(places)))
+    return found
+
+
 def _of_effects(
-    kind: Kind, found: Search, spread: Mapping[Name, Fitted], held_out: Mapping[str, float], longest_s: float
+    kind: Kind,
+    found: Search,
+    spread: Mapping[Name, Fitted],
+    held_out: Mapping[str, float],
+    periods: Mapping[Name, float],
 ) -> Iterator[Check]:
     sizes = [spread.get((name, kind.declared(name).amplitude().name)) for name in found.effects]
     yield _check("effects_told", sum(size is None or not size.identifiable for size in sizes), 0)
-    waves = [(name, p.name) for name in found.effects for p in kind.declared(name).parameters() if p.unit == "Hz"]
-    if waves:
-        longest = max(1 / found.augmented.theta[name] for name in waves) / longest_s
-        yield _check("periods", longest, 1 / SET.seen_again)
+    if periods:
+        yield _check("periods", max(periods.values()), 1 / SET.seen_again)
     if held_out:
         share = held_out["augmented"] / max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
         yield _check("held_out_gain", share, 1)

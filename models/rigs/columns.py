@@ -1,9 +1,7 @@
 """Columns of a record: which of them it needs, and the ranges of their values."""
 
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -78,8 +76,36 @@ class Range(NamedTuple):
         return np.asarray((within if self.zero else within & (values != 0)) | np.isnan(values))
 
 
-_TABLES = tomllib.loads(Path(__file__).with_name("ranges.toml").read_text(encoding="utf-8"))
-RANGES = MappingProxyType({name: Range(**table) for name, table in _TABLES.items()})
-"""Ranges of columns, where a kind states no other."""
-SLOWEST_PULL = RANGES["velocity_m_s"].lower
+_FORCE = Range(-1e3, 1e3, "between -1000 and 1000 N")  # of a capsule
+SLOWEST_PULL = 1e-7
 """In m/s: a slip of a tenth of a millimetre every quarter of an hour."""
+_PLACE = Range(-100.0, 100.0, "between -100 and 100 m")  # of the same
+
+RANGES = MappingProxyType(  # what a value of a column may be, by column
+    {
+        "position_m": _PLACE,
+        "carriage_position_m": _PLACE,
+        "force_N": _FORCE,
+        "valley_N": _FORCE,
+        "peak_N": _FORCE,
+        "velocity_m_s": Range(SLOWEST_PULL, 1.0, f"the speed of the pull, {SLOWEST_PULL:g} to 1 m/s"),
+        "mean_velocity_m_s": Range(-10.0, 10.0, "between -10 and 10 m/s"),
+        "coil_current_A": Range(-1e3, 1e3, "between -1000 and 1000 A"),
+        "coil_voltage_V": Range(-1e4, 1e4, "between -10000 and 10000 V"),
+        "period_s": Range(1e-6, 1e4, "1e-6 to 1e4 s"),
+        "duty": Range(0.0, 1.0, "a share between 0 and 1"),
+        "cycles": Range(1.0, 1e9, "a number of periods, at least 1"),
+        "drive_on": Range(0.0, 1.0, "between 0 (off) and 1 (on)"),
+        "frequency_Hz": Range(0.0, 1e9, "positive, in Hz", above=True),
+        "storage_modulus_Pa": Range(0.0, 1e12, "positive, in Pa", above=True),
+        "loss_modulus_Pa": Range(0.0, 1e12, "not negative, in Pa"),
+        "angle_rad": Range(-1e6, 1e6, "between -1e6 and 1e6 rad"),
+        "torque_N_m": Range(-1e6, 1e6, "between -1e6 and 1e6 N m"),
+        "velocity_rad_s": Range(-1e5, 1e5, "between -1e5 and 1e5 rad/s"),
+        "load_N": Range(-1e9, 1e9, "between -1e9 and 1e9 N"),
+        "friction_coefficient": Range(0.0, 100.0, "not negative, at most 100"),
+        ACCELERATION: Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"),
+        "load_N_m": Range(-1e9, 1e9, "between -1e9 and 1e9 N m"),
+    }
+)
+"""Ranges of columns, where a kind states no other."""

@@ -64,8 +64,10 @@ static void start_chain(capsule_controller *c, double now, int reason)
     c->unfollowed_s = 0;
     c->stopped_at = NEVER;
     c->stop_from = 0;
+#if !CAPSULE_SHAKEN
     c->gain = c->numbers->loop_gain_1_s;
     c->most_m_s = c->numbers->loop_most_m_s;
+#endif
     forget_swings(c);
 }
 
@@ -135,7 +137,7 @@ static real stop(capsule_controller *c, capsule_out *out, int reason)
     if (CAPSULE_PLACED) {
         return c->issued.command;
     }
-    if (c->numbers->stop_s > 0) {
+    if (!CAPSULE_SHAKEN && c->numbers->stop_s > 0) {
         left = within(R(1) - R(c->elapsed_s - c->stopped_at) / c->numbers->stop_s, R(0), R(1));
     }
     return left * c->stop_from;
@@ -159,6 +161,15 @@ static void worked(capsule_controller *c, int rank)
     }
 }
 
+#if CAPSULE_SHAKEN
+static real answered(capsule_controller *c, int rank, const capsule_belief *b, const capsule_in *in, capsule_out *out)
+{
+    if (rank != c->active) {
+        capsule_shaker_begin(&c->shaker, c->numbers, in->time_s, b->state[0]);
+    }
+    return capsule_shake(&c->shaker, c->numbers, b, in, out);
+}
+#else
 static void reset(capsule_controller *c, int rank, double now)
 {
     if (rank == PID) {
@@ -175,35 +186,38 @@ static void reset(capsule_controller *c, int rank, double now)
     (void)now;
 }
 
-/* The answer of one controller of the chain; NaN for none. */
-static real asked(capsule_controller *c, int rank, const capsule_belief *b, const capsule_in *in, capsule_out *out)
+static real answered(capsule_controller *c, int rank, const capsule_belief *b, const capsule_in *in, capsule_out *out)
 {
     const int changed = rank != c->active;
-    real command = R(NAN);
+    (void)out;
     if (changed) {
         reset(c, rank, in->time_s);
     }
     c->continued = c->issued.command - (changed ? R(0) : c->blend_left);
-    if (rank == PID) {
-        command = capsule_pid(c, b, in);
-    } else if (rank == FEEDFORWARD) {
-        command = capsule_feedforward(c, b, in);
-    }
 #if CAPSULE_MPC
-    else {
-        real found;
-        command = capsule_mpc(c->numbers, &c->planner, b, in, c->continued, c->issued.rate, &found) != 0
-            ? found : R(NAN);
+    if (rank == 0) {
+        real found = R(NAN);
+        const int planned = capsule_mpc(c->numbers, &c->planner, b, in, c->continued, c->issued.rate, &found);
         out->iterations = c->planner.iterations;
         out->plans = c->planner.steps;
+        return planned != 0 ? found : R(NAN);
     }
 #endif
+    return rank == PID ? capsule_pid(c, b, in) : capsule_feedforward(c, b, in);
+}
+#endif
+
+/* The answer of one controller of the chain; NaN for none. */
+static real asked(capsule_controller *c, int rank, const capsule_belief *b, const capsule_in *in, capsule_out *out)
+{
+    const int changed = rank != c->active;
+    const real command = answered(c, rank, b, in, out);
     if (changed && isfinite(command)) {
         const real running = CAPSULE_PLACED ? c->issued.rate * c->tick_s : R(0);
         note(c, out, rank, rank < c->active ? CAPSULE_TRIED_AGAIN : c->reason);
         c->active = rank;
         c->stopped_at = NEVER;
-        c->blend_step = c->issued.command + running - command;
+        c->blend_step = CAPSULE_SHAKEN ? R(0) : c->issued.command + running - command;
         c->blend_since = c->elapsed_s;
     }
     return command;
@@ -325,12 +339,17 @@ static void see_swing(capsule_controller *c, real error_m)
 /* Halves the gain of the feedforward's loop; the others have none. */
 static int calmed(capsule_controller *c)
 {
+#if CAPSULE_SHAKEN
+    (void)c;
+    return 0;
+#else
     if (c->active != FEEDFORWARD || c->gain <= CALMEST * c->numbers->loop_gain_1_s) {
         return 0;
     }
     c->gain *= R(0.5);
     c->most_m_s *= R(0.5);
     return 1;
+#endif
 }
 
 /* A controller that swings far and often must reduce its gain; one that cannot is suspended for good. */

@@ -70,6 +70,7 @@ static void remember(capsule_estimator *e, double now, real command)
 {
     e->time_s = now;
     e->drive = command;
+    e->drawn[e->newest] = e->draws;
 #if CAPSULE_PLAIN
     memcpy(e->past[e->newest], e->x[0], sizeof e->past[0]);
 #else
@@ -216,19 +217,51 @@ static void predict(capsule_estimator *e, double now, real command)
     remember(e, now, command);
 }
 
-static void take_chosen(capsule_estimator *e, real *row)
+static void take_chosen(capsule_estimator *e, real *row, const uint16_t *chosen)
 {
     int k;
     for (k = 0; k < P; k++) {
-        e->scratch[k] = row[e->chosen[k]];
+        e->scratch[k] = row[chosen[k]];
     }
     memcpy(row, e->scratch, sizeof e->scratch);
+}
+
+/* Where a redraw is written down, in place of the oldest one, which the rows before it catch up with. */
+static uint16_t *next_draw(capsule_estimator *e)
+{
+    uint16_t *parent = e->parent[e->draws % CAPSULE_DRAWS];
+    int i;
+    for (i = 0; i < (e->count < CAPSULE_KEPT ? e->count : CAPSULE_KEPT); i++) {
+        const int place = place_of(e, i);
+        if (e->draws - e->drawn[place] >= CAPSULE_DRAWS) {
+            take_chosen(e, e->past[place], parent);
+            e->drawn[place]++;
+        }
+    }
+    e->draws++;
+    return parent;
+}
+
+/* The particles' readings `back` ticks ago. */
+static const real *readings(capsule_estimator *e, int back)
+{
+    const int place = place_of(e, back);
+    uint32_t draw;
+    if (e->drawn[place] == e->draws) {
+        return e->past[place];
+    }
+    memcpy(e->then, e->past[place], sizeof e->then);
+    for (draw = e->drawn[place]; draw != e->draws; draw++) {
+        take_chosen(e, e->then, e->parent[draw % CAPSULE_DRAWS]);
+    }
+    return e->then;
 }
 
 /* Systematic resampling: particles of little weight become copies of heavier ones. */
 static void renew(capsule_estimator *e)
 {
     const real share = capsule_uniform(e->random);
+    uint16_t *chosen = next_draw(e);
     real total = e->weight[0];
     int k = 0, i, leader = -1;
     for (i = 0; i < P; i++) {
@@ -236,25 +269,22 @@ static void renew(capsule_estimator *e)
             k++;
             total += e->weight[k];
         }
-        e->chosen[i] = k;
+        chosen[i] = (uint16_t)k;
         if (k == e->leader && leader < 0) {
             leader = i;
         }
     }
     for (i = 0; i < CAPSULE_STATES; i++) {
-        take_chosen(e, e->x[i]);
+        take_chosen(e, e->x[i], chosen);
     }
-    for (i = 0; i < (e->count < CAPSULE_KEPT ? e->count : CAPSULE_KEPT); i++) {
-        take_chosen(e, e->past[place_of(e, i)]);
-    }
-    take_chosen(e, e->level);
-    take_chosen(e, e->force);
-    take_chosen(e, e->brisk);
+    take_chosen(e, e->level, chosen);
+    take_chosen(e, e->force, chosen);
+    take_chosen(e, e->brisk, chosen);
 #if CAPSULE_PERIODIC
-    take_chosen(e, e->own[1]);
-    take_chosen(e, e->own[2]);
+    take_chosen(e, e->own[1], chosen);
+    take_chosen(e, e->own[2], chosen);
     for (i = 0; i < P; i++) {
-        e->scratch[i] = R(e->moved[e->chosen[i]]);
+        e->scratch[i] = R(e->moved[chosen[i]]);
     }
     e->moved_some = 0;
     for (i = 0; i < P; i++) {
@@ -298,7 +328,7 @@ static real weigh(capsule_estimator *e, const real *then, real measured, real va
 static real see_position(capsule_estimator *e, int back, real value)
 {
     const capsule_numbers *n = e->numbers;
-    const real *then = e->past[place_of(e, back)];
+    const real *then = readings(e, back);
     const real variance = n->position_std_m * n->position_std_m, mean = weighted(e->weight, then);
     const real size = (value - mean) / real_sqrt(variance_of(e->weight, then, mean) + variance);
     if (real_abs(size) <= n->gate) {
@@ -313,7 +343,7 @@ static real see_position(capsule_estimator *e, int back, real value)
 /* The capsule was at `position_m` `back` ticks ago: positions since then shift, the rest stays. */
 static void shift(capsule_estimator *e, int back, real position_m)
 {
-    const real off = position_m - weighted(e->weight, e->past[place_of(e, back)]);
+    const real off = position_m - weighted(e->weight, readings(e, back));
     int i, k;
     for (k = 0; k < P; k++) {
         e->x[0][k] += off + e->numbers->position_std_m * capsule_normal(e->random);

@@ -1,6 +1,7 @@
 /* Feedforward: the control model inverted along the reference, with a slow position loop; and the PID below it. */
 #include "internal.h"
 
+#if !CAPSULE_SHAKEN
 #define EVALUATIONS 30   /* of the model per command at most */
 #define ACCURACY R(1e-4) /* of the command as a share of its range */
 #define JUMP_S R(1e-7)   /* step from the command in force to the tried one */
@@ -155,3 +156,6 @@ real capsule_pid(capsule_controller *c, const capsule_belief *b, const capsule_i
     c->pid_sum = within(c->pid_sum + n->pid_k_i * error * n->tick_s, -most, most);
     return command_for(n, free + c->pid_sum, x, v);
 }
+#else
+typedef int capsule_no_feedforward;
+#endif

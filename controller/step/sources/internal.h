@@ -18,6 +18,13 @@ capsule_issued capsule_limited(const capsule_numbers *n, real wanted, capsule_is
 real capsule_feedforward(capsule_controller *c, const capsule_belief *belief, const capsule_in *in);
 real capsule_pid(capsule_controller *c, const capsule_belief *belief, const capsule_in *in);
 
+#if CAPSULE_SHAKEN
+/* The inner mass at rest at `position_m`; the biases stay. The level of a tick; NaN for none. */
+void capsule_shaker_begin(capsule_shaker *s, const capsule_numbers *n, double now, real position_m);
+real capsule_shake(capsule_shaker *s, const capsule_numbers *n, const capsule_belief *b, const capsule_in *in,
+                   capsule_out *out);
+#endif
+
 #if CAPSULE_MPC
 void capsule_mpc_reset(capsule_planner *p, double now, real command);
 /* The MPC's command after `in_force` and its rate; whether there is one. */

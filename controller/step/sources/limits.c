@@ -92,7 +92,7 @@ capsule_issued capsule_limited(const capsule_numbers *n, real wanted, capsule_is
         narrowed(n, seen, room);
         aim = clipped(aim, room[0], room[1], CAPSULE_LIMIT_GAP, broken);
     }
-    if (!blind && real_abs(v) > n->most_speed_m_s) {
+    if (!CAPSULE_SHAKEN && !blind && real_abs(v) > n->most_speed_m_s) {
         const real most = CAPSULE_PLACED ? before : R(0);
         const int onwards = v * n->sense > 0;
         aim = clipped(aim, onwards ? R(-INFINITY) : most, onwards ? most : R(INFINITY), CAPSULE_LIMIT_SPEED, broken);

@@ -2,6 +2,8 @@
 #ifndef CAPSULE_STATE_H
 #define CAPSULE_STATE_H
 
+#define CAPSULE_DRAWS 8 /* redraws that a row of past readings may lag behind */
+
 /* Estimator: particles, each a possible capsule with its own wall, friction level and force. */
 typedef struct {
     const capsule_numbers *numbers;
@@ -22,12 +24,15 @@ typedef struct {
     real level_mean;
     real commands[CAPSULE_KEPT];                      /* ring, newest at `newest` */
     real currents[CAPSULE_KEPT];                      /* mean of a coil's current */
-    real past[CAPSULE_KEPT][CAPSULE_PARTICLES];       /* each particle's sensor reading */
+    real past[CAPSULE_KEPT][CAPSULE_PARTICLES];       /* each particle's sensor reading, as they stood in that tick */
+    /* how often particles were drawn again, by then and up to now; in each of the last times, what became what */
+    uint32_t drawn[CAPSULE_KEPT], draws;
+    uint16_t parent[CAPSULE_DRAWS][CAPSULE_PARTICLES];
+    real then[CAPSULE_PARTICLES];                     /* a row of `past` in the order of the particles now */
     real x[CAPSULE_STATES][CAPSULE_PARTICLES];
     real level[CAPSULE_PARTICLES], force[CAPSULE_PARTICLES], brisk[CAPSULE_PARTICLES], weight[CAPSULE_PARTICLES];
     real own[CAPSULE_VARIED][CAPSULE_PARTICLES];      /* friction parameter, then a periodic effect's size and phase */
     uint8_t moved[CAPSULE_PARTICLES];                 /* whether the particle has redrawn the periodic effect */
-    int chosen[CAPSULE_PARTICLES];
     real scratch[CAPSULE_PARTICLES];
 } capsule_estimator;
 
@@ -35,7 +40,7 @@ typedef struct {
     real command, rate, aim;
 } capsule_issued;
 
-#define CAPSULE_RANKS (CAPSULE_MPC + 2) /* MPC, feedforward, PID */
+#define CAPSULE_RANKS (CAPSULE_SHAKEN ? 1 : CAPSULE_MPC + 2) /* an inner mass's, or MPC, feedforward, PID */
 
 #if CAPSULE_MPC
 #define CAPSULE_ROWS (5 * CAPSULE_STAGES)         /* soft and hard bounds of a plan, at most */
@@ -78,6 +83,18 @@ typedef struct {
 } capsule_planner;
 #endif
 
+#if CAPSULE_SHAKEN
+/* The controller of an inner mass: the filter of its mean motion, the cycle, the bias learned in each gear. */
+typedef struct {
+    double time_s, seen_s, stamp_s, start_s;  /* of the filter, of the newest estimate used, of the cycle's begin */
+    real z[3], P[3][3], learned_at;           /* progress m, mean speed m/s, bias m/s, their covariance */
+    int missed, gear, status, behind;         /* gear -1: at rest; behind -1: not known yet */
+    real speed, planned, geared_for;          /* m/s, of the cycle on the model, of the plan, of the gear's choice */
+    real level[CAPSULE_PARTS];
+    real bias[CAPSULE_GEARS];
+} capsule_shaker;
+#endif
+
 /* The controllers, their fallback chain and the command in force. Times are in s since its begin. */
 typedef struct {
     const capsule_numbers *numbers;
@@ -104,6 +121,9 @@ typedef struct {
     real pid_sum, pid_start;
 #if CAPSULE_MPC
     capsule_planner planner;
+#endif
+#if CAPSULE_SHAKEN
+    capsule_shaker shaker;
 #endif
 } capsule_controller;
 

@@ -10,15 +10,18 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from controller.drives import envelope_of
+from controller.estimator.particle_filter import PARTICLES
 from controller.limits import Envelope
-from controller.model.control_model import ControlModel
+from controller.registry import horizon_of, leads
+from controller.step.compiled import compiled
 from controller.step.daqp_sources import daqp_sources
-from controller.step.library import DAQP_FILES, compiler, loaded, sources_of
+from controller.step.library import DAQP_FILES, compiler, sources_of
 from controller.step.numbers import CHAINS, Numbers, numbers_of
-from hil.app.export.native_node import NODE_KINDS, node_sources
+from hil.app.export.native_node import node_sources
 from hil.app.export.ticks import closed_loop, logged
 from hil.app.scenario.deployment import Deployment, load_deployment
 from hil.app.scenario.model_use import model_for
+from hil.nodes.frame_map import frame_map_of
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file, parse_toml
 from models.words.sentences import Sentences
@@ -29,15 +32,20 @@ STANDALONE: Final = Path(__file__).with_name("standalone")
 """Files of an exported folder that are the same for all, or templates."""
 TEMPLATES: Final = ("Makefile", "CMakeLists.txt", "README.md")
 _NEAR: Final = 0.01  # share of the scale within which single precision follows the log before particles differ
-_SIMPLEST: Final = "feedforward"  # leads the run that an estimator is tested with
-_PLANNING: Final = ("mpc.c", "planner.c", "qp.c")
+_SIMPLEST: Final = "feedforward"  # leads the run that an estimator is tested with, where it can
+_ONLY_WITH: Final = dict.fromkeys(("mpc.c", "planner.c", "qp.c"), ("MPC", 1)) | {
+    "shaker.c": ("SHAKEN", 1),
+    "feedforward.c": ("SHAKEN", 0),
+}
+"""Sources that a controller needs only where this size is so."""
 _OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
 
 
 @dataclass(frozen=True)
 class Asked:
     """What is exported: of the deployment at `path`, with a `stage` of the model file `model` where one is given;
-    `form`: with its controller or the estimator alone; `single`: float32.
+    `form`: with its controller or the estimator alone; `single`: float32; `particles` of its estimator; `short`: a
+    shorter plan.
     """
 
     path: Path
@@ -45,6 +53,8 @@ class Asked:
     stage: str
     form: str
     single: bool
+    particles: int | None = None
+    short: bool = False
 
     @property
     def alone(self) -> bool:
@@ -54,16 +64,22 @@ class Asked:
 def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], dict[str, Any]]:
     """The files of the folder by their path in it, and facts about them. Raises ValueError of one sentence."""
     deployment = _deployment(asked, known)
-    name = _SIMPLEST if asked.alone else deployment.control.controller
     with in_file(asked.path):
-        check_word(deployment.rig.kind, "rig.kind of an exported controller", NODE_KINDS)
+        kind = frame_map_of(deployment.rig.kind).drive.name
+        name = _SIMPLEST if asked.alone and kind in leads(_SIMPLEST) else deployment.control.controller
         check_word(name, "control.controller of an exported controller", CHAINS)
         model = deployment.believed(deployment.values)
         envelope = envelope_of(model.drive, deployment.limits)
-        numbers = numbers_of(name, model, envelope)
+        if asked.short and name != "mpc":
+            raise ValueError(f"control.controller must be 'mpc' for --short-plan; got {name!r}")
+        horizon = horizon_of(model, short=asked.short)
+        numbers = numbers_of(name, model, envelope, particles=asked.particles or PARTICLES, horizon=horizon)
         sources = _sources(numbers, asked)
         files = {**sources, **_daqp(numbers, asked)}
-        ticks = _ticks(deployment, model, name, numbers, asked.path)
+        found = compiled(name, model, envelope, numbers)
+        if found is None:
+            raise ValueError(TEXT("controller.compiler"))
+        ticks = logged(closed_loop(deployment, asked.path), model, name, found.library)
     if not asked.alone:
         files |= {f"node/{file}": text for file, text in node_sources(deployment, envelope).items()}
     sizes = _sizes(sources)
@@ -97,16 +113,10 @@ def _sources(numbers: Numbers, asked: Asked) -> dict[str, str]:
         '#include "state.h"', 'extern const capsule_numbers capsule_deployment;\n\n#include "state.h"'
     )
     files["controller.h"] = f"{head}#include <stdint.h>\n\n{single}{declared}"
-    left_out = () if numbers.sizes["MPC"] else _PLANNING
-    kept = [name for name in files if name not in left_out and (not asked.alone or name.endswith(".h"))]
+    sizes = numbers.sizes
+    needed = [name for name in files if sizes.get((of := _ONLY_WITH.get(name, ("", None)))[0]) == of[1]]
+    kept = [name for name in needed if not asked.alone or name.endswith(".h")]
     return {name: files[name] for name in (*kept, *(_OF_ESTIMATOR if asked.alone else ()))}
-
-
-def _ticks(deployment: Deployment, model: ControlModel, name: str, numbers: Numbers, path: Path) -> str:
-    library = loaded(numbers)
-    if library is None:
-        raise ValueError(TEXT("controller.compiler"))
-    return logged(closed_loop(deployment, path), model, name, library)
 
 
 def _daqp(numbers: Numbers, asked: Asked) -> dict[str, str | bytes]:

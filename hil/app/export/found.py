@@ -18,8 +18,7 @@ from models.identification.validity import Ranges
 from models.parameter import nearest
 from models.rigs.kinds import KINDS, drive_of, freely, surface_of
 from models.rigs.rig import Rig
-from models.surfaces.rail import TURN
-from models.surfaces.surface import Surface
+from models.surfaces.surface import TURN, Surface
 from models.theta import Theta, spelled
 from models.words.sentences import Sentences
 

@@ -14,10 +14,9 @@ from controller.limits import Envelope
 from controller.reference import STEP_S, Trajectory
 from hil.app.scenario.deployment import Deployment
 from hil.bus.catalogue import DBC
-from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, controllers_frames, frame_map_of, frames
+from hil.nodes.frame_map import controllers_frames, frame_map_of, frames
 from hil.nodes.guard import Fence
 
-NODE_KINDS: Final = (CARRIAGE_MAP.drive.name, COIL_MAP.drive.name)
 _STRAIGHT_M: Final = 1e-12
 """Farthest of a reference from the straight line between two of its knots."""
 
@@ -43,7 +42,7 @@ def _deployment_header(deployment: Deployment, envelope: Envelope) -> str:
     common = ("CapsuleLocalisation", "Sync", "ControllerHeartbeat", "EnableAnswer", "SafeStop")
     named |= {camel_to_snake_case(name).upper(): name for name in common}
     numbers: dict[str, str] = {
-        "NODE_CARRIAGE" if envelope.placed else "NODE_COIL": "1",
+        f"NODE_{camel_to_snake_case(frame_map.node).upper()}": "1",
         "NODE_CHANNEL": "CAPSULE_COMMANDED",
         "NODE_TICK_S": repr(tick_s),
         "NODE_DURATION_S": repr(deployment.control.duration_s),

@@ -3,17 +3,18 @@
 import math
 import struct
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import can
 
 import models.effects
 from hil.app.console import answer, note, output_to_notes
-from hil.app.run.log_task import task_of
+from hil.app.run.differences import Difference, Replay
+from hil.app.run.log_task import TEXT, task_of
+from hil.app.run.native_replay import native_replay
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
@@ -23,9 +24,7 @@ from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOL
 from hil.nodes.node import ControllerNode
 from hil.nodes.task import Task
 from models.files.toml import shown
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 _SHOWN: Final = 5  # differences on the terminal
 
 
@@ -64,44 +63,6 @@ class Order:
     value: float
 
 
-@dataclass(frozen=True)
-class Difference:
-    """A tick whose frames differ: (identifier, data) as logged and as computed."""
-
-    tick: int
-    time_s: float
-    logged: tuple[tuple[int, bytes], ...]
-    computed: tuple[tuple[int, bytes], ...]
-
-    def words(self, catalogue: FrameCatalogue) -> str:
-        names = catalogue.by_id()
-
-        def shown(frame: tuple[int, bytes] | None) -> str:
-            if frame is None:
-                return "nothing"
-            number, data = frame
-            return f"{names[number].name if number in names else hex(number)} {data.hex()}"
-
-        logged, computed = next(pair for pair in zip_longest(self.logged, self.computed) if pair[0] != pair[1])
-        both = {"logged": shown(logged), "computed": shown(computed)}
-        return TEXT("replay.tick", tick=self.tick, time=self.time_s, **both)
-
-
-@dataclass(frozen=True)
-class Replay:
-    """What a replay found; the plans of `cut` ticks were cut short by the clock, and again in the replay."""
-
-    ticks: int
-    frames: int
-    cut: int
-    differences: tuple[Difference, ...]
-
-    @property
-    def identical(self) -> bool:
-        """Whether every frame is the log's, bit by bit."""
-        return not self.differences
-
-
 def replay(
     path: Annotated[Path, argument("LOG", "A log of the controller, its record beside it.")],
     *,
@@ -111,10 +72,9 @@ def replay(
 ) -> int:
     """Run the controller of a log again; 0 where the log is complete and all its frames are the same, else 1."""
     if path.suffix.lower() != ".blf":
-        raise ValueError(
-            f"{path}: log must be the .blf file that a run wrote, as other formats keep neither times to the ns nor"
-            " notes"
-        )
+        found, whole = native_replay(path)
+        _begun(path, found)
+        return _print(path, found, load_catalogue(), "" if whole else TEXT("replay.killed"), None, json_output)
     known = models.effects.Catalogue.read(effects)
     record, catalogue = read_log_record(path), load_catalogue()
     held = 0
@@ -126,32 +86,34 @@ def replay(
             yield frame
 
     try:
-        _fits(record, catalogue)
+        for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
+            if record.get(key) != own:
+                raise ValueError(f"{key} must be {own}, as in this program; got {shown(record.get(key))}")
         with output_to_notes():
             task = task_of(record, str(path), known)
             found = replayed(counted(), task, catalogue, record.get("dry_run", False))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
+    _begun(path, found)
+    entries = record.get("entries")
+    cut_off = "" if held == entries else TEXT("replay.incomplete", held=held, entries=entries)
+    cut_off = TEXT("replay.no_end") if entries is None else cut_off
+    return _print(path, found, catalogue, cut_off, str(record.get("code", "unknown")), json_output)
+
+
+def _begun(path: Path, found: Replay) -> None:
     if not found.ticks:
         raise ValueError(
             f"{path}: log must hold ticks of its controller, each begun by a SYNC that it sent; got none: it is empty"
             " or recorded by another node"
         )
-    cut_off = _cut_off(held, record.get("entries"))
-    _print(path, found, catalogue, cut_off, (str(record.get("code", "unknown")), code_version()), json_output)
-    return 0 if found.identical and not cut_off else 1
-
-
-def _cut_off(held: int, entries: int | None) -> str:
-    """Why a log of `held` frames and notes is not the whole log of its run, "" where it is."""
-    if entries is None:
-        return TEXT("replay.no_end")
-    return "" if held == entries else TEXT("replay.incomplete", held=held, entries=entries)
 
 
 def _print(
-    path: Path, found: Replay, catalogue: FrameCatalogue, cut_off: str, code: tuple[str, str], json_output: bool
-) -> None:
+    path: Path, found: Replay, catalogue: FrameCatalogue, cut_off: str, written: str | None, json_output: bool
+) -> int:
+    """Say what a replay of a log of the code `written` (None: that of its folder) found; the status."""
+    code = (written or code_version(), code_version())
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
     document = {
         "log": str(path),
@@ -169,13 +131,7 @@ def _print(
     result = "different" if not found.identical else "as_far" if cut_off else "identical"
     said = TEXT(f"result.{result}", count=len(found.differences)) + (f"; {cut_off}" if cut_off else "")
     answer(json_output, document, TEXT("replay.found", ticks=found.ticks, frames=found.frames, result=said), *lines)
-
-
-def _fits(record: Mapping[str, Any], catalogue: FrameCatalogue) -> None:
-    """Raises ValueError for a record of another format and for frames of another DBC."""
-    for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
-        if record.get(key) != own:
-            raise ValueError(f"{key} must be {own}, as in this program; got {shown(record.get(key))}")
+    return 0 if found.identical and not cut_off else 1
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: FrameCatalogue, dry_run: bool = False) -> Replay:

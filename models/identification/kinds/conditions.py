@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class Conditions:
     high: float
 
     @classmethod
+    @lru_cache(maxsize=64)
     def of(cls, record: Record) -> Conditions:
         view = View(record, Rig(record.kind))
         v = view.speed[view.moves]
@@ -47,5 +49,4 @@ def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
         return False
     if own.fast <= SET.one_speed * own.slow:
         return any(r.slow / SET.same <= own.fast and own.slow <= r.fast * SET.same for r in rest)
-    slow, fast = min(r.slow for r in rest), max(r.fast for r in rest)
-    return bool(slow <= SET.same**2 * own.slow and own.fast <= SET.same**2 * fast)
+    return min(r.slow for r in rest) <= SET.same**2 * own.slow and own.fast <= SET.same**2 * max(r.fast for r in rest)

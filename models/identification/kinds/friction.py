@@ -153,10 +153,10 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
             if np.sum(own) > 3:
                 off.append(_off_line(np.log(np.abs(runs[own, 0])), mean[own]))
     if freedom >= 3:
-        return float(max(float(np.sqrt(squares / freedom)), SET.friction_finest))
+        return max(float(np.sqrt(squares / freedom)), SET.friction_finest)
     if off:
-        return float(max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), SET.friction_finest))
-    return float(SET.friction_scatter)
+        return max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), SET.friction_finest)
+    return SET.friction_scatter
 
 
 def _off_line(x: Array, y: Array) -> Array:

@@ -39,7 +39,8 @@ class SingleSpeedStiffening(SmallStrainStiffening):
     """`small_strain_stiffening` of which one speed identifies the size alone, not the drag over which it fades."""
 
     grid = by_name()
-    scale_m, tail = (replace(p, source=_HELD, fit=False) for p in SmallStrainStiffening.parameters()[1:])
+    scale_m = replace(SmallStrainStiffening.scale_m, source=_HELD, fit=False)
+    tail = replace(SmallStrainStiffening.tail, source=_HELD, fit=False)
 
 
 @dataclass(frozen=True)

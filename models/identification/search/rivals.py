@@ -33,11 +33,12 @@ class Rival:
 
 
 def rivals_of(
-    model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial]
+    model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial], chance: float
 ) -> list[Rival]:
     """Every candidate that could replace the `effect` of `model`, which gained `gain`: those that explained much when
     screened, those of `trials`, and the declared look-alikes of the effect and of any that the records do not separate
-    from it. Each is fitted from anywhere, also from the model's own base and from where it imitates the model.
+    from it. Each is fitted from anywhere, also from the model's own base and from where it imitates the model. `chance`
+    is the validation cost of a right model.
     """
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
@@ -61,7 +62,7 @@ def rivals_of(
         finer = tried[name].finer if name in tried else None
         fitted = min(fitted, finer or fitted, key=attrgetter("cost"))
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)
-        apart, alike = _compared(model, fitted, gain)
+        apart, alike = _compared(model, fitted, gain, chance)
         same = alike or close or name in kind.equivalents.get(effect, ())
         return apart, same, fitted.thetas, fitted.effects  # a kind and its records stay where they are
 
@@ -104,14 +105,15 @@ def _imitation(
     return near, judged_cost(kind, made, near) if kind.beginnings_s else np.inf
 
 
-def _compared(model: FittedModel, fitted: FittedModel, gain: float) -> tuple[float, bool]:
+def _compared(model: FittedModel, fitted: FittedModel, gain: float, chance: float) -> tuple[float, bool]:
     """By how many standard errors `model` leads, and whether the two are alike: the difference is chance, or so small
     that it may be an error of the form. The forms of the catalogue miss up to 0.3 % of the power of an effect of
-    another form (docs/results/identification.md).
+    another form (docs/results/identification.md), and here at least what `model` itself leaves above `chance`.
     """
     training, on_training = model.training_blocks, fitted.training_blocks
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
     finer = max(SET.finer_gain, float(np.log1p(SET.rival_form * np.expm1(gain))))
     small = max(behind, float(np.log(on_training.sum() / training.sum()))) < finer
-    return apart, bool(behind < SET.rival_gain * gain and (apart < SET.apart or small))
+    within = fitted.cost - model.cost < model.cost - chance
+    return apart, bool(within or (behind < SET.rival_gain * gain and (apart < SET.apart or small)))

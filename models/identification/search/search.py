@@ -230,7 +230,7 @@ def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> Fi
         effect = left.pop(0)
         progress(f"trying what else could explain it: {effect_words(effect)}", 0.82)
         row = next((row for row in found.rounds if row[2] and row[2][0].effect == effect), found.rounds[0])
-        rivals = rivals_of(model, effect, found.gains[effect], row[1], row[2])
+        rivals = rivals_of(model, effect, found.gains[effect], row[1], row[2], found.null_cost)
         ahead = min(rivals, key=lambda rival: rival.apart, default=None)
         if ahead and ahead.apart < -SET.apart and not ahead.alike:
             model = _replaced(model, found, effect, ahead)

@@ -16,10 +16,14 @@ from controller.signals import Measurement
 from controller.step.compiled import CompiledEstimator, compiled, supervisor_of
 from controller.step.library import Out, memory, pointer_to
 from controller.step.numbers import numbers_of
+from hil.app.scenario.scenario import load_track_scenario
+from hil.app.track.loop import believed_model
+from models.theta import Theta
 from plant.drives import TrueCoil, TrueMagnet
 from plant.rig import Truth
 from tests.controller.loops import model_of
 from tests.controller.step.loops import both, needs_compiler
+from tests.places import SCENARIOS
 
 pytestmark = needs_compiler
 TRUTH = {"magnetic": Truth(TrueMagnet(24.2), hoop_factor=1.09), "coil": Truth(TrueCoil(), hoop_factor=1.05)}
@@ -50,6 +54,16 @@ def test_the_estimates_are_alike(kind: str) -> None:
     assert [p.lost for p, _ in run.estimates] == [c.lost for _, c in run.estimates]
     assert np.sqrt(np.mean(off**2)) < np.mean(std)
     assert 0.7 < np.mean(std[:, 1]) / np.mean(std[:, 0]) < 1.4
+
+
+def test_an_inner_mass_is_led_as_by_python() -> None:
+    """Its drive map is a table; forth, a rest, and back in another gear."""
+    scenario = load_track_scenario(SCENARIOS / "track_vibro_gut.toml")
+    reference = through((6e-3, -2e-3), 8e-3, 0.3, 0.5)
+    run = both(believed_model(scenario, Theta()), "vibro_square", scenario.truth, reference, 3000)
+    assert np.ptp(run.commands[:, 0]) > 0.1
+    assert np.max(np.abs(run.commands[:, 0] - run.commands[:, 1])) < 1e-9
+    assert all(first == second for first, second in run.statuses)
 
 
 def test_without_readings_both_stop_alike() -> None:

@@ -1,7 +1,6 @@
 """The conformance suite that every effect of the catalogue runs through, on every kind of rig that it declares."""
 
 import re
-import tomllib
 from dataclasses import fields
 from functools import cache
 from inspect import signature
@@ -103,24 +102,6 @@ def model(kind: str, effect: str = "", smoothing: float = 0.0) -> Assembly:
 def output(kind: str, effect: str = "", amplitude: float = 0.0) -> Array:
     values = Theta.of({(effect, CATALOGUE[effect].amplitude().name): amplitude}) if effect else {}
     return stepped(model(kind, effect), COMMANDS[kind][1], STEP_S, values)
-
-
-def test_every_table_of_the_catalogue_belongs_to_an_effect_and_declares_what_an_effect_may() -> None:
-    tables = tomllib.loads((ROOT / "models/effects/catalogue.toml").read_text(encoding="utf-8"))
-    assert set(tables) == set(CATALOGUE)
-    variants = [(name, kind, own) for name, table in tables.items() for kind, own in table.pop("on", {}).items()]
-    for name, table in (*tables.items(), *((name, own) for name, _, own in variants)):
-        assert set(table) <= {*DECLARATIONS, "numbers"}, name
-        assert set(table.get("numbers", ())) <= set(CATALOGUE[name].start()), name
-    assert variants
-    for name, kind, own in variants:
-        variant = CATALOGUE[name].on(kind)
-        assert variant is not None
-        assert variant.answers("level") == CATALOGUE[name].answers("level")
-        assert {key: variant.start()[key] for key in own.get("numbers", {})} == {
-            key: number["value"] for key, number in own.get("numbers", {}).items()
-        }
-    assert CATALOGUE["stribeck"].on("pull") is None
 
 
 def test_every_effect_that_a_file_of_the_room_declares_is_in_the_catalogue() -> None:

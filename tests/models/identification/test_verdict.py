@@ -17,6 +17,7 @@ from models.identification.search.search import Search
 from models.identification.verdict import (
     at_bounds,
     checks_of_model,
+    periods_of,
     setback_findings,
     setbacks,
     verdict_of,
@@ -42,6 +43,12 @@ def fit(theta: dict[str, float], left: float = 1.0) -> Fit:
 
 def failed(*checks: Check) -> set[str]:
     return {check.id for check in checks if not check.ok}
+
+
+def travelled(way: float, seconds: float = 8.0) -> Record:
+    t = np.linspace(0, seconds, 400)
+    x = 0.5 * way * (1 - np.cos(2 * np.pi * t / seconds))
+    return Record("r", "pull", {"t_s": t, "position_m": x, "force_N": np.zeros_like(t)})
 
 
 def said(effect: type[Effect] | None = None, **changed: object) -> tuple[str, set[str]]:
@@ -171,5 +178,21 @@ def test_a_period_that_no_record_shows_twice_is_not_named() -> None:
     }
     found = Search(fit(theta), fit(theta), effects=["respiration"], after=1.0)
     size = Theta.of({("respiration", "force_N"): Fitted(0.01, (0.009, 0.011))})
-    assert failed(*checks_of_model(pull, found, size, HELD, (), longest_s=12.0)) == {"periods"}
-    assert not failed(*checks_of_model(pull, found, size, HELD, (), longest_s=25.0))
+    for seconds, wrong in ((12.0, {"periods"}), (25.0, set())):
+        periods = periods_of(pull, found.effects, theta, [travelled(6e-3, seconds)])
+        assert failed(*checks_of_model(pull, found, size, HELD, (), periods)) == wrong
+
+
+@pytest.mark.parametrize("records", [1, 48])
+def test_a_wavelength_that_the_covered_way_does_not_repeat_is_not_named(records: int) -> None:
+    """However many records cover the same little way."""
+    pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
+    theta = pull.nominal().with_(FoldPeriodic.id, FoldPeriodic.start()) | {
+        ("fold_periodic", "depth"): 0.3,
+        ("fold_periodic", "wavelength_m"): 7.3e-3,
+    }
+    found = Search(fit(theta), fit(theta), effects=["fold_periodic"], after=1.0)
+    size = Theta.of({("fold_periodic", "depth"): Fitted(0.3, (0.2, 0.4))})
+    for way, wrong in ((6e-3, {"periods"}), (15e-3, set())):
+        periods = periods_of(pull, found.effects, theta, [travelled(way)] * records)
+        assert failed(*checks_of_model(pull, found, size, HELD, (), periods)) == wrong

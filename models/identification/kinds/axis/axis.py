@@ -197,7 +197,7 @@ class AxisKind(Kind):
     def _believed(self, record: Record) -> float:
         """The noise assumed for a force whose own is unknown."""
         filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
-        return float(SET.axis_noise * float(np.sqrt(np.mean(filtered**2))))
+        return SET.axis_noise * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """The error in % that the noise of the quietest record makes; NaN where a noise is unknown."""
@@ -313,11 +313,12 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
 def splits_of(
     records: Sequence[Record], position: str, carrying: Callable[[Record], Record] = lambda record: record
 ) -> list[Split]:
-    """By record; where one alone holds a speed, direction or position, by four blocks of each record's cycle, of the
-    records `carrying` what the whole tells of a part.
+    """By record, of many by groups of them; where one alone holds a speed, direction or position, by four blocks of
+    each record's cycle, of the records `carrying` what the whole tells of a part.
     """
-    apart = [([r for r in records if r is not out], [out]) for out in records]
-    if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
+    groups = [records[k :: SET.axis_groups] for k in range(min(len(records), SET.axis_groups))]
+    apart = [([r for r in records if r not in group], [*group]) for group in groups]
+    if len(records) > 1 and all(may_be_left_out(out, rest) for rest, group in apart for out in group):
         return apart
     each = [blocks_of_cycle(carrying(record), position) for record in records]
     return [

@@ -7,7 +7,7 @@ from typing import Final
 
 from models.records.record import Record
 from models.rigs.columns import LOADS
-from models.surfaces import rail
+from models.surfaces import surface
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ LINE: Final = Coordinates(
     "force_N",
     "velocity_m_s",
     ("load_N",),
-    rail.LINE.names,
-    rail.LINE.units,
+    surface.LINE.names,
+    surface.LINE.units,
     "m",
     ("x_m", "v_m_s", "a_m_s2", "force"),
 )
@@ -54,8 +54,8 @@ TURN: Final = Coordinates(
     "torque_N_m",
     "velocity_rad_s",
     ("load_N_m", "load_N"),
-    rail.TURN.names,
-    rail.TURN.units,
+    surface.TURN.names,
+    surface.TURN.units,
     "rad",
     ("x_rad", "v_rad_s", "a_rad_s2", "torque"),
 )

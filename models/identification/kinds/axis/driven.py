@@ -1,6 +1,4 @@
-"""An axis whose place runs from the force alone, with stick and slip: one whose force is driven, and one whose place is
-too noisy for its acceleration, and is fitted to the place.
-"""
+"""An axis whose place runs from the force alone, with stick and slip, because that is driven or the place is noisy."""
 
 from __future__ import annotations
 

@@ -8,10 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from models.effects import CATALOGUE, Catalogue, variants_on
+from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import HOOKS, Effect, Signals, Value, Values, by_name, number
-from models.effects.force import LoadForce
-from models.effects.friction import Warming
+from models.effects.force import LoadForce, ViscousDrag
+from models.effects.friction import Stribeck, Warming
+from models.effects.sensor import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.axis.logged import Logged
 from models.identification.kinds.ranges import Ranges, ranged
@@ -19,6 +20,29 @@ from models.parameter import Parameter
 from models.rigs.benches import AXIS
 
 TEMPERATURE: Final = "temperature_degC"
+
+
+class AxisDrag(ViscousDrag):
+    """`viscous_drag` in the newtons of a stage; exponents near 0 are a film that thins with shear."""
+
+    grid = by_name(exponent=(0.15, 0.3, 0.6, 1.5, 2.0))
+    probe = 1.0
+    coefficient_N = number(0.0, "N at 10 mm/s", -100.0, 100.0)
+    exponent = number(0.5, "1", 0.1, 3.0)
+
+
+class AxisStribeck(Stribeck):
+    """`stribeck` as its name is meant: extra resistance at low speed, never less."""
+
+    grid = by_name(speed_m_s=(0.001, 0.003, 0.01, 0.03))
+    excess = number(0.0, "1", 0.0, 3.0)
+
+
+class AxisDelay(SensorDelay):
+    """`sensor_delay` of a position reading, milliseconds at most."""
+
+    probe = 2e-4
+    delay_s = number(0.0, "s", 0.0, 0.01)
 
 
 class WarmedBy(Warming):
@@ -39,7 +63,7 @@ class WarmedBy(Warming):
 
 _OF_RECORDS: Final = ("load_force", "presliding", "torque_ripple", "warming", "elastic_drive")
 """Effects whose ranges are those of the records, also along a line."""
-VARIANTS: Final = variants_on(AXIS.id)
+VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 
 @dataclass(frozen=True)

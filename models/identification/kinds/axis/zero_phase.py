@@ -31,7 +31,7 @@ class AxisMotion:
 
     @cached_property
     def even(self) -> bool:
-        return bool(_unevenness(self.t) <= SET.even)
+        return _unevenness(self.t) <= SET.even
 
 
 @cache

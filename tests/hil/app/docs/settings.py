@@ -1,5 +1,6 @@
 """The settings of every room as Markdown tables: value, unit, meaning, and what it was chosen on."""
 
+from dataclasses import fields
 from typing import Any
 
 from models.checks.settings import SET as CHECKS
@@ -15,7 +16,7 @@ def tables() -> str:
     """One table a room."""
     rooms: dict[str, Any] = {"Checks of records": CHECKS, "Identification": IDENTIFICATION}
     shown = {
-        title: [(name, _shown(one.value), one.unit, one.meaning, one.chosen_on) for name, one in room.told.items()]
+        title: [(field.name, _shown(field.default), *field.metadata.values()) for field in fields(room)]
         for title, room in rooms.items()
     }
     return markdown("settings.md.j2", rooms=shown)

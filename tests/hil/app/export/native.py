@@ -42,23 +42,28 @@ class Led:
 def native(folder: Path) -> ctypes.CDLL:
     """The node of an exported folder as a library."""
     flags = next(line for line in (folder / "Makefile").read_text().splitlines() if line.startswith("FLAGS"))
-    own = [*folder.glob("*.c"), *(folder / "node" / f"{name}.c" for name in ("node", "guard", "protection", "frames"))]
+    own = [
+        *folder.glob("*.c"),
+        *(folder / "node" / f"{name}.c" for name in ("node", "guard", "protection", "frames", "log")),
+    ]
     daqp = sorted((folder / "daqp" / "src").glob("*.c"))
     sources = [*own, *daqp, HERE.with_name("native_loop.c")]
-    options = ["-O2", "-w", *flags.partition(":=")[2].split()]
+    options = ["-O2", "-w", "-std=gnu99", *flags.partition(":=")[2].split()]
     found = compiled(
         tool("cc"), folder / "native.so", sources, folder, folder / "node", folder / "daqp/include", more=options
     )
     found.reason.restype = found.doubt.restype = ctypes.c_char_p
     found.reference_m.restype = found.reference_s.restype = ctypes.c_double
-    found.doubt.argtypes = [ctypes.c_double]
+    found.doubt.argtypes = found.start.argtypes = found.end_log.argtypes = [ctypes.c_double]
     found.hear.argtypes = [ctypes.c_uint32, ctypes.c_char_p, ctypes.c_int, ctypes.c_double]
     found.speak.argtypes = found.tick.argtypes = [ctypes.c_double, ctypes.c_void_p]
     return found
 
 
-def led(node: ctypes.CDLL, scenario: SilScenario, seconds: float, cut_s: float = np.inf) -> Led:
-    """Run the native node before the scenario's plant; from `cut_s` on it receives nothing."""
+def led(
+    node: ctypes.CDLL, scenario: SilScenario, seconds: float, cut_s: float = np.inf, log: Path | None = None
+) -> Led:
+    """Run the native node before the scenario's plant, with its `log`; from `cut_s` on it receives nothing."""
     loop = scenario.loop
     medium = Medium(frames().bit_rate)
     ports = {name: SimulatedBus(medium, name) for name in ("controller", "drive", "localiser")}
@@ -68,20 +73,21 @@ def led(node: ctypes.CDLL, scenario: SilScenario, seconds: float, cut_s: float =
     plant = PlantNode(session, loop.limits, tick_s, ports["drive"], ports["localiser"], drive=None, draw=draw)
     slots, rows = round(tick_s / SLOT_S), []
     node.begin()
+    assert log is None or node.log_to(str(log).encode())
 
     def say(count: int) -> None:
         for k in range(count):
             ports["controller"].send(classic_frame(room[k].id, bytes(room[k].data)))
 
     for k in range(round(seconds / tick_s)):
-        now = k * tick_s
+        now = round(k * tick_s, 9)
         if k == round(LISTENS_S / tick_s):
             assert node.doubt(now) == b""
-            node.start()
+            node.start(now)
         say(node.speak(now, room))
         for message in waiting(ports["controller"], 256):
             if now < cut_s:
-                node.hear(message.arbitration_id, bytes(message.data), len(message.data), message.timestamp)
+                node.hear(message.arbitration_id, bytes(message.data), len(message.data), round(message.timestamp, 9))
         say(node.tick(now, room))
         for number in range(slots):
             medium.advance(now + PHASE_S + number * SLOT_S)
@@ -90,6 +96,7 @@ def led(node: ctypes.CDLL, scenario: SilScenario, seconds: float, cut_s: float =
         if node.leads():
             wanted_m = node.reference_m() + float(loop.reference.position(np.array(now - node.reference_s())))
             rows.append(float(session.newest[at.O_X]) - wanted_m)
+    assert node.end_log(seconds) == 0
     settled = np.array(rows[round(0.5 / tick_s) :] or [np.nan])
     rmse = float(np.sqrt(np.mean(settled**2)))
     return Led(node.reason().decode(), bool(node.leads()), rmse, plant.drive.rejected, plant.drive.stage.state)

@@ -3,8 +3,10 @@
 import json
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,10 +24,10 @@ from tests.hil.app.export.conftest import BASE, FOLDS
 from tests.hil.app.export.native import led, native
 from tests.hil.app.export.tools import HERE, WARNINGS, done, tool
 from tests.places import ROOT
-from tests.rig_texts import PLATE
 
 SHIPPED = ROOT / "examples" / "deployment"
-WAYS = ("feedforward", "mpc", "feedforward --float32", "mpc --float32", "coil")
+SHORT = "mpc --particles 100 --short-plan"
+WAYS = ("feedforward", "mpc", "feedforward --float32", "mpc --float32", SHORT, "coil", "vibro")
 COIL = """[rig]
 kind = "coil"
 force_constant_N_per_A = 0.5
@@ -34,6 +36,22 @@ coil_inductance_H = 0.01
 current_limit_A = 1.0
 
 """
+INNER_MASS = """[rig]
+kind = "vibro"
+
+[drive]
+inner_mass_kg = 4e-3
+spring_stiffness_N_per_m = 62.0
+spring_damping_N_s_per_m = 0.0156
+force_N = 0.5
+reaction_on_body = true
+
+[surface]
+kind = "gut"
+
+"""
+OWN_RIG = {"coil": ("feedforward", COIL), "vibro": ("vibro_square", INNER_MASS)}
+ON_LINUX = ("main.c", "log.c")
 TICKS = 600
 ALLOWED_RULES = {
     "2.4": "a structure whose tag is not used",
@@ -64,10 +82,11 @@ ALLOWED_RULES = {
 
 
 def deployment(folder: Path, controller: str) -> Path:
-    """The shipped deployment with a short run under `controller`; "coil": a coil under feedforward without a plant."""
+    """The shipped deployment with a short run under `controller`; "coil", "vibro": such a rig without a plant."""
     text = (SHIPPED / "deployment.toml").read_text()
-    if controller == "coil":
-        controller, text = "feedforward", re.sub(r"(?s)\[rig\].*?\n\n", COIL, text.partition("\n[plant]")[0], count=1)
+    if controller in OWN_RIG:
+        controller, rig = OWN_RIG[controller]
+        text = re.sub(r"(?s)\[rig\].*?\n\n", rig, text.partition("\n[plant]")[0], count=1)
     text = text.replace('controller = "feedforward"', f'controller = "{controller}"')
     text = text.replace("duration_s = 10.0", f"duration_s = {2e-3 * TICKS:g}")
     (folder / "deployment.toml").write_text(text)
@@ -116,7 +135,7 @@ def test_replays_its_log(way: str, made: Callable[..., Path]) -> None:
     assert passed > 0.9 * TICKS
 
 
-@pytest.mark.parametrize("way", ["feedforward", "feedforward --float32"])
+@pytest.mark.parametrize("way", ["feedforward", "feedforward --float32", "vibro"])
 def test_estimator_replays_its_log(way: str, made: Callable[..., Path]) -> None:
     folder = made(way, "estimator")
     assert counts(done([tool("make"), "test"], folder)) == (TICKS, 0)
@@ -155,7 +174,7 @@ def test_no_warnings(way: str, compiler: str, made: Callable[..., Path], tmp_pat
     folder, cc = made(way), tool(compiler)
     for path in [*folder.glob("*.c"), *folder.glob("node/*.c"), folder / "test" / "replay.c", folder / "m7" / "bare.c"]:
         flags = [*WARNINGS, *flags_of(folder), "-I.", "-Inode", "-Idaqp/include"]
-        own = [*flags, "-std=gnu99"] if path.name == "main.c" else flags
+        own = [*flags, "-std=gnu99"] if path.name in ON_LINUX else flags
         done([cc, *own, "-O2", "-c", path, "-o", tmp_path / "made.o"], folder)
 
 
@@ -164,18 +183,19 @@ def flags_of(folder: Path) -> list[str]:
     return line.partition(":=")[2].split()
 
 
-@pytest.mark.parametrize("way", ["mpc"])
+@pytest.mark.parametrize("way", ["mpc", "vibro"])
 def test_cppcheck_finds_nothing(way: str, made: Callable[..., Path]) -> None:
     folder = made(way)
     written = written_by_hand(folder)
-    more = ["--enable=warning,style,performance,portability", "--max-configs=1", "-DNODE_CARRIAGE=1"]
+    more = ["--enable=warning,style,performance,portability", "--max-configs=1", drive_of(folder)]
     allowed = ["--suppress=variableScope", "--suppress=missingInclude", "--suppress=unusedStructMember"]
     done([tool("cppcheck"), "--quiet", "--std=c99", "--error-exitcode=1", *more, *allowed, "-I.", *written], folder)
 
 
-def test_rules_of_misra(made: Callable[..., Path]) -> None:
-    folder = made("mpc")
-    command = [tool("cppcheck"), "--quiet", "--std=c99", "--addon=misra", "--max-configs=1", "-DNODE_CARRIAGE=1"]
+@pytest.mark.parametrize("way", ["mpc", "vibro"])
+def test_rules_of_misra(way: str, made: Callable[..., Path]) -> None:
+    folder = made(way)
+    command = [tool("cppcheck"), "--quiet", "--std=c99", "--addon=misra", "--max-configs=1", drive_of(folder)]
     places = ["-I.", "-Inode", "-Idaqp/include", "--template={id} {file}:{line}"]
     said = done([*command, *places, *written_by_hand(folder)], folder)
     if "misra-c2012" not in said:
@@ -186,15 +206,23 @@ def test_rules_of_misra(made: Callable[..., Path]) -> None:
     assert broken <= set(ALLOWED_RULES), own
 
 
+def drive_of(folder: Path) -> str:
+    found = re.search(r"#define (NODE_(?:CARRIAGE|COIL|INNER_MASS)) 1", (folder / "node" / "deployment.h").read_text())
+    assert found is not None
+    return f"-D{found[1]}=1"
+
+
 def written_by_hand(folder: Path) -> list[Path]:
-    """The C sources but for the generated ones, which would take minutes, and the log's replay."""
+    """The C sources but for the generated ones, which would take minutes, and those of a program on Linux."""
     generated = ("model.c", "numbers.c", "frames.c")
     found = [*folder.glob("*.c"), *folder.glob("node/*.c")]
-    return sorted(path.relative_to(folder) for path in found if path.name not in (*generated, "main.c"))
+    return sorted(path.relative_to(folder) for path in found if path.name not in (*generated, *ON_LINUX, "replay.c"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("way", "compiler"), [("feedforward", "gcc"), ("mpc", "clang"), ("mpc --float32", "gcc")])
+@pytest.mark.parametrize(
+    ("way", "compiler"), [("feedforward", "gcc"), ("mpc", "clang"), ("mpc --float32", "gcc"), ("vibro", "clang")]
+)
 def test_any_bits_may_come_in(way: str, compiler: str, made: Callable[..., Path], tmp_path: Path) -> None:
     assert "led" in sanitised(made(way), tool(compiler), tmp_path, 4000)
 
@@ -209,7 +237,7 @@ def sanitised(folder: Path, cc: str, out: Path, ticks: int, seed: int = 1) -> st
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", ["feedforward", "mpc", "mpc --float32"])
+@pytest.mark.parametrize("way", ["feedforward", "mpc", "mpc --float32", "vibro"])
 def test_same_commands_on_a_cortex_m7(way: str, made: Callable[..., Path], tmp_path: Path) -> None:
     """The log's first ticks, as the processor is emulated."""
     tool("qemu-system-arm")
@@ -233,7 +261,7 @@ def test_cmake_builds_it(made: Callable[..., Path], tmp_path: Path) -> None:
     assert "100% tests passed" in done([ctest], tmp_path)
 
 
-@pytest.mark.parametrize("way", ["feedforward", "mpc", "feedforward --float32", "coil"])
+@pytest.mark.parametrize("way", ["feedforward", "mpc", SHORT, "feedforward --float32", "coil", "vibro"])
 def test_native_node_leads_the_simulated_plant(way: str, made: Callable[..., Path], tmp_path: Path) -> None:
     scenario = short(tmp_path, way.split()[0])
     found = led(native(made(way)), scenario, 4.0)
@@ -246,6 +274,52 @@ def test_native_node_stops_without_frames(made: Callable[..., Path], tmp_path: P
     assert found.led
     assert found.reason == "feedback lost"
     assert found.state not in (4, 5)  # enabled, derated
+
+
+def test_replay_of_the_native_nodes_log(
+    made: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A whole log, one cut off in a line as by a loss of power, and one with another command."""
+    tool("make")
+    folder = made("feedforward")
+    log = folder / "run.log"
+    assert led(native(folder), short(tmp_path, "feedforward"), 2.0, log=log).led
+    assert run(["replay", str(log)]) == 0
+    assert "1000 ticks" in (said := capsys.readouterr().out)
+    assert "identical" in said
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[:-1]) + lines[-2][:20])
+    assert run(["replay", str(log)]) == 1
+    assert "identical as far as the log goes" in capsys.readouterr().out
+    sent = [k for k, line in enumerate(lines) if line.endswith("T\n") and " node 100#" in line]
+    spoiled = re.sub("#....", "#0000", lines[sent[-1]])
+    log.write_text("".join([*lines[: sent[-1]], spoiled, *lines[sent[-1] + 1 :]]))
+    assert run(["replay", str(log), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["different_ticks"] == 1
+
+
+def test_a_killed_nodes_log_is_kept(made: Callable[..., Path], tmp_path: Path) -> None:
+    """What the node handed over before SIGKILL is on file."""
+    folder, log = made("feedforward"), tmp_path / "run.log"
+    native(folder)
+    killed = subprocess.run([sys.executable, "-c", KILLED, folder / "native.so", log], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    waited = time.monotonic() + 20.0
+    while time.monotonic() < waited and sum(" 080#" in line for line in log.read_text().splitlines()) < 500:
+        time.sleep(0.1)
+    assert sum(" 080#" in line for line in log.read_text().splitlines()) == 500
+
+
+KILLED = """import ctypes, os, signal, sys
+node, room = ctypes.CDLL(sys.argv[1]), (ctypes.c_char * 96)()
+node.speak.argtypes = node.tick.argtypes = [ctypes.c_double, ctypes.c_void_p]
+node.begin()
+node.log_to(sys.argv[2].encode())
+for k in range(500):
+    node.speak(0.002 * k, room)
+    node.tick(0.002 * k, room)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
 
 
 def short(folder: Path, controller: str) -> SilScenario:
@@ -294,8 +368,10 @@ def test_native_node_leads_on_a_real_can_bus(made: Callable[..., Path], tmp_path
         (["controller", "d.toml", "--stage", "best", "--out", "o"], "--stage"),
         (["controller", "d.toml", "--out", "d.toml"], "folder"),
         (["controller", "pid.toml", "--out", "o"], "control.controller"),
-        (["estimator", "vibro.toml", "--out", "o"], "rig.kind"),
+        (["estimator", "pull.toml", "--out", "o"], "rig.kind"),
+        (["controller", "d.toml", "--short-plan", "--out", "o"], "--short-plan"),
         (["fmu", "d.toml", "--float32", "--out", "o.fmu"], "--float32"),
+        (["fmu", "d.toml", "--particles", "100", "--out", "o.fmu"], "--particles"),
         (["controler", "d.toml", "--out", "o"], "did you mean 'controller'?"),
     ],
 )
@@ -306,8 +382,7 @@ def test_refusals_are_a_sentence(
     text = deployment(tmp_path, "feedforward").read_text()
     (tmp_path / "d.toml").write_text(text)
     (tmp_path / "pid.toml").write_text(text.replace('"feedforward"', '"pid_measured"'))
-    tables = re.sub(r"(?s)\[capsule\].*?\[noise\].*?\n\n", PLATE + '[rig]\nkind = "vibro"\n\n', text)
-    (tmp_path / "vibro.toml").write_text(tables.replace('"feedforward"', '"vibro"'))
+    (tmp_path / "pull.toml").write_text(re.sub(r"(?s)\[rig\].*?\n\n", '[rig]\nkind = "pull"\n\n', text))
     assert run(["export", *args]) == 2
     error = capsys.readouterr().err
     assert said in error

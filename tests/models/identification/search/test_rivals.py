@@ -51,10 +51,24 @@ def test_a_rival_that_no_round_tried_stands_in_the_class_where_the_records_canno
     model = base.far(([theta.with_(SPRING, begun)] for theta in base.thetas), [SPRING])
     gain = float(np.log(base.cost / model.cost))
     assert gain > 2
-    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, gain, screened, [])}
+    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, gain, screened, [], model.cost)}
     alike = {name for name, rival in rivals.items() if rival.alike}
     assert alike == (set() if to_and_fro else {LumenTaper.id, "warming"})
     assert SPRING not in rivals
+
+
+def test_a_model_that_leaves_more_than_chance_does_not_tell_apart_what_comes_as_close() -> None:
+    """The form of the named effect leaves so much of itself that the lead over a rival may be an error of the form."""
+    records = [record(seed, True) for seed in (1, 2)]
+    kind = kind_for(RIG, records)
+    splits = kind.splits(records)
+    start = kind.nominal().with_(SPRING, kind.declared(SPRING).start())
+    model = FittedModel(kind, splits).far(([start] for _ in splits), [SPRING])
+    apart = [rival for rival in rivals_of(model, SPRING, 4.0, [], [], model.cost) if not rival.alike]
+    nearest = min(apart, key=lambda rival: rival.fitted.cost)
+    chance = model.cost - 1.01 * (nearest.fitted.cost - model.cost)
+    again = {rival.effect: rival.alike for rival in rivals_of(model, SPRING, 4.0, [], [], chance)}
+    assert again[nearest.effect]
 
 
 def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
@@ -71,7 +85,7 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
     taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
     tried = model.fitted(taper, [LumenTaper.id])
     trial = Trial(LumenTaper.id, tried, tried.blocks + 1)
-    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, 4.0, [], [trial])}
+    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, 4.0, [], [trial], model.cost)}
     assert rivals[LumenTaper.id].alike
     assert rivals[LumenTaper.id].fitted.cost <= tried.cost * 1.001
 
@@ -108,7 +122,7 @@ def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
     kind = kind_for(rig, records)
     splits = kind.splits(records)
     model = FittedModel(kind, splits).fitted([theta for _ in splits], [InclineGravity.id])
-    rivals = {rival.effect: rival for rival in rivals_of(model, InclineGravity.id, 3.0, [], [])}
+    rivals = {rival.effect: rival for rival in rivals_of(model, InclineGravity.id, 3.0, [], [], model.cost)}
     assert rivals["directional_asymmetry"].alike
     assert not rivals["sensor_bias"].alike
 
@@ -145,6 +159,6 @@ def test_a_wave_that_stands_everywhere_at_once_is_no_rival_of_a_force_in_time(sp
     model, waves = breathing(span_m)
     assert model.fitted(waves, [WAVE]).cost == pytest.approx(model.cost, rel=0.05)
     trial = Trial(WAVE, model.fitted(waves, [WAVE]), model.blocks + 1)
-    rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial])}
+    rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial], model.cost)}
     assert rivals[WAVE].alike == alike
     assert all(abs(theta[WAVE, "wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)

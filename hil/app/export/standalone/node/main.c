@@ -1,7 +1,8 @@
-/* The node on SocketCAN: `node CHANNEL [SECONDS]`. Status 0: led to the end, 1: any other end, 2: no such bus. */
+/* The node on SocketCAN: `node CHANNEL [SECONDS [LOG]]`. Status 0: led to the end, 1: any other end, 2: no such bus. */
 #include "node.h"
 
 #include "deployment.h"
+#include "log.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -32,10 +33,13 @@ static long late_us[BINS], ticks, unsent;
 
 static void asked(int number) { wanted = number; }
 
+/* The number nearest to `ns`, as a log's digits are read back. */
+static double of_ns(int64_t ns) { return (double)ns / 1e9; }
+
 static double seconds(clockid_t clock) {
     struct timespec t;
     clock_gettime(clock, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+    return of_ns((int64_t)t.tv_sec * 1000000000 + t.tv_nsec);
 }
 
 static int opened(const char *channel) {
@@ -73,20 +77,22 @@ static void listen_to(int bus, double offset_s) {
             if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMP) continue;
             struct timeval t;
             memcpy(&t, CMSG_DATA(c), sizeof t);
-            stamp_s = (double)t.tv_sec + 1e-6 * (double)t.tv_usec - offset_s;
+            stamp_s = of_ns(llround(1e9 * ((double)t.tv_sec + 1e-6 * (double)t.tv_usec - offset_s)));
         }
-        if (!(got.can_id & (CAN_EFF_FLAG | CAN_RTR_FLAG | CAN_ERR_FLAG)))
-            node_hear(&here, got.can_id & CAN_SFF_MASK, got.data, got.can_dlc, stamp_s);
+        if (got.can_id & (CAN_EFF_FLAG | CAN_RTR_FLAG | CAN_ERR_FLAG)) continue;
+        log_frame(stamp_s, got.can_id, got.data, got.can_dlc, 'R');
+        node_hear(&here, got.can_id, got.data, got.can_dlc, stamp_s);
     }
 }
 
-static void say(int bus, const frame *frames, int count) {
+static void say(int bus, double now, const frame *frames, int count) {
     for (int k = 0; k < count; k++) {
         struct can_frame sent;
         memset(&sent, 0, sizeof sent);
         sent.can_id = frames[k].id;
         sent.can_dlc = FRAME_BYTES;
         memcpy(sent.data, frames[k].data, FRAME_BYTES);
+        log_frame(now, frames[k].id, frames[k].data, FRAME_BYTES, 'T');
         unsent += write(bus, &sent, sizeof sent) != (ssize_t)sizeof sent;
     }
 }
@@ -105,9 +111,10 @@ static double ticked(int bus, struct timespec *due) {
     const double now = seconds(CLOCK_MONOTONIC), due_s = (double)due->tv_sec + 1e-9 * (double)due->tv_nsec;
     const double skipped = floor((now - due_s) / NODE_TICK_S); /* ticks that were slept through are not caught up */
     due->tv_nsec += tick_ns * (long)skipped;
-    say(bus, frames, node_begin(&here, now, frames));
+    say(bus, now, frames, node_begin(&here, now, frames));
     listen_to(bus, seconds(CLOCK_REALTIME) - seconds(CLOCK_MONOTONIC));
-    say(bus, frames, node_tick(&here, now, frames));
+    say(bus, now, frames, node_tick(&here, now, frames));
+    log_tick();
     const long us = lround(1e6 * (seconds(CLOCK_MONOTONIC) - due_s));
     late_us[us < BINS ? us : BINS - 1]++;
     ticks++;
@@ -125,8 +132,12 @@ int main(int argc, char **argv) {
     const double lasts_s = argc > 2 ? atof(argv[2]) : NODE_DURATION_S;
     const int bus = argc > 1 ? opened(argv[1]) : -1;
     if (bus < 0 || !(lasts_s > 0.0)) {
-        fprintf(stderr, "usage: node CHANNEL [SECONDS], a CAN interface that is up and a time above 0; got %s: %s\n",
+        fprintf(stderr, "usage: node CHANNEL [SECONDS [LOG]], a CAN interface that is up and a time above 0; got %s: %s\n",
                 argc > 1 ? argv[1] : "nothing", strerror(errno));
+        return 2;
+    }
+    if (argc > 3 && !log_begin(argv[3])) {
+        fprintf(stderr, "log must be a file that can be written; got %s: %s\n", argv[3], strerror(errno));
         return 2;
     }
     const struct sched_param priority = {.sched_priority = 20};
@@ -145,6 +156,7 @@ int main(int argc, char **argv) {
     if (!ended[0]) {
         const double started = now;
         node_start(&here);
+        log_frame(now, LOG_STARTED, NULL, 0, 'T');
         while (here.phase == RUNNING && !wanted && now - led_s < lasts_s) {
             now = ticked(bus, &due);
             if (here.leads && isinf(led_s)) led_s = now;
@@ -153,8 +165,11 @@ int main(int argc, char **argv) {
         ended = here.phase == FAULTY ? here.reason : isinf(led_s) ? "drive was not enabled" : wanted ? "stopped" : "done";
     }
     node_stop(&here);
+    log_frame(now, LOG_STOPPED, NULL, 0, 'T');
     for (const double stopped = now; now - stopped < REST_S;) now = ticked(bus, &due);
-    printf("ended: %s\n%ld ticks; sent after us: median %ld, 99 of 100 %ld, most %ld; refused %ld, unsent %ld\n", ended,
-           ticks, percentile_us(0.5), percentile_us(0.99), percentile_us(1.0), here.refused, unsent);
+    printf("ended: %s\n%ld ticks; sent after us: median %ld, 99 of 100 %ld, most %ld; refused %ld, unsent %ld, missing in "
+           "the log %ld\n",
+           ended, ticks, percentile_us(0.5), percentile_us(0.99), percentile_us(1.0), here.refused, unsent,
+           log_end(now));
     return here.phase == FAULTY || !isfinite(led_s);
 }

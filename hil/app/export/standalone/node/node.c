@@ -22,6 +22,13 @@
 #define ENCODED frames_carriage_command_position_m_encode
 #define FITS frames_carriage_feedback_position_m_is_in_range(m.position_m) && \
              frames_carriage_feedback_velocity_m_s_is_in_range(m.velocity_m_s)
+#elif defined NODE_INNER_MASS
+#define DRIVE(part) frames_inner_mass_##part
+#define DRIVE_ID(part) FRAMES_INNER_MASS_##part##_FRAME_ID
+#define VALUE level
+#define ENCODED frames_inner_mass_command_level_encode
+#define FITS frames_inner_mass_feedback_stretch_m_is_in_range(m.stretch_m) && \
+             frames_inner_mass_feedback_current_a_is_in_range(m.current_a)
 #else
 #define DRIVE(part) frames_coil_##part
 #define DRIVE_ID(part) FRAMES_COIL_##part##_FRAME_ID
@@ -132,9 +139,11 @@ static void fed(node *n, const uint8_t *data, double stamp_s) {
     n->fed_s = stamp_s;
     n->state = m.state;
     n->temperature_C = DRIVE(feedback_temperature_deg_c_decode)(m.temperature_deg_c);
+#ifdef DECODED /* an inner mass does not report its level */
     n->report = DECODED(m.VALUE);
     const double ticks = isfinite(n->last_s) ? floor((stamp_s - n->last_s) / NODE_TICK_S + 1e-6) : 0.0;
     measured(n, NODE_CHANNEL, n->report, isfinite(n->last_s) ? n->last_s + ticks * NODE_TICK_S : stamp_s);
+#endif
 }
 
 static int good(node *n, frame_receiver *receiver, const uint8_t *data, int length, double stamp_s,
@@ -243,7 +252,7 @@ static double acted(node *n, double now, int mode) {
         capsule_controller_init(&n->capsule.controller, &capsule_deployment, now, belief, (real)n->report);
     }
     reference(n, n->in.time_s, &n->in.position_m[0], &n->in.speed_m_s[0]);
-#if CAPSULE_MPC
+#if CAPSULE_STAGES > 0
     for (int k = 1; k <= CAPSULE_STAGES; k++)
         reference(n, n->in.time_s + k * (double)capsule_deployment.stage_s, &n->in.position_m[k], &n->in.speed_m_s[k]);
 #endif

@@ -1,24 +1,87 @@
-"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty)."""
+"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty), and its effects."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Final
 
 import numpy as np
 
+from models.assembly.model import assemble
+from models.compiled.cycles import Cycles
+from models.drives.vibro import Vibro, unloaded
 from models.effects import CATALOGUE, Catalogue
-from models.effects.effect import Effect
+from models.effects.drive import ActuatorLag
+from models.effects.effect import Effect, by_name, number
+from models.effects.force import ViscousDrag
+from models.effects.friction import DirectionalAsymmetry, Stribeck
+from models.effects.inner_mass import EndStopImpact, SpringHardening
 from models.identification.kind import Array, Split
 from models.identification.kinds.table import TableKind, distinct, left_out_in_turn
-from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
-from models.identification.kinds.vibro_table.solver import mean_velocities
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.benches import VIBRO_TABLE
 from models.rigs.rig import Rig
+from models.surfaces.surface import Plate
 from models.theta import Theta
+
+
+class SwitchLag(ActuatorLag):
+    """`actuator_lag` of a coil that is switched on and off, milliseconds."""
+
+    kinds = frozenset({VIBRO_TABLE.id})
+    probe = 0.002
+    confounders = ("coil_lag", "coil_reach", "incline_gravity")
+    time_s = number(0.0, "s", 0.0, 0.015)
+
+
+class SoftStop(EndStopImpact):
+    """`end_stop_impact` of elastic rubber: mean speeds hardly show a short impact."""
+
+    grid = by_name(gap_m=(0.005, 0.01, 0.015))
+    stiffness_N_per_m = number(0.0, "N/m", 0.0, 3000.0, "rubber stops")
+    gap_m = number(0.01, "m", 0.003, 0.03, "travel of the inner mass")
+    loss_s = number(0.0, "s", 0.0, 5e-3, fit=False)
+
+
+class Duffing(SpringHardening):
+    """`spring_hardening` with the third power, the only one that mean speeds identify."""
+
+    power = number(3.0, "1", 1.5, 5.0, fit=False)
+
+
+class PlateDrag(ViscousDrag):
+    """`viscous_drag` of a plate, never negative: a body would run away."""
+
+    coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
+
+
+class PlateStribeck(Stribeck):
+    """`stribeck` of a dry plate: it fades over speeds of the body's own swing, up to 0.15 m/s."""
+
+    grid = by_name(speed_m_s=(0.01, 0.03, 0.08))
+    excess = number(0.0, "1", 0.0, 2.0)
+    speed_m_s = number(0.03, "m/s", 0.002, 0.15)
+    exponent = number(2.0, "1", 0.5, 4.0, fit=False)
+
+
+class PlateAsymmetry(DirectionalAsymmetry):
+    """`directional_asymmetry` of a plate."""
+
+    asymmetry = number(0.0, "1", -0.4, 0.4, "directional friction of dry contacts: tens of percent")
+
+
+VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)
+
+
+@lru_cache(maxsize=256)
+def _cycles(body_kg: float, inner_kg: float, reaction_on_body: bool, effects: tuple[type[Effect], ...]) -> Cycles:
+    drive = Vibro(inner_mass_kg=inner_kg, reaction_on_body=reaction_on_body)
+    return Cycles(assemble(Plate(body_kg), drive, effects))
+
 
 _BELIEF = "rig file"
 _SCALE = (
@@ -88,8 +151,14 @@ class VibroTableKind(TableKind):
         """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""
         values = self.nominal() | theta
         runs, index = self.conditions(record)
-        period, duty, cycles = runs.T
-        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body))
+        acting = tuple(effect for effect in self.effects if values.effects.get(effect.id))
+        if strange := set(values.effects) - {effect.id for effect in acting}:
+            known = ", ".join(effect.id for effect in self.effects)
+            raise ValueError(
+                f"effect must be one that acts on a body with an inner mass; got {min(strange)!r}; known: {known}"
+            )
+        masses = float(values["body_mass_kg"]), float(values["inner_mass_kg"])
+        speeds = _cycles(*masses, self.reaction_on_body, acting).speeds(runs, unloaded(values))
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:

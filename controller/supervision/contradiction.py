@@ -23,7 +23,7 @@ _COUNTED: Final = 1.5  # times friction, least push that counts: other forces ho
 _LOOSEST: Final = 0.6  # share of the speed limit that a capsule with the model's friction may reach
 _REACH: Final = (0.8, 1.7)  # shares of the envelope: reach that begins the test push, and that ends it
 _PAUSE: Final = 0.5  # times friction, greatest push while its outcome is awaited
-_AWAITED: Final = 6  # readings for it
+_AWAITED: Final = (6, 0.06)  # readings for it, and s between the first and the last
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
 _MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
@@ -137,7 +137,7 @@ class Contradiction:
         self._capsule = Corridor(around_m * (2 if self._envelope.placed else 1), limits.speed_m_s, slack_m)
         self._jump = JumpCheck(self._noise_m)
         self.against_m = self._sign = self._vain_s = self._vain_sign = self._reach_m = 0.0
-        self._awaited = 0
+        self._awaited, self._paused_at, self._given_up = 0, math.nan, False
         self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
         self._places, self._slip_m_s = deque[tuple[float, float]](maxlen=_PLACES), 0.0
@@ -195,6 +195,8 @@ class Contradiction:
             self._from_m, self._vain_s = self._mean_m, 0.0
         paused = abs(self._reach_m) >= _REACH[1] * self._envelope.around_m
         self._awaited = self._awaited + (abs(drive) < self._friction) if paused else 0
+        self._paused_at = self._paused_at if self._awaited else stamp_s
+        self._given_up = self._awaited >= _AWAITED[0] and stamp_s - self._paused_at >= _AWAITED[1]
         self.against_m = sign * (self._farthest_m - self._mean_m)
         dt, self._seen_at = stamp_s - self._seen_at, stamp_s
         self._slip_m_s = self._slips(position_m, stamp_s)
@@ -222,7 +224,7 @@ class Contradiction:
         if sign != self._vain_sign or not (placed or self._reach_m):
             self._vain_sign, self._vain_s, self._from_m = sign, 0.0, self._mean_m
         self._vain_s += dt * (not placed or abs(push) >= self._hard_m)
-        return self._vain_s > _PULLED_S if placed else self._awaited >= _AWAITED
+        return self._vain_s > _PULLED_S if placed else self._given_up
 
     def _slips(self, position_m: float, stamp_s: float) -> float:
         """Speed in m/s of a capsule that slips, since a reading `_SLIP_APART_S` or longer ago; else 0."""

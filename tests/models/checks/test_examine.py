@@ -430,6 +430,15 @@ def test_a_column_without_noise_may_rest() -> None:
     assert "sensor_silent" not in {finding.id for finding in examine(rig(), [record(c)])}
 
 
+@pytest.mark.parametrize("seconds", [0.0, 0.2, 1.0])
+def test_a_fast_motion_does_not_hide_a_sensor_that_holds_its_value(seconds: float) -> None:
+    c = pull()
+    t = c["t_s"]
+    c["force_N"] = c["force_N"] + 0.05 * np.sin(2 * np.pi * 20 * t)
+    c["force_N"][np.abs(t - t[len(t) // 2]) < seconds / 2] = c["force_N"][len(t) // 2]
+    assert ("sensor_silent" in {finding.id for finding in examine(rig(), [record(c)])}) == bool(seconds)
+
+
 def led(lag: float = 0.6e-3, offset: float = 0.0, jump: float = 0.0) -> Record:
     """A magnet that leads a capsule to and fro `lag` behind it."""
     c = pull()

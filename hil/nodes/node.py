@@ -246,7 +246,8 @@ class ControllerNode:
         for m in arrived:
             if m.channel == "position_m":
                 self._plausibility.saw(m.value)
-        if self._moved:
+        moved = self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
+        if moved:  # in the previous tick
             self._plausibility.tick(self._before.value, [m.value for m in arrived if m.channel != "position_m"])
         if missed < 0:
             self.estimator.reset(now, self._in_force)
@@ -273,11 +274,6 @@ class ControllerNode:
         self._number += max(math.ceil((now - self._last) / self.tick_s - GRID_SLACK), 1)
         self._origin, self._index = now, 0
         return -1
-
-    @property
-    def _moved(self) -> bool:
-        """Whether the drive is enabled and was commanded to move in the previous tick."""
-        return self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
 
     def _position(self, estimate: Estimate) -> float:
         """The estimated position of the capsule in m."""

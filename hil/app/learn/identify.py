@@ -10,8 +10,8 @@ import numpy as np
 from controller.drives import CARRIAGE
 from controller.signals import Array
 from controller.supervision.acceptance import BETTER, judge
-from hil.app.system import error_text
 from hil.log.record import SOURCES
+from hil.own_process import error_text
 from models.assembly.model import effect_parameters
 from models.checks.usable import counted, from_row
 from models.identification import close

@@ -15,7 +15,7 @@ from controller.reference import Experiment
 from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import History, ModelSwitch, Offer, Prepared
-from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
+from hil.app.learn.identify import LEAD_S, TEXT, Ask, LearningAnswer, LearningQuestion, Motion, at_once
 from hil.app.scenario.deployment_tables import LearningTable
 from hil.app.scenario.model_use import Offered
 from hil.log.record import SOURCES
@@ -23,12 +23,10 @@ from models.effects import effect_words
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.theta import Theta
-from models.words.sentences import Sentences
 
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 """Runs a long computation, beside the ticks or at once."""
-TEXT: Final = Sentences(__file__)
 STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))
 """Strokes one after the other, each with a rest: its end as a share of the reach, its speed as a share."""
 REST_S: Final = 0.5  # after each motion

@@ -18,10 +18,9 @@ from hil.app import shared_options as options
 from hil.app.console import answer, note, output_to_notes, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
-from hil.app.run.check import Point, check, limits_point, rehearse
+from hil.app.run.check import OtherControllerError, Point, check, drives_bus, limits_point, overruns, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.drives_bus import OtherControllerError, drives_bus, overruns
-from hil.app.run.loop import Outcome, StopSignals, lead, reset
+from hil.app.run.loop import TEXT, Outcome, StopSignals, lead, reset
 from hil.app.run.machine import prepare_process
 from hil.app.scenario.chosen import Believed, Leading, chosen_of, names_of, spelled, switched
 from hil.app.scenario.deployment import Deployment, load_deployment
@@ -40,9 +39,7 @@ from hil.nodes.task import Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
 from models.identification.model import Model
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 ACTIONS = ("lead", "check", "reset")
 GOOD: Final = ("done", "operator", "reset")
 """Values of `end` after which the exit status is 0; all ends stand in the table of docs/bus.md."""

@@ -15,8 +15,10 @@ from typing import Any, Final
 import can
 import numpy as np
 
+from controller.choice.choose import Progress
 from controller.model.control_model import ControlModel
 from controller.reference import STEP_S, Trajectory
+from controller.signals import Array
 from controller.supervision.fallback import DONE, shares
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
@@ -24,7 +26,7 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_use import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
-from hil.app.track.loop import Array, LoopTrace, Progress
+from hil.app.track.loop import LoopTrace
 from hil.log.recorder import Recorder
 from hil.nodes.frame_map import ENABLE
 from hil.nodes.node import ControllerNode
@@ -178,7 +180,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.reported = np.array(sorted(bench.plant.reported)).reshape(-1, 2)
     trace.unauthenticated = dict(bench.unauthenticated)
     trace.operator = None if bench.node.operator is None else bench.node.operator.document()
-    trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
+    why = bench.node.receiver.doubt(bench.time_s) or TEXT("estimate_lost" if trace.lost[-1] else "not_ready")
+    trace.stopped_because = bench.node.reason or ("" if led else TEXT("never_led", why=why))
     if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
         trace.stopped_because += f"; {bench.carriage.trouble}"
     answer = bench.node.answer
@@ -190,12 +193,6 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     doubt = answer.not_led(bench.node.wanted, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
-
-
-def _never_led(bench: Bench, trace: SilTrace) -> str:
-    """Why the drive was not led at all."""
-    doubt = bench.node.receiver.doubt(bench.time_s)
-    return TEXT("never_led", why=doubt or TEXT("estimate_lost" if trace.lost[-1] else "not_ready"))
 
 
 _AGAIN_S: Final = 1.0  # between further alarms

@@ -3,7 +3,7 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
 from types import MappingProxyType
@@ -12,13 +12,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.choice.choose import Progress
 from controller.closed_loop import Asked, ClosedLoop
 from controller.drives import DRIVES
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
 from controller.monitor import Health
-from controller.signals import Action, Estimate, Measurement
+from controller.signals import Action, Array, Estimate, Measurement
 from controller.supervision.fallback import Event
 from controller.supervision.model_switch import Offer
 from controller.vibro.cycles import in_time
@@ -29,8 +30,6 @@ from plant.drives import TrueMagnetPair
 from plant.rig import Truth
 from plant.session import Session
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 _REPORTS = 50  # of the progress
 
 
@@ -100,14 +99,10 @@ def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | Non
     """The magnet's height in m where it is commanded: that of the model `before`, else chosen anew."""
     if before is not None and before.rig.magnets is not None:
         return before.rig.magnets.height_m
-    chosen = choose_height(scenario.belief, values, _fastest(scenario))
-    return None if chosen is None else chosen.height_m
-
-
-def _fastest(scenario: TrackScenario) -> float:
-    """The largest speed of the reference in m/s."""
     times = np.arange(0.0, scenario.duration_s, scenario.control.tick_s)
-    return float(np.max(np.abs(scenario.reference.speed(times))))
+    fastest = float(np.max(np.abs(scenario.reference.speed(times))))
+    chosen = choose_height(scenario.belief, values, fastest)
+    return None if chosen is None else chosen.height_m
 
 
 def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:

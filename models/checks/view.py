@@ -179,8 +179,8 @@ class View:
         texts = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
         against = f" against {beside}" if beside else ""
         where = f"{names['column']}{against}, {rows if isinstance(rows, str) else self.at(rows)}"
-        name = case.partition(".")[0]
-        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts)
+        name, direction = case.partition(".")[0], (1 if values["later"] else -1) if "later" in values else 0
+        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts, direction)
 
     stops = partialmethod(finding, "stops")
     weakens = partialmethod(finding, "weakens")

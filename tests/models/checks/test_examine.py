@@ -245,6 +245,17 @@ def test_each_corruption_is_found(what: str) -> None:
         assert stopping(tuple(found.values())) is None
 
 
+@pytest.mark.parametrize(
+    ("drifts", "found"), [((1, 1, 1), 3), ((1, 1, 0), 2), ((1, 0, 0), 0), ((1, -1), 0), ((1, 0), 1)]
+)
+def test_clocks_drift_in_all_records_alike(drifts: tuple[int, ...], found: int) -> None:
+    records = []
+    for seed, way in enumerate(drifts):
+        c = pull(seed)
+        records.append(record(c | {"force_N": np.interp(c["t_s"] * (1 - 0.005 * way), c["t_s"], c["force_N"])}))
+    assert [finding.id for finding in examine(rig(), records)].count("clock_drift") == found
+
+
 def test_a_clock_that_drifts_is_put_right_as_the_rig_file_says() -> None:
     spoiled = record(drifting(pull()))
     told = next(finding for finding in examine(rig(), [spoiled]) if finding.id == "clock_drift")

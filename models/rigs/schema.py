@@ -70,10 +70,11 @@ def key(
     return Field(default, description=meaning, examples=[example], ge=least, le=most)
 
 
-def assuming(name: str, table: type[T], record: Any, *keys: str) -> type[T]:
-    """`table` under another `name`, whose `keys` are those of `record` where a file leaves them out."""
-    known = {key: (table.model_fields[key].rebuild_annotation(), getattr(record, key)) for key in keys}
-    return create_model(name, __base__=table, **known)  # type: ignore[call-overload,no-any-return]
+def assuming(name: str, table: type[T], given: Mapping[str, Any], **hints: Any) -> type[T]:
+    """`table` under another `name`, with the values `given` where a file leaves them out and other `hints` of keys."""
+    known = {key: (table.model_fields[key].rebuild_annotation(), value) for key, value in given.items()}
+    more = {key: (hint, given.get(key, ...)) for key, hint in hints.items()}
+    return create_model(name, __base__=table, **known | more)  # type: ignore[call-overload,no-any-return]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The tables of a rig file with the range of every key: what an experimenter may state about a rig."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import fields
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -240,13 +240,11 @@ class CapsuleTable(Table):
         return Capsule(**self.model_dump())
 
 
-class _HeavyTable(CapsuleTable):
-    mass_kg: Mass
-
-
-BodyTable = assuming("BodyTable", _HeavyTable, Capsule(), "radius_m", "cylinder_length_m")
+_CAPSULE = asdict(Capsule())
+_SHAPE = {key: _CAPSULE[key] for key in ("radius_m", "cylinder_length_m")}
+BodyTable = assuming("BodyTable", CapsuleTable, _SHAPE, mass_kg=Mass)
 """`[capsule]` of a body on a plate, whose shape does not matter."""
-PaperCapsuleTable = assuming("PaperCapsuleTable", BodyTable, Capsule(), "mass_kg")
+PaperCapsuleTable = assuming("PaperCapsuleTable", BodyTable, _CAPSULE)
 """`[capsule]` of paper A where nothing else is stated."""
 
 
@@ -280,9 +278,5 @@ class TissueTable(Table):
         return Tissue(**self.model_dump(exclude={"preset", "lumen_diameter_m"}))
 
 
-class _JejunumTable(TissueTable):
-    preset: Literal["jejunum"] = "jejunum"
-
-
-PaperTissueTable = assuming("PaperTissueTable", _JejunumTable, Tissue(), *(one.name for one in fields(Tissue)))
+PaperTissueTable = assuming("PaperTissueTable", TissueTable, {"preset": "jejunum"} | asdict(Tissue()))
 """`[tissue]` of paper A where nothing else is stated."""

@@ -19,7 +19,7 @@ from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
 from hil.log.recorder import START, Recorder
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.node import ControllerNode, Tick
+from hil.nodes.node import ControllerNode, NodeTick
 from hil.nodes.operator import SETPOINT
 from hil.nodes.task import Task
 from hil.simulated.faults import LIES, SETPOINTS, Fault
@@ -146,7 +146,7 @@ class Bench:
             self._recorder.note(self.time_s, START, math.nan if here else 0.0)
         self.node.start(self.time_s, None if here else 0.0)
 
-    def begin_tick(self) -> Tick | None:
+    def begin_tick(self) -> NodeTick | None:
         """The controller's part of a tick; None where it is killed or frozen."""
         now = self.time_s
         self._change(now)

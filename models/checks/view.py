@@ -180,7 +180,7 @@ class View:
         against = f" against {beside}" if beside else ""
         where = f"{names['column']}{against}, {rows if isinstance(rows, str) else self.at(rows)}"
         name, direction = case.partition(".")[0], (1 if values["later"] else -1) if "later" in values else 0
-        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts, direction)
+        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts, direction=direction)
 
     stops = partialmethod(finding, "stops")
     weakens = partialmethod(finding, "weakens")

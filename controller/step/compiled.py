@@ -260,7 +260,7 @@ class CompiledSupervisor(Supervisor):
         held, self._now = self._held, number(now) if math.isfinite(number(now)) else self._now
         given, out = held.given, held.out
         given.time_s, given.halt = number(now), bool(self.halted)
-        given.most, given.temperature_C = self.most, number(self.temperature_C)
+        (given.least, given.most), given.temperature_C = self.room, number(self.temperature_C)
         held.believe(estimate)
         held.refer(self._now, reference)
         held.run()

@@ -409,5 +409,5 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self._own.most = self.answer.contradiction.most
+        self._own.room = self.answer.contradiction.room
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

@@ -20,9 +20,11 @@ from controller.model.control_model import ControlModel
 from controller.reference import STEP_S, Trajectory
 from controller.signals import Array
 from controller.supervision.fallback import DONE, shares
+from hil.app.learn.compared import Led
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.chosen import mission_of
 from hil.app.scenario.model_use import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
@@ -53,6 +55,7 @@ def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
         ask,
         scenario.learning,
         drive=node.drive,
+        led=Led(mission_of(scenario.loop), node.wanted, node.tick_s),
     )
 
 

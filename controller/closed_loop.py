@@ -86,7 +86,7 @@ class ClosedLoop:
             estimate = self.estimator.observe(now, supervisor.issued.command, arrived)
             middle = time.perf_counter()
             supervisor.halt(self._contradiction(arrived, now))
-            supervisor.most = self._watch.most
+            supervisor.room = self._watch.room
             action = supervisor.act(now, estimate, self.asked.reference)
             seconds = middle - start, time.perf_counter() - middle
             self._commands.append(action.command)

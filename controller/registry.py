@@ -75,11 +75,12 @@ Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 
 
-def horizon_of(model: ControlModel, deadline_s: float = math.inf) -> Horizon:
-    """The horizon of `model`'s MPC."""
+def horizon_of(model: ControlModel, deadline_s: float = math.inf, short: bool = False) -> Horizon:
+    """The horizon of `model`'s MPC; `short`: as long, with fewer stages and one SQP step, for a microcontroller."""
     off = level_off(model)
     late = LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
-    return Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
+    found = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
+    return replace(found, stages=20, stage_s=7.5e-3, iterations=1) if short else found
 
 
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:

@@ -25,16 +25,18 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from controller.choice.choose import Progress
 from controller.registry import use_controllers
+from controller.signals import Array
 from hil.app.close_loop import result_files
 from hil.app.effects import described
 from hil.app.scenario.chosen import Believed, leading_of
@@ -75,9 +77,6 @@ __all__ = [
     "use_effects",
 ]
 _in_use = CATALOGUE
-
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)

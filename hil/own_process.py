@@ -1,7 +1,8 @@
-"""Child processes: they run modules of this program, never of the current folder."""
+"""This program's version, and its child processes, which run its modules, never those of the current folder."""
 
 import os
 import sys
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _ROOT = str(Path(__file__).parents[1])
@@ -16,3 +17,16 @@ def own_environment() -> dict[str, str]:
     """The environment of this process, with its modules to be found and without the current folder among them."""
     named = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]
     return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(dict.fromkeys([*named, _ROOT]))}
+
+
+def version_of(package: str = "capsule-control") -> str:
+    """The installed version of a package, by default this program's."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def error_text(error: BaseException, most: int = 200) -> str:
+    """The text of an error in one line of at most `most` characters, or its type where it has none."""
+    return " ".join(str(error).split())[:most] or type(error).__name__

@@ -92,6 +92,20 @@ class Watch:
         return bool(now - self.accepted_at > n.age_s or not std_m <= n.lost_std_m or self.proven < n.proof)
 
 
+class Watched:
+    """An estimate whose measurements are counted by outcome."""
+
+    _watch: Watch
+
+    @property
+    def counts(self) -> Counts:
+        return self._watch.counts
+
+    @counts.setter
+    def counts(self, counts: Counts) -> None:
+        self._watch.counts = counts
+
+
 def trusting(model: ControlModel) -> FilterNoise:
     """The filter noise of `model`'s drive. If the model's forces were off by f on held-out records (`proved_off`), the
     force wanders by at most f per root second, the level by at most f over the mean friction. Both may initially be off
@@ -163,7 +177,7 @@ class Observer(Protocol):
         ...
 
 
-class Estimator(ABC):
+class Estimator(Watched, ABC):
     """Position, speed, wall, drive and the friction that the model lacks, from localisation (`position_m`) and drive
     feedback.
 
@@ -183,14 +197,6 @@ class Estimator(ABC):
         self._commands: deque[float] = deque(maxlen=self._kept)
         self._current = next((k for k, n in enumerate(model.states) if bare(n) == "current_A"), None)
         self._level = Level(model)
-
-    @property
-    def counts(self) -> Counts:
-        return self._watch.counts
-
-    @counts.setter
-    def counts(self, counts: Counts) -> None:
-        self._watch.counts = counts
 
     def reset(self, now: float, command: float) -> None:
         """Forget all but the `command` in force at `now`; the first position starts an estimate."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.estimator.base import MOST_A_TICK, Counts, Watch, Wrong
+from controller.estimator.base import MOST_A_TICK, Watch, Watched, Wrong
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 from controller.tuned import FilterNoise
@@ -13,7 +13,7 @@ from controller.tuned import FilterNoise
 _START_SPEED_M_S = 5e-3  # standard deviation before any measurement
 
 
-class KinematicFilter:
+class KinematicFilter(Watched):
     """Kalman filter of `x' = v, v' = w` (w white), corrected at each position's stamp and extrapolated to now by `x + v
     (now - stamp)`; wall and drive stay at the model's start. Outliers, lost estimates and faults as in `Estimator`;
     positions older than the last one are not used. `jerkiness`: random walk of the speed over a second, in m/s per root
@@ -28,14 +28,6 @@ class KinematicFilter:
         self._blank, self.offset = model.initial(), 0.0
         self._watch = Watch(self.noise)
         self.reset(0.0, 0.0)
-
-    @property
-    def counts(self) -> Counts:
-        return self._watch.counts
-
-    @counts.setter
-    def counts(self, counts: Counts) -> None:
-        self._watch.counts = counts
 
     def reset(self, now: float, command: float) -> None:
         """The first position starts an estimate."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from controller.estimator.cubature_filter import Belief, CubatureEstimator, Process
+from controller.estimator.gaussian import Belief, GaussianEstimator, Process
 from controller.estimator.kernels import root
 from controller.model.control_model import ControlModel
 from controller.signals import Array
@@ -77,7 +77,7 @@ class FilterpyProcess(Process):
         return np.array([float(self._seen(state, b.time_s)[0])])
 
 
-class UnscentedEstimator(CubatureEstimator):
-    """`CubatureEstimator` with filterpy's arithmetic, at ten times the cost."""
+class UnscentedEstimator(GaussianEstimator):
+    """filterpy's arithmetic, at ten times the cost of a compiled filter."""
 
     process: ClassVar[type[Process]] = FilterpyProcess

@@ -17,7 +17,7 @@ from controller.registry import Chain, build, noise_of
 from controller.signals import Action, Adapted, Array, Controller, Estimate, Measurement, Reference, Status
 from controller.step.library import READINGS, Library, Out, available, loaded, memory, pointer_to
 from controller.step.library import Issued as IssuedC
-from controller.step.numbers import CHAINS, numbers_of
+from controller.step.numbers import CHAINS, Numbers, numbers_of
 from controller.supervision.fallback import Event
 from controller.supervision.supervisor import Supervisor
 from models.theta import bare
@@ -44,24 +44,24 @@ class Compiled:
     reach_s: float
 
 
-def compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | None:
-    """The C controller `name` of `model`; None for one that is not written in C, and without a compiler. The newest one
-    is kept: supervisor and estimator ask for the same.
+def compiled(name: str, model: ControlModel, envelope: Envelope, numbers: Numbers | None = None) -> Compiled | None:
+    """The C controller `name` of `model`, of other `numbers` than the usual ones where given; None for one that is not
+    written in C, and without a compiler. The newest one is kept: supervisor and estimator ask for the same.
     """
     if not available():
         return None
     for asked, kept in _NEWEST:
-        if asked[0] == name and asked[1] is model and asked[2] == envelope:
+        if numbers is None and asked[0] == name and asked[1] is model and asked[2] == envelope:
             return kept
-    found = _compiled(name, model, envelope)
+    found = _compiled(name, model, envelope, numbers)
     _NEWEST[:] = [((name, model, envelope), found)] if found is not None else []
     return found
 
 
-def _compiled(name: str, model: ControlModel, envelope: Envelope) -> Compiled | None:
+def _compiled(name: str, model: ControlModel, envelope: Envelope, numbers: Numbers | None) -> Compiled | None:
     if name not in CHAINS:
         return None
-    numbers = numbers_of(name, model, envelope)
+    numbers = numbers_of(name, model, envelope) if numbers is None else numbers
     library = loaded(numbers)
     if library is None:
         return None
@@ -260,7 +260,7 @@ class CompiledSupervisor(Supervisor):
         held, self._now = self._held, number(now) if math.isfinite(number(now)) else self._now
         given, out = held.given, held.out
         given.time_s, given.halt = number(now), bool(self.halted)
-        given.most, given.temperature_C = self.most, number(self.temperature_C)
+        (given.least, given.most), given.temperature_C = self.room, number(self.temperature_C)
         held.believe(estimate)
         held.refer(self._now, reference)
         held.run()

@@ -84,7 +84,7 @@ def structures(sizes: Mapping[str, int | str]) -> tuple[Any, Any]:
         ("in_force", real),
         ("position_m", real * stages),
         ("speed_m_s", real * stages),
-        *((name, real) for name in ("next_speed_m_s", "most", "temperature_C")),
+        *((name, real) for name in ("next_speed_m_s", "least", "most", "temperature_C")),
     )
     found = (
         ("time_s", ctypes.c_double),

@@ -78,10 +78,15 @@ def _initial(value: Array) -> str:
 
 
 def numbers_of(
-    controller: str, model: ControlModel, envelope: Envelope, rules: Rules | None = None, particles: int = PARTICLES
+    controller: str,
+    model: ControlModel,
+    envelope: Envelope,
+    *,
+    particles: int = PARTICLES,
+    horizon: Horizon | None = None,
 ) -> Numbers:
-    """What the C controller named `controller` of `model` is compiled from. Raises ValueError for one that is not
-    written in C, and for a model whose operations are not.
+    """What the C controller named `controller` of `model` is compiled from, `horizon` in place of its MPC's own. Raises
+    ValueError for one that is not written in C, and for a model whose operations are not.
     """
     if controller not in CHAINS:
         raise ValueError(f"controller must be one of {', '.join(CHAINS)}; got {controller!r}")
@@ -90,7 +95,7 @@ def numbers_of(
     sharp, planned = model.sharp, controller == "mpc"
     periodic = Periodic.of(sharp, 1).index
     varied = [Level.index, *periodic.tolist()]
-    horizon = horizon_of(model) if planned else Horizon()
+    horizon = (horizon or horizon_of(model)) if planned else Horizon()
     sizes: dict[str, int | str] = {
         "MPC": int(planned),
         "STATES": len(sharp.states),
@@ -116,7 +121,7 @@ def numbers_of(
         "level_std": noise.fitted_level_std if sharp.fitted else noise.level_std,
         **dict(zip(("level_low", "level_high", "level_middle"), _level(sharp), strict=True)),
         **_limits(envelope),
-        **_rules(Rules() if rules is None else rules),
+        **_rules(Rules()),
         **(own[1] or _loops(model)),
         **(_plan(model, envelope, horizon) if planned else {}),
     }

@@ -30,8 +30,8 @@ class Supervisor:
     tick. Without any, or with a lost estimate, the drive stops: carriage at rest, current and inner mass to 0.
 
     A controller that takes over is reset to the command in force; the step between them fades. Nothing here raises; the
-    drive's time to live covers a controller that never returns. `temperature_C` is the drive's last report, `most`
-    bounds commands in both directions for now.
+    drive's time to live covers a controller that never returns. `temperature_C` is the drive's last report, `room` the
+    least and greatest command for now, between which a stop still goes to 0.
     """
 
     name = "supervised"
@@ -54,7 +54,7 @@ class Supervisor:
         self._clock = clock
         bounded = math.isfinite(envelope.acceleration)
         self._braking_m = 0.5 * envelope.rate**2 / envelope.acceleration if bounded else math.inf
-        self.halted, self.most = "", math.inf
+        self.halted, self.room = "", (-math.inf, math.inf)
         self._offered: tuple[Controller, ...] | None = None
         self._allowed: int | None = None
         self._begin(tuple(chain), 0.0)
@@ -136,8 +136,8 @@ class Supervisor:
         seen, self._cut_after = self._seen(now, estimate), None
         self._watch_rest(seen, reference)
         action, status = self._decide(seen, now, estimate, reference)
-        wanted = min(max(action.command, -self.most), self.most) if math.isfinite(self.most) else action.command
-        self.issued, broken = limited(wanted, self.issued, seen, tick, self.envelope)
+        low, high = self.room if self._active >= 0 else (min(self.room[0], 0.0), max(self.room[1], 0.0))
+        self.issued, broken = limited(min(max(action.command, low), high), self.issued, seen, tick, self.envelope)
         self._watch_limits(broken)
         self._watch_swings(seen, reference)
         self._allowed = None

@@ -16,7 +16,7 @@ from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel
 from models.drives.coil import Winding
-from models.drives.vibro import Vibro
+from models.drives.vibro import Vibro, unloaded
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
 from models.parameter import Name, nearest
@@ -30,7 +30,6 @@ SETTLE_S, MEASURE_S = 0.6, 0.6  # s before and during the measurement of a gait
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
 """Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm like the project's other coils."""
 _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
-_LOADED = ("force_N", "friction_coefficient")  # what a table's `load_scale` multiplies
 
 
 @dataclass(frozen=True)
@@ -217,11 +216,3 @@ def in_time(rig: Rig, values: Theta) -> tuple[Rig, Theta]:
     return replace(
         rig, capsule=replace(rig.capsule, mass_kg=body), drive=rig.drive.model_copy(update={"inner_mass_kg": inner})
     ), Theta(left, values.effects)
-
-
-def unloaded(values: Theta) -> Theta:
-    """`values` with their `load_scale` multiplied into force and friction, if given."""
-    left = dict(values.base)
-    scale = left.pop("load_scale", 1.0)
-    base = {name: scale * value if name in _LOADED else value for name, value in left.items()}
-    return Theta(base, values.effects)

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 from rich.console import Console
 
 from hil.app.close_loop import read_series, sizes_table
-from hil.app.console import json_text, print_json, say, summary
+from hil.app.console import TEXT, json_text, print_json, say, summary
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, OwnEffects, Records, RigFile, option
 from hil.app.write import check_targets, own_folder, write_files
@@ -23,9 +23,8 @@ from models.identification.record_checks import check_records
 from models.identification.search.screening import smallest
 from models.records.record import Record, as_measured
 from models.rigs.rig import Rig
-from models.words.sentences import Quantity, Sentences
+from models.words.sentences import Quantity
 
-TEXT: Final = Sentences(__file__)
 PAGE, NUMBERS = "check.html", "check.json"
 STOPPED = 1  # exit status where a finding would stop a fit
 
@@ -86,7 +85,7 @@ def page_html(
 ) -> str:
     """One self-contained page: findings, the records, what they would show at least."""
     from hil.report.builder import page  # what draws takes half a second to load
-    from hil.report.figure_records import columns_figure, names
+    from hil.report.figure_traces import columns_figure, names
 
     return page(
         "check.html.j2",

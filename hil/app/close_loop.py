@@ -14,37 +14,15 @@ from typing import Annotated, Any, Final
 
 from rich.table import Table
 
-from hil.app.cluster import Workers, spread
-from hil.app.console import (
-    InterruptionError,
-    json_text,
-    note,
-    notes,
-    output_to_notes,
-    print_json,
-    progress_bar,
-    say,
-    summary,
-    text_table,
-)
+from hil.app import console
+from hil.app import shared_options as options
+from hil.app.cluster import Workers, program_version, spread
 from hil.app.scenario.rig_file import read_deployed_rig
-from hil.app.shared_options import (
-    Json,
-    OwnEffects,
-    RigFile,
-    Scheduler,
-    Seed,
-    WorkerCount,
-    argument,
-    option,
-    seconds,
-    several,
-)
-from hil.app.version import program_version
+from hil.app.shared_options import argument, option, several
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.rig_record import read_rig_record
 from hil.report.closed_loop import report_html
-from hil.report.dependence import dependence_words
+from hil.report.figure_residuals import dependence_words
 from hil.report.numbers import report_json
 from hil.report.words import PARTS, confidence_words, disagreement_words, error_cells, error_scale, grouped, headline
 from models.effects import Catalogue, effect_words
@@ -68,7 +46,7 @@ def close_loop(
     records: Annotated[
         list[Path], argument("RECORD", "Training records: CSV, CAN logs, or files that convert reads.", "record")
     ],
-    rig: RigFile,
+    rig: options.RigFile,
     out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
     holdout: Annotated[
         list[Path],
@@ -78,20 +56,22 @@ def close_loop(
     budget: Annotated[
         str | None, option("--budget", "TIME", "Longest search, as 90s, 5min, 2h; what it left out is said.")
     ] = None,
-    workers: WorkerCount = None,
-    scheduler: Scheduler = None,
-    json_output: Json = False,
-    seed: Seed = 0,
-    effects: OwnEffects,
+    workers: options.WorkerCount = None,
+    scheduler: options.Scheduler = None,
+    json_output: options.Json = False,
+    seed: options.Seed = 0,
+    effects: options.OwnEffects,
 ) -> None:
     """Find what the model lacks and write report, numbers, model and next experiment, all or none. SIGTERM ends it like
     Ctrl-C.
     """
-    on, budget_s = Workers(workers, scheduler), math.inf if budget is None else seconds(budget, "--budget")
+    on, budget_s = Workers(workers, scheduler), math.inf if budget is None else options.seconds(budget, "--budget")
     with sole_writer(out, "--out"), spread(on):
         finding = _closed(records, rig, out, holdout, seed, effects, budget_s)
     if json_output:
-        print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
+        console.print_json(
+            {**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]}
+        )
     else:
         print_summary(finding, out)
 
@@ -110,15 +90,15 @@ def _closed(
     train, held = read_series(records, holdout, belief)
     for part, read in (("train", train), ("holdout", held)):
         for record in read:
-            notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
+            console.notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
     same = _same_search([*records, *holdout, rig, *own], f"{seed} {budget_s} {len(holdout)} {out.resolve()}")
     with _termination_interrupts(), keeping(same) as done:
         if done:
-            note(TEXT("close_loop.goes_on", count=done))
+            console.note(TEXT("close_loop.goes_on", count=done))
         try:
             return find_and_write(belief, train, held, out, "close-loop", seed, budget_s)
         except KeyboardInterrupt:
-            raise InterruptionError(TEXT("close_loop.interrupted")) from None
+            raise console.InterruptionError(TEXT("close_loop.interrupted")) from None
 
 
 def _same_search(files: Sequence[Path], asked: str) -> Path:
@@ -173,7 +153,7 @@ def noted_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bo
     """A record of `rig`, as `read_rig_record` reads it; its notes are printed on standard error."""
     record = read_rig_record(path, rig, driven_only=driven_only, lenient=lenient)
     for said in record.said:
-        note(f"{record.name}: {said}")
+        console.note(f"{record.name}: {said}")
     return record
 
 
@@ -181,7 +161,7 @@ def find_and_write(
     rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int, budget_s: float = math.inf
 ) -> Finding:
     """Close the loop and write its files to `out`; a next experiment from before does not stay."""
-    with progress_bar(title) as progress, output_to_notes():
+    with console.progress_bar(title) as progress, console.output_to_notes():
         finding, model = close(rig, train, held, progress, seed=seed, told=_tell, budget_s=budget_s)
         files = result_files(finding, model)
     write_files({out / name: content for name, content in files.items()})
@@ -193,19 +173,19 @@ def find_and_write(
 def _tell(sizes: Mapping[str, Quantity]) -> None:
     """Print what the records would show at least, before the fit."""
     if sizes:
-        notes().print(sizes_table(sizes))
+        console.notes().print(sizes_table(sizes))
 
 
 def sizes_table(sizes: Mapping[str, Quantity]) -> Table:
     """The smallest amplitude of each effect that the records would show."""
-    table = text_table(TEXT("close_loop.smallest"), ("effect", "from"), ("effect",))
+    table = console.text_table(TEXT("close_loop.smallest"), ("effect", "from"), ("effect",))
     for name, size in sizes.items():
         table.add_row(effect_words(name), str(size))
     return table
 
 
 def result_files(finding: Finding, model: Model) -> dict[str, str]:
-    files = {REPORT: report_html(finding), NUMBERS: json_text(report_json(finding)), MODEL: model.to_toml()}
+    files = {REPORT: report_html(finding), NUMBERS: console.json_text(report_json(finding)), MODEL: model.to_toml()}
     if finding.proposal is None:
         return files
     return files | {NEXT_TOML: next_toml(finding.proposal, finding.kind), NEXT_CSV: table_text(finding.proposal.motion)}
@@ -213,34 +193,34 @@ def result_files(finding: Finding, model: Model) -> dict[str, str]:
 
 def print_summary(finding: Finding, out: Path) -> None:
     """The verdict, the error before and after, and where the report is."""
-    console, depends = summary(), finding.dependence
-    console.print(f"{finding.verdict}: ", style="bold", end="")
-    console.print(headline(finding))
+    terminal, depends = console.summary(), finding.dependence
+    terminal.print(f"{finding.verdict}: ", style="bold", end="")
+    terminal.print(headline(finding))
     said = (
         finding.left_out,
         confidence_words(finding),
         *finding.reasons,
         *(dependence_words(depends) if depends else ()),
     )
-    say(*(f"  {sentence}" for sentence in said if sentence))
+    console.say(*(f"  {sentence}" for sentence in said if sentence))
     if depends and depends.term:
-        say(f"  {TEXT('close_loop.propose', out=out)}")
+        console.say(f"  {TEXT('close_loop.propose', out=out)}")
     for alike in grouped(finding.findings):
         more = TEXT("close_loop.more", count=len(alike) - 1) if len(alike) > 1 else ""
-        say(f"{alike[0].severity}: {alike[0].sentence} {more}".rstrip())
-    say(*map(disagreement_words, finding.disagreeing))
-    console.print(*map(error_table, finding.by_column), sep="\n")
-    say(*finding.leading[1:])
-    say(TEXT("close_loop.report", path=out / REPORT), TEXT("close_loop.model", path=out / MODEL))
+        console.say(f"{alike[0].severity}: {alike[0].sentence} {more}".rstrip())
+    console.say(*map(disagreement_words, finding.disagreeing))
+    terminal.print(*map(error_table, finding.by_column), sep="\n")
+    console.say(*finding.leading[1:])
+    console.say(TEXT("close_loop.report", path=out / REPORT), TEXT("close_loop.model", path=out / MODEL))
     if finding.proposal is not None:
-        say(TEXT("close_loop.next", sentence=finding.next_experiment or ""))
+        console.say(TEXT("close_loop.next", sentence=finding.next_experiment or ""))
 
 
 def error_table(finding: Finding) -> Table:
     """Error by stage, one row a part of the data."""
     _, unit = error_scale(finding)
     title = TEXT("close_loop.error", unit=f" in {unit}" if unit else "", measure=finding.measure)
-    table = text_table(title, ("", *STAGES, "noise floor"))
+    table = console.text_table(title, ("", *STAGES, "noise floor"))
     for part, name in PARTS.items():
         table.add_row(name, *error_cells(finding, part))
     return table

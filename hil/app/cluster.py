@@ -1,16 +1,44 @@
 """Other processes for long work: so many here, or a Dask cluster (an optional extra) with the same program."""
 
 import asyncio
+import hashlib
 import logging
 import pickle
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
-from hil.app.version import program_version
+import controller.registry
+import models.effects.own
+from hil.own_process import version_of
+from models.files.python_file import installed
 from models.workers import Mapper, cores, working
+
+_PACKAGES: Final = ("numpy", "scipy", "casadi", "daqp", "numba")
+_ROOT: Final = Path(__file__).parents[2]
+_FOLDERS: Final = ("controller", "models", "plant", "hil")
+
+
+@cache
+def program_version() -> str:
+    """`0.2.0 sources 0123456789ab, numpy 2.2.1 ...`, then the hash of each installed effect and controller. Programs of
+    one version give the same rows.
+    """
+    sources = hashlib.sha256()
+    for path in sorted(path for folder in _FOLDERS for path in (_ROOT / folder).rglob("*.py")):
+        sources.update(path.relative_to(_ROOT).as_posix().encode() + path.read_bytes())
+    packages = " ".join(f"{name} {version_of(name)}" for name in _PACKAGES)
+    others = [
+        f"{where} {digest[:12]}"
+        for group, what in ((controller.registry.GROUP, "controllers"), (models.effects.own.GROUP, "effects"))
+        for where, _, digest in installed(group, what)
+    ]
+    return ", ".join([f"{version_of()} sources {sources.hexdigest()[:12]}", packages, *others])
+
 
 ANSWER_S: Final = 5.0  # in which a scheduler must answer
 OWN: Final = "capsule_own_"  # modules of a user's files, which a worker gets with the work

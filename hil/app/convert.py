@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import answer, note, printable
+from hil.app.console import TEXT, answer, note, printable
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, argument, option
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
-from hil.formats.channels import Channel, Heading, refusing
-from hil.formats.clock import by_clock, one_table
+from hil.formats.channels import Channel, Heading, by_clock, one_table, refusing
 from hil.formats.reading import WRITTEN, is_log, write_channels
 from hil.log.record import file_channels
 from hil.log.rig_record import read_rig_record
@@ -22,9 +21,7 @@ from models.records.record import as_measured
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 _SHOWN: Final = 8  # columns in a line
 _TABLES: Final = (".csv", ".csv.gz")
 ENDINGS: Final = (*_TABLES, *WRITTEN)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from hil.app.console import answer, output_to_notes
+from hil.app.console import TEXT, answer, output_to_notes
 from hil.app.shared_options import Json, argument
 from hil.app.write import sole_writer, table_text, write_files
 from models.files.toml import check_word
@@ -20,20 +20,10 @@ from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig
 from models.rigs.schema import Table, field_of, key_unit, span
 from models.rigs.tables import Noise
-from models.words.sentences import Sentences
 from plant.experiments.examples import BELIEVED
 
-TEXT: Final = Sentences(__file__)
 RIG, RECORD, NOTE = "rig.toml", "record.csv", "README.md"
-_NOTE: Final = """# A {kind} rig
-
-`rig.toml` holds what you believe about the rig: every key with unit, range and meaning.
-`record.csv` is a **simulated** template with the columns {columns}. Replace it by your records and run
-
-    {command}
-
-Then open `out/report.html`. Add further records of the rig beside the first, and held-out records after `--holdout`.
-"""
+_NOTE: Final = Path(__file__).with_name("rig_readme.md.txt")
 
 
 def init(
@@ -57,7 +47,9 @@ def init(
         with output_to_notes():
             tables, columns = template(KINDS[kind], rotary=rotary)
         command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"
-        note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
+        note = _NOTE.read_text(encoding="utf-8").format(
+            kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command
+        )
         files = {RIG: commented(KINDS[kind], tables, list(columns)), RECORD: table_text(columns), NOTE: note}
         write_files({folder / name: text for name, text in files.items()})
     answer(

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Final
 
-from hil.app.console import answer, note
+from hil.app.console import TEXT, answer, note
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import StopSignals
 from hil.app.run.machine import open_bus
@@ -24,9 +24,7 @@ from hil.app.shared_options import Json, argument, option
 from hil.nodes.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender, refusal_words, steering_words
 from models.files.toml import check_word, in_file
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal last sent it; terminals repeat keys every 30 ms or so."""
 QUIET_S: Final = 0.1
@@ -153,19 +151,10 @@ def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
     return 0 if newest is not None and not sender.refused and not sender.others else 1
 
 
+_ARROWS: Final = {"C": "right", "D": "left", "A": "up", "B": "down"}
 KEYS: Final = {
-    "\x1b[C": "right",
-    "\x1b[D": "left",
-    "\x1b[A": "up",
-    "\x1b[B": "down",
-    "\x1bOC": "right",
-    "\x1bOD": "left",
-    "\x1bOA": "up",
-    "\x1bOB": "down",
-    "\x1b": "quit",
-    "q": "quit",
-    "\x03": "quit",
-    "\x04": "quit",
+    **{f"\x1b{mode}{letter}": name for mode in "[O" for letter, name in _ARROWS.items()},
+    **dict.fromkeys(("\x1b", "q", "\x03", "\x04"), "quit"),
     " ": "release",
 }
 _KEY: Final = re.compile("|".join(map(re.escape, KEYS)))

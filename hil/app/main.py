@@ -4,7 +4,6 @@ import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from typing import Annotated, Any, Final
 
@@ -12,54 +11,52 @@ import typer
 from threadpoolctl import threadpool_limits
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from hil.app.console import InterruptionError, note, print_json, printable
+from hil.app.console import TEXT, InterruptionError, note, print_json, printable
 from hil.app.shared_options import declared
 from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
+from hil.own_process import version_of
 from models.parameter import nearest
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 BAD_INPUT = 2  # exit status
 FILES = (
     "--out", "--rig", "--model", "--reference", "--holdout", "--log", "--mcap", "--plot", "--effects", "--controllers",
 )  # fmt: skip
-COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
-    "demo": ("hil.app.demo.demo:demo", "--out out/demo"),
-    "init": ("hil.app.init:init", "magnetic my_rig"),
-    "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
-    "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
-    "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
-    "close-loop": (
-        "hil.app.close_loop:close_loop",
-        "run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
-    ),
-    "predict": (
-        "hil.app.predict:predict",
-        "run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv",
-    ),
-    "effects": ("hil.app.effects:effects", "check my_effect.py"),
-    "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
-    "simulate": ("hil.app.simulate:simulate", "hil/scenarios/pull_over_folds.toml --out record.csv"),
-    "design": ("hil.app.design.design:design", "rig.toml --out design"),
-    "track": ("hil.app.track.track:track", "hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out"),
-    "sil": ("hil.app.sil.sil:sil", "hil/scenarios/sil_magnetic_drop.toml --out out"),
-    "campaign": ("hil.app.campaign.campaign:campaign", "hil/scenarios/campaign_magnetic.toml --out out/campaign"),
-    "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),
-    "plant": ("hil.app.run.simulated_plant:plant", "examples/deployment/deployment.toml --seconds 60"),
-    "run": ("hil.app.run.run:run", "deployment.toml check"),
-    "cockpit": ("hil.app.cockpit.cockpit:cockpit", "deployment.toml"),
-    "jog": ("hil.app.jog:jog", "examples/deployment/deployment.toml"),
-    "replay": ("hil.app.run.replay:replay", "run.blf"),
+GROUPS: Final[Mapping[str, Mapping[str, tuple[str, str]]]] = {
+    "start": {
+        "demo": ("hil.app.demo.demo:demo", "--out out/demo"),
+        "init": ("hil.app.init:init", "magnetic my_rig"),
+        "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
+        "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
+    },
+    "find": {
+        "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
+        "close-loop": (
+            "hil.app.close_loop:close_loop",
+            "run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
+        ),
+        "predict": ("hil.app.predict:predict", "run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv"),
+        "effects": ("hil.app.effects:effects", "check my_effect.py"),
+        "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
+    },
+    "simulate": {
+        "simulate": ("hil.app.simulate:simulate", "hil/scenarios/pull_over_folds.toml --out record.csv"),
+        "design": ("hil.app.design.design:design", "rig.toml --out design"),
+        "track": ("hil.app.track.track:track", "hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out"),
+        "sil": ("hil.app.sil.sil:sil", "hil/scenarios/sil_magnetic_drop.toml --out out"),
+        "campaign": ("hil.app.campaign.campaign:campaign", "hil/scenarios/campaign_magnetic.toml --out out/campaign"),
+        "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),
+    },
+    "lead": {
+        "plant": ("hil.app.run.simulated_plant:plant", "examples/deployment/deployment.toml --seconds 60"),
+        "run": ("hil.app.run.run:run", "deployment.toml check"),
+        "cockpit": ("hil.app.cockpit.cockpit:cockpit", "deployment.toml"),
+        "jog": ("hil.app.jog:jog", "examples/deployment/deployment.toml"),
+        "replay": ("hil.app.run.replay:replay", "run.blf"),
+    },
 }
-"""Commands in the order of use: the function that declares the options and does the work, and an example."""
-GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "start": ("demo", "init", "convert", "plot"),
-    "find": ("check", "close-loop", "predict", "effects", "seeds"),
-    "simulate": ("simulate", "design", "track", "sil", "campaign", "export"),
-    "lead": ("plant", "run", "cockpit", "jog", "replay"),
-}
-"""Commands below each heading of the help."""
+"""Commands in the order of use below each heading of the help: the function that declares and does it, an example."""
+COMMANDS: Final = {name: one for group in GROUPS.values() for name, one in group.items()}
 
 
 class _Command(TyperCommand):
@@ -114,11 +111,7 @@ def spread_option(option: str, args: Sequence[str]) -> list[str]:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        try:
-            number = version("capsule-control")
-        except PackageNotFoundError:
-            number = "not installed"
-        typer.echo(f"capsule {number}")
+        typer.echo(f"capsule {version_of()}")
         raise typer.Exit
 
 

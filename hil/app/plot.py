@@ -10,11 +10,10 @@ from hil.app.console import answer
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, Records, option
 from hil.app.write import check_file, check_targets, write_files
-from hil.formats.channels import refusing
-from hil.formats.clock import by_clock, one_table
+from hil.formats.channels import by_clock, one_table, refusing
 from hil.log.record import file_channels
 from hil.report import builder
-from hil.report.figure_records import columns_figure, names
+from hil.report.figure_traces import columns_figure, names
 from models.records.record import Record, as_measured
 from models.rigs.columns import TIME
 

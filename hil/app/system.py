@@ -106,8 +106,3 @@ def shortage(error: BaseException) -> str:
 def _limit(what: int) -> int:
     soft = resource.getrlimit(what)[0]
     return _ENDLESS if soft == resource.RLIM_INFINITY else soft
-
-
-def error_text(error: BaseException, most: int = 200) -> str:
-    """The text of an error in one line of at most `most` characters, or its type where it has none."""
-    return " ".join(str(error).split())[:most] or type(error).__name__

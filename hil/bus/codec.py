@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from hil.bus.catalogue import Field, Frame
+from hil.bus.catalogue import Frame
 from models.parameter import nearest
 
 Reason = Literal["length", "range", "crc", "counter", "repeated", "unknown"]
-PAYLOAD = 12  # first bit of the payload, after CRC and counter
 
 
 class FrameError(ValueError):
@@ -31,8 +30,15 @@ class Codec:
 
     def __init__(self, frame: Frame) -> None:
         self.frame, self.length = frame, frame.length
-        self._writing = tuple(map(_writing, frame.fields))
-        self._reading = tuple(map(_reading, frame.fields))
+        self._writing = tuple(
+            (f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start)
+            for f in frame.fields
+        )
+        bits = {f.name: ((1 << f.length) - 1, 1 << (f.length - 1) if f.signed else 0) for f in frame.fields}
+        self._reading = tuple(
+            (f.name, f.start, *bits[f.name], f.scale, f.offset, f.raw_lower, f.raw_upper, frozenset(f.names))
+            for f in frame.fields
+        )
 
     def encode(self, values: Mapping[str, float]) -> int:
         """The values of all signals as the frame's integer, with CRC and counter 0. Raises FrameError."""
@@ -72,15 +78,6 @@ class Codec:
                 return FrameError(f"{self.frame.name} must get its own signals; got {name!r}; {hint}")
         missing = next(name for name in names if name not in values)
         return FrameError(f"{self.frame.name} must get all its signals; {missing!r} is missing")
-
-
-def _writing(f: Field) -> tuple[str, float, float, float, float, int, int, int, int]:
-    return f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start
-
-
-def _reading(f: Field) -> tuple[str, int, int, int, float, float, int, int, frozenset[int]]:
-    sign = 1 << (f.length - 1) if f.signed else 0
-    return f.name, f.start, (1 << f.length) - 1, sign, f.scale, f.offset, f.raw_lower, f.raw_upper, frozenset(f.names)
 
 
 NO_SURPRISE: Final = -10.0  # the value on the wire for "none"

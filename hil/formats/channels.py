@@ -1,4 +1,4 @@
-"""The result of all readers: channels by name, each with its unit and possibly its own clock."""
+"""The result of all readers: channels by name, each with its unit and possibly its own clock; and their tables."""
 
 import os
 import resource
@@ -13,9 +13,10 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.own_process import error_text
 from models.files.access import opened
 from models.files.csv_reader import MOST_CELLS
-from models.rigs.columns import TIME_SERIES_ROWS
+from models.rigs.columns import TIME, TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
 _ZEROED: Final = "datetime64[ns]"
@@ -56,8 +57,7 @@ def refusing(path: Path, wanted: str) -> Iterator[None]:
     except Exception as error:
         if type(error) is ValueError and str(error).startswith(str(path)):
             raise
-        words = " ".join(str(error).split())[:160] or type(error).__name__
-        raise ValueError(f"{path}: file must be {wanted}; got: {words}") from None
+        raise ValueError(f"{path}: file must be {wanted}; got: {error_text(error, 160)}") from None
 
 
 class RefusedError(ValueError):
@@ -123,3 +123,40 @@ def numbers(values: Any) -> Array:
     if array.dtype.kind == "m":
         return np.asarray(array.astype("timedelta64[ns]").astype(np.int64) * 1e-9)
     return np.asarray(array, dtype=float)
+
+
+def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
+    """Channels by (group, times (n,)), without `t_s`: it is the clock of channels without one, else their count is."""
+    clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
+    found: list[tuple[str, Array, list[Channel]]] = []
+    for channel in (channel for channel in channels if channel.heading.name != TIME):
+        own = channel.time_s if channel.time_s is not None else clock
+        times = own if own is not None else np.arange(len(channel.values), dtype=float)
+        for group, other, members in found:
+            if group == channel.heading.group and np.array_equal(other, times):
+                members.append(channel)
+                break
+        else:
+            found.append((channel.heading.group, times, [channel]))
+    return found
+
+
+def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
+    """All channels as columns at the union of their times `t_s`, NaN for missing samples."""
+    if all(channel.time_s is None for channel in channels):
+        lengths = {channel.heading.name: len(channel.values) for channel in channels}
+        if len(set(lengths.values())) > 1:
+            raise RefusedError(f"columns must have one length; got {lengths}"[:300])
+        return {channel.heading.name: channel.values for channel in channels}
+    if any(channel.time_s is None and channel.heading.name != TIME for channel in channels):
+        raise RefusedError("columns without a clock must not stand beside channels with one: give --rig or --kind")
+    groups = by_clock(channels)
+    times = np.unique(np.concatenate([time_s for _, time_s, _ in groups]))
+    columns = {TIME: times}
+    for _, time_s, members in groups:
+        at = np.searchsorted(times, time_s)
+        for channel in members:
+            column = np.full(times.shape, np.nan)
+            column[at] = channel.values
+            columns[channel.heading.name] = column
+    return columns

@@ -83,9 +83,13 @@ def _read_hdf5(path: Path, pick: Pick) -> list[Channel]:
         places: dict[str, tuple[Heading, str, int | None]] = {}
 
         def look(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset):
-                _own_samples(name, item)
-            if isinstance(item, h5py.Dataset) and not name.startswith("#") and _readable(item):
+            if not isinstance(item, h5py.Dataset):
+                return
+            if item.external:
+                raise outside(f"samples of {name} in the file {item.external[0][0]}")
+            if item.is_virtual:
+                raise outside(f"a virtual dataset {name}, made up of others")
+            if not name.startswith("#") and _readable(item):
                 rows, columns = _shape(item)
                 title = name.replace("/", ".")
                 for k in range(columns):
@@ -101,14 +105,6 @@ def _elsewhere(name: str, link: Any) -> str | None:
     """A description of a link to another file, None for other links."""
     file = getattr(link, "filename", None)
     return None if file is None else f"a link {name} to the file {file}"
-
-
-def _own_samples(name: str, item: Any) -> None:
-    """Refuse a dataset whose samples are stored in another file, or composed of other datasets."""
-    if item.external:
-        raise outside(f"samples of {name} in the file {item.external[0][0]}")
-    if item.is_virtual:
-        raise outside(f"a virtual dataset {name}, made up of others")
 
 
 def _readable(item: Any) -> bool:

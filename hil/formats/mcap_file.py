@@ -7,10 +7,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from hil.formats.channels import Channel, Pick, RefusedError, alone, library
-from hil.formats.clock import by_clock
-from hil.formats.messages import Message, channels_of
-from hil.formats.ros_bag import decoder_of
+from hil.formats.channels import Channel, Pick, RefusedError, alone, by_clock, library
+from hil.formats.ros_bag import Message, channels_of, decoder_of
 
 EXTRA = "mcap"
 _UNNAMED = "record"

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.formats.channels import Channel, Heading, Pick, RefusedError, library, numbers, outside, own_names
-from hil.formats.clock import by_clock
+from hil.formats.channels import Channel, Heading, Pick, RefusedError, by_clock, library, numbers, outside, own_names
 from models.files.access import opened
 
 EXTRA = "mf4"

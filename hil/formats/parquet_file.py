@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hil.formats.channels import Channel, Heading, Pick, alone, library, numbers, outside
-from hil.formats.clock import one_table
+from hil.formats.channels import Channel, Heading, Pick, alone, library, numbers, one_table, outside
 
 EXTRA = "parquet"
 _UNIT = b"unit"

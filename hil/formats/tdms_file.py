@@ -16,16 +16,13 @@ def read(path: Path, pick: Pick) -> list[Channel]:
     """The channels of numbers and of times that `pick` takes; waveforms have clocks."""
     nptdms = library("nptdms", EXTRA)
     with alone(path) as content, nptdms.TdmsFile.open(content) as file:
-        parts = [(group.name, one) for group in file.groups() for one in group.channels() if _readable(one)]
+        every = [(group.name, one) for group in file.groups() for one in group.channels()]
+        parts = [(group, one) for group, one in every if len(one) and np.dtype(one.dtype).kind in "iufbM"]
         names = own_names([(group, one.name) for group, one in parts])
         found = {name: (_heading(name, group, one), one) for name, (group, one) in zip(names, parts, strict=True)}
         chosen = [found[name] for name in pick([heading for heading, _ in found.values()]) if name in found]
         starts = [one.properties[_START] for _, one in chosen if _START in one.properties]
         return [_channel(heading, one, min(starts, default=None)) for heading, one in chosen]
-
-
-def _readable(channel: Any) -> bool:
-    return len(channel) > 0 and np.dtype(channel.dtype).kind in "iufbM"
 
 
 def _heading(name: str, group: str, channel: Any) -> Heading:

@@ -8,7 +8,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
-from hil.log.blf_reader import whole
+from hil.log.blf_file import whole
 
 FORMAT: Final = 2  # of the record beside a log
 _MOST_NAMES: Final = 1000  # that are tried for a new log

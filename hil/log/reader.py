@@ -3,6 +3,8 @@
 An MF4 file, which needs asammdf, is read in a separate process, so that a damaged file does no harm.
 """
 
+import io
+import re
 import warnings
 from collections.abc import Iterator
 from importlib import reload
@@ -11,15 +13,17 @@ from typing import IO, Any, Final
 
 import can
 import can.io.mf4
+import numpy as np
 
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, check_within
 from hil.formats.reading import confined, is_log, reading_process
-from hil.log.blf_file import PACKED, Logged, direction_of
-from hil.log.blf_reader import Tell, read_blf
+from hil.log.blf_file import PACKED, Logged, Tell, direction_of, read_blf
 from hil.log.place import record_path
-from hil.log.text_log import text_reader
-from models.files.access import check_source, read_json
+from hil.own_process import error_text
+from models.files.access import check_source, opened, read_json
+from models.files.csv_text import clock_s
+from models.records.clock import are_differences, left_out
 
 _END: Final = 0xFFFF_FFFF
 """Identifier of the entry after the last frame: its time is the length of the sentence that follows."""
@@ -62,7 +66,9 @@ def library_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
         else:
             reader = can.LogReader(path)
     except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
-        raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
+        raise ValueError(
+            f"{path}: log must be one in the format that its name ends in; got: {error_text(error, 160)}"
+        ) from None
     with reader:
         yield from _frames(reader, path, round(late * 1e9))
 
@@ -80,14 +86,10 @@ def _frames(reader: Any, path: Path, late_ns: int) -> Iterator[Logged]:
         except Exception as error:
             if str(error).startswith(f"{path}: "):
                 raise
-            raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
+            raise ValueError(f"{path}: log must be whole; got after {count} frames: {error_text(error, 160)}") from None
         count += 1
         if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
             yield Logged(stamp, message.arbitration_id, bytes(message.data), direction_of(message))
-
-
-def _words(error: BaseException) -> str:
-    return " ".join(str(error).split())[:160] or type(error).__name__
 
 
 def read_mf4_frames(path: Path) -> Iterator[Logged]:
@@ -123,6 +125,88 @@ def send_frames(path: Path, target: IO[bytes]) -> None:
         wrong = str(error).removeprefix(f"{path}: ").encode()
     target.write(PACKED.pack(len(wrong), _END, 0, 0, b"") + wrong)
     target.flush()
+
+
+_LONGEST_LINE: Final = 1 << 12  # characters; the longest frame has 64 bytes
+_SHOWN: Final = 3  # lines that are named
+_FILE: Final = re.compile(r"\(([^)]*)\)\s+(\S+)\s+([0-9A-Fa-f]+#\S*)(?:\s+([RTrt]))?")
+_SCREEN: Final = re.compile(
+    r"(?:\(([^)]*)\)\s+)?(\S+)\s+(?:([RT])X\s+\S\s+\S\s+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d+\]"
+    r"\s*((?:[0-9A-Fa-f]{2}\b\s*)*|remote request|ERRORFRAME)(?:'.*')?"
+)
+_ASC: Final = re.compile(r"\s*(-\d+\.\d+)(\s+\d+\s.*)", re.DOTALL)
+Stamped = tuple[float, str]
+
+
+class _Lines(io.TextIOBase):
+    """An open text of the `lines` of an iterator."""
+
+    def __init__(self, lines: Iterator[str]) -> None:
+        self._lines = lines
+
+    def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]
+        return next(self._lines, "")
+
+
+def text_reader(path: Path, tell: Tell) -> tuple[Any, float]:
+    """python-can's reader of a `.log` or `.asc` file, and what it adds to the stamps in s. Raises ValueError."""
+    if path.suffix.lower() == ".asc":
+        negative = [float(found[1]) for line in _lines(path) if (found := _ASC.match(line))]
+        late = float(np.ceil(-min(negative, default=0.0)))
+        return can.ASCReader(_Lines(_later(path, late))), late  # type: ignore[arg-type]
+    return can.CanutilsLogReader(_Lines(_candump_lines(path, tell))), 0.0  # type: ignore[arg-type]
+
+
+def _lines(path: Path) -> Iterator[str]:
+    with opened(path, "log") as file, io.TextIOWrapper(file, "utf-8", "replace") as text:
+        yield from iter(lambda: text.readline(_LONGEST_LINE), "")
+
+
+def _later(path: Path, late: float) -> Iterator[str]:
+    """The lines with all stamps later, so that none is negative."""
+    stamped = re.compile(r"\s*(-?\d+\.\d+)(\s+(?:\d|CANFD).*)", re.DOTALL) if late else None
+    for line in _lines(path):
+        found = stamped.match(line) if stamped else None
+        yield f"{float(found[1]) + late:.9f}{found[2]}" if found else line
+
+
+def _candump_lines(path: Path, tell: Tell) -> Iterator[str]:
+    """The lines as `candump -L` writes them, with rising stamps; what no line of candump is, is told."""
+    stamps, odd, total = list[float](), list[str](), 0
+    for number, line in enumerate(_lines(path), 1):
+        total += not line.isspace()
+        found = _candump(line)
+        if found is not None:
+            stamps.append(found[0])
+        elif not line.isspace():
+            odd.append(f"line {number}")
+    times = np.array(stamps)
+    if np.isnan(times).any():
+        raise ValueError(f"{path}: frames must have stamps; got one without: log with candump -L, or candump -ta")
+    if odd and len(odd) < total:
+        tell(left_out("unread", path.name, np.zeros(len(odd)), total, places=odd[:_SHOWN]).sentence)
+    if summed := are_differences(times, even=False):
+        tell(left_out("differences", path.name, times[:0], total).sentence)
+    now = 0.0
+    for line in _lines(path):
+        if found := _candump(line):
+            now = now + found[0] if summed else found[0]
+            yield f"({now:.9f}) {found[1]}\n"
+        elif len(odd) == total:
+            yield line
+
+
+def _candump(line: str) -> Stamped | None:
+    """The stamp in s (NaN: none) and the frame of a line of candump; None of any other."""
+    text = line.strip()
+    if found := _FILE.fullmatch(text):
+        way = f" {found[4]}" if found[4] else ""
+        return clock_s(found[1]), f"{found[2]} {found[3]}{way}"
+    found = _SCREEN.fullmatch(text)
+    if found is None or found[5] == "ERRORFRAME":
+        return None
+    data = "R" if found[5] == "remote request" else "".join(found[5].split())
+    return clock_s(found[1] or ""), f"{found[2]} {found[4]}#{data} {found[3] or 'R'}"
 
 
 if __name__ == "__main__":

@@ -13,8 +13,7 @@ from hil.bus.codec import Refusal, without_absent
 from hil.bus.protection import Receiver
 from hil.formats.channels import Array, Channel, Heading
 from hil.formats.reading import format_of, is_log, read_channels
-from hil.log.blf_file import RECEIVED, SENT
-from hil.log.blf_reader import Tell
+from hil.log.blf_file import RECEIVED, SENT, Tell
 from hil.log.reader import read_frames
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 from models.files.csv_reader import read_table

@@ -6,7 +6,6 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from subprocess import run
 from typing import Any, Final, NamedTuple
@@ -19,6 +18,7 @@ from controller.step.library import available
 from hil.bus.catalogue import FrameCatalogue
 from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, Logged
 from hil.log.log import NodeLog
+from hil.own_process import version_of
 from models.theta import Theta
 
 START, STOP, UNSOLVED, CUT, EXACT, HEARD, ACKNOWLEDGED = range(1, 8)
@@ -53,17 +53,12 @@ class Recorder:
         direction = WITHHELD if self._dry else SENT
         self._tick.append(_Entry(message.timestamp, direction, message.arbitration_id, bytes(message.data)))
 
-    def start(self, now: float, origin_s: float) -> None:
-        """Call just before `ControllerNode.start(now, origin_s)`; nan: without an origin."""
-        self._note(now, START, origin_s)
-
-    def stop(self, now: float) -> None:
-        """Call just before `ControllerNode.stop()`."""
-        self._note(now, STOP)
-
-    def acknowledge(self, now: float) -> None:
-        """Call just before `ControllerNode.acknowledge()`."""
-        self._note(now, ACKNOWLEDGED)
+    def note(self, now: float, code: int, value: float = 0.0) -> None:
+        """Write a note; call it just before the node's own call: `START` with the origin in s (nan: without one) before
+        `start`, `STOP` before `stop`, `ACKNOWLEDGED` before `acknowledge`.
+        """
+        self.flush()
+        self._write([_Entry(now, NOTED, code, _value(value))])
 
     def unsolved(self, now: float) -> None:
         """Call just before `ControllerNode.tick(now, solved=False)`."""
@@ -73,7 +68,7 @@ class Recorder:
         """Call after a tick at `now`; a replay cuts its plan where the clock did."""
         self.flush()
         if action.cut_after is not None:
-            self._note(now, CUT, action.cut_after)
+            self.note(now, CUT, action.cut_after)
 
     def flush(self) -> None:
         entries, self._tick = self._tick, []
@@ -82,10 +77,6 @@ class Recorder:
         sent = any(entry.direction != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
         late = next((k for k, entry in enumerate(heard) if sent and entry.time_s > self._began_s), len(heard))
         self._write([*heard[:late], *own], heard[late:])
-
-    def _note(self, now: float, code: int, value: float = 0.0) -> None:
-        self.flush()
-        self._write([_Entry(now, NOTED, code, _value(value))])
 
     def _write(self, entries: list[_Entry], after: Sequence[_Entry] = ()) -> None:
         """Write entries with their notes; those of `after` were received after the tick had sent."""
@@ -135,11 +126,7 @@ def log_record(
 
 def code_version() -> str:
     """The program's version and, in a checkout, its commit, with "+" if files differ from it."""
-    try:
-        number = version("capsule-control")
-    except PackageNotFoundError:
-        number = "not installed"
-    commit = _git("rev-parse", "--short=12", "HEAD")
+    number, commit = version_of(), _git("rev-parse", "--short=12", "HEAD")
     return f"{number} {commit}{'+' if _git('status', '--porcelain', '-uno') else ''}" if commit else number
 
 

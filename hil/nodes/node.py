@@ -9,6 +9,7 @@ from typing import Final
 import can
 import numpy as np
 
+from controller.closed_loop import Tick
 from controller.drives import envelope_of, friction_command
 from controller.limits import Envelope
 from controller.reference import Excursion, Experiment
@@ -26,16 +27,11 @@ from hil.nodes.task import Task
 
 
 @dataclass(frozen=True, slots=True)
-class Tick:
-    """The result of one tick for `time_s`; `seconds` is the computing time of estimate and controller."""
+class NodeTick(Tick):
+    """The result of one tick of a node for `time_s`: also what the guard passed, and the node's state."""
 
-    time_s: float
-    estimate: Estimate
-    action: Action
     passed: Passed
     state: int
-    active: str
-    seconds: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +165,7 @@ class ControllerNode:
         if self.state == RUNNING:
             self.state, self.reason = HALTING, reason
 
-    def tick(self, now: float, solved: bool = True) -> Tick:
+    def tick(self, now: float, solved: bool = True) -> NodeTick:
         """One tick at `now` in s; a non-finite one is a clock jump. With `solved` False the solution came too late."""
         began = time.perf_counter()
         if not math.isfinite(now):
@@ -202,7 +198,7 @@ class ControllerNode:
         self._show(now, estimate)
         self._last = now
         seconds = middle - began, end - middle
-        return Tick(now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, seconds)
+        return NodeTick(now + self.tick_s, estimate, action, self.supervisor.active, seconds, out, self.state)
 
     def _speak(self, now: float) -> None:
         """Send SYNC, heartbeat, the monitor's verdict, the operator's status, the acknowledgement of a fault."""
@@ -246,7 +242,8 @@ class ControllerNode:
         for m in arrived:
             if m.channel == "position_m":
                 self._plausibility.saw(m.value)
-        if self._moved:
+        moved = self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
+        if moved:  # in the previous tick
             self._plausibility.tick(self._before.value, [m.value for m in arrived if m.channel != "position_m"])
         if missed < 0:
             self.estimator.reset(now, self._in_force)
@@ -273,11 +270,6 @@ class ControllerNode:
         self._number += max(math.ceil((now - self._last) / self.tick_s - GRID_SLACK), 1)
         self._origin, self._index = now, 0
         return -1
-
-    @property
-    def _moved(self) -> bool:
-        """Whether the drive is enabled and was commanded to move in the previous tick."""
-        return self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
 
     def _position(self, estimate: Estimate) -> float:
         """The estimated position of the capsule in m."""
@@ -417,5 +409,5 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self._own.most = self.answer.contradiction.most
+        self._own.room = self.answer.contradiction.room
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

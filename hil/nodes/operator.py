@@ -208,7 +208,11 @@ class Operator:
         if wanted != self._followed or not isinstance(reference, SetpointMove):
             self._followed = wanted
             here, speed = sampled(reference, now)
-            reference = rest(_stopped(here, position_m)) if wanted is None else self._move(wanted, here, speed, now)
+            if wanted is None:
+                near = math.isfinite(position_m)
+                reference = rest(min(max(here, position_m - AHEAD_M), position_m + AHEAD_M) if near else here)
+            else:
+                reference = self._move(wanted, here, speed, now)
         before, self._at_end = self._at_end, wanted is not None and self._beyond(wanted) and now >= reference.times[-1]
         self.limited += self._at_end and not before
         return reference
@@ -256,8 +260,3 @@ class Operator:
     def _refuse(self, reason: str, now: float) -> None:
         self.refused[reason] += 1
         self._why, self._why_at = self._reasons.get(reason, 0), now
-
-
-def _stopped(here: float, estimated: float) -> float:
-    """Where a reference at `here` stops: at most `AHEAD_M` from the estimated position."""
-    return min(max(here, estimated - AHEAD_M), estimated + AHEAD_M) if math.isfinite(estimated) else here

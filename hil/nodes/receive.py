@@ -132,7 +132,8 @@ class FrameReceiver:
             if self._observer is not None:
                 self._observer(message)
             if not plain(message):
-                self.strange[_type_of(message)] += 1
+                other = "FD" if message.is_fd else "remote" if message.is_remote_frame else "extended"
+                self.strange["error" if message.is_error_frame else other] += 1
                 continue
             if message.arbitration_id in self._foreign:
                 if operators_stop(message):
@@ -234,12 +235,6 @@ class FrameReceiver:
         elif name == self.frame_map.heartbeat:
             self._beat_at = stamp
             self._other = values["Catalogue"] != self._fingerprint
-
-
-def _type_of(message: can.Message) -> str:
-    if message.is_error_frame:
-        return "error"
-    return "FD" if message.is_fd else "remote" if message.is_remote_frame else "extended"
 
 
 def _listed(counts: Mapping[str, int]) -> str:

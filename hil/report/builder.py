@@ -6,7 +6,7 @@ import base64
 import math
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -44,19 +44,16 @@ def environment(folder: Path = TEMPLATES) -> Environment:
         (sentences, ("listed", "sentence")),
     ):
         made.filters |= {name: getattr(room, name) for name in names}
-    made.filters |= {"indexed": _indexed, "breakable": _breakable, "equations": equations_html, "exp": math.exp}
+    made.filters |= {"equations": equations_html, "exp": math.exp}
+    # a sentence with its indexed letters, as in F_e, typeset; a path or name that may go on in the next line
+    made.filters["indexed"] = partial(_put, r"\b([A-Za-z])_([A-Za-z])\b", r"<i>\1</i><sub>\2</sub>")
+    made.filters["breakable"] = partial(_put, r"([/_])", r"\1<wbr>")
     made.globals |= {"DASH": quantities.DASH, "library": cache(lambda: base64.b64encode(PLOTLY.read_bytes()).decode())}
     return made
 
 
-def _indexed(text: str) -> Markup:
-    """A sentence with its indexed letters, as in F_e, typeset."""
-    return Markup(re.sub(r"\b([A-Za-z])_([A-Za-z])\b", r"<i>\1</i><sub>\2</sub>", str(escape(text))))
-
-
-def _breakable(text: str) -> Markup:
-    """A path or a name that may go on in the next line after a slash or an underscore."""
-    return Markup(re.sub(r"([/_])", r"\1<wbr>", str(escape(text))))
+def _put(pattern: str, markup: str, text: str) -> Markup:
+    return Markup(re.sub(pattern, markup, str(escape(text))))
 
 
 class _Parts:

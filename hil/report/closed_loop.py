@@ -3,26 +3,21 @@
 from dataclasses import replace
 from typing import Any
 
+from hil.report import words
 from hil.report.builder import page
-from hil.report.dependence import curves_figure, dependence_words, surface_figure
-from hil.report.figure_profiles import profile_figure
-from hil.report.figure_residuals import agreement_figure, residual_figure, speed_map
-from hil.report.figure_summary import candidate_figure, error_figure
-from hil.report.figure_traces import motion_figure, trace_figure
+from hil.report.figure_residuals import (
+    agreement_figure,
+    curves_figure,
+    dependence_words,
+    residual_figure,
+    speed_map,
+    surface_figure,
+)
+from hil.report.figure_summary import candidate_figure, error_figure, profile_figure
+from hil.report.figure_traces import Panel, closer, motion_figure, panels, trace_figure
 from hil.report.mathml import equations_html, symbol_html
 from hil.report.numbers import error_rows, parameters, smallest_rows
-from hil.report.panels import Panel, closer, panels
-from hil.report.words import (
-    PARTS,
-    TEXT,
-    column_words,
-    confidence_words,
-    disagreement_words,
-    error_words,
-    grouped,
-    headline,
-    interpolation,
-)  # fmt: skip
+from hil.report.words import PARTS, TEXT, column_words
 from models.effects.equation import equations_of, legend
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Dependence, Finding, Fitted, FoundEffect
@@ -48,16 +43,16 @@ def report_html(finding: Finding) -> str:
         "next_csv": NEXT_CSV,
         "next_toml": NEXT_TOML,
         "quantities": [column_words(column)[0] for column in finding.columns],
-        "interpolation": interpolation(finding),
+        "interpolation": words.interpolation(finding),
         "errors": error_figure(finding),
         "stages": [*STAGES],
         "error_rows": error_rows(finding),
         "cards": [_card(effect, finding) for effect in finding.effects],
         "confidence_origin": confidence_map().origin,
         "smallest": smallest_rows(finding),
-        "record_findings": [*grouped(finding.findings)],
+        "record_findings": [*words.grouped(finding.findings)],
         "part_words": PARTS,
-        "disagreeing": [*map(disagreement_words, finding.disagreeing)],
+        "disagreeing": [*map(words.disagreement_words, finding.disagreeing)],
         **_records(finding, drawn, after),
         **_depends(finding.dependence),
         "residual": residual_figure([p for p in drawn if {before, after} <= set(p.predicted)], before, after),
@@ -82,10 +77,10 @@ def _head(finding: Finding) -> dict[str, Any]:
     doubts += [found.sentence for found in finding.findings if found.id == WORSE and found.sentence not in doubts]
     doubt = "failed" if failed else "unknown" if finding.verdict == "unknown" else "worse"
     return {
-        "headline": headline(finding),
+        "headline": words.headline(finding),
         "train": train,
         "held_out": len(finding.traces) - train,
-        "lead": f"{error_words(finding)} {confidence_words(finding)}".strip(),
+        "lead": f"{words.error_words(finding)} {words.confidence_words(finding)}".strip(),
         "chip": TEXT(f"verdict.{finding.verdict}"),
         "failed": len(failed),
         "doubts": doubts,

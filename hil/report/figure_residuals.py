@@ -1,4 +1,4 @@
-"""Figures over signals: the residual before and after; of a table of runs, measured and predicted speed."""
+"""Figures over signals: the residual before and after, what it depends on; of runs, measured and predicted speed."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
-from hil.report.panels import Panel, binned, largest, pooled
-from hil.report.theme import INK, MUTED, STAGE_COLOURS, Array, axes, line_colour, styled
-from hil.report.words import column_words
+from hil.report.figure_traces import Panel, binned, largest, pooled
+from hil.report.theme import INK, MUTED, STAGE_COLOURS, Array, axes, grid, line_colour, styled
+from hil.report.words import SHOWN_SHARE, TEXT, column_words
+from models.identification.finding import Dependence, ResidualCurve
 from models.words.quantities import scale
 
 MOST_POINTS = 900  # of a panel
@@ -35,14 +35,8 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
     }
     everything = np.abs(np.concatenate(rests[before] + rests[after]))
     factor, unit = (1.0, "%") if several else scale([float(np.nanquantile(everything, 0.99))], drawn[0].unit)
-    figure = make_subplots(
-        rows=len(names),
-        cols=2,
-        shared_yaxes=True,
-        horizontal_spacing=0.03,
-        vertical_spacing=72 / (60 + 240 * len(names)),
-        column_titles=[f"before: {before} model", f"after: {after} model"],
-    )
+    titles = [f"before: {before} model", f"after: {after} model"]
+    figure = grid(len(names), 2, 72 / (60 + 240 * len(names)), column_titles=titles)
     for row, name in enumerate(names, start=1):
         words, own = column_words(name)
         along, prefixed = scale((largest(pool.signals[name]) for pool in pools), own)
@@ -102,7 +96,7 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
     factor, unit = scale(columns["measured"], drawn[0].unit)
     limit = factor * float(np.nanmax(np.abs(means["measured"])))
     titles = [name if name == "measured" else f"{name} model" for name in means]
-    figure = make_subplots(rows=1, cols=len(means), shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=titles)
+    figure = grid(1, len(means), subplot_titles=titles)
     edge = {"color": INK, "width": 0.7}
     for column, values in enumerate(means.values(), start=1):
         figure.add_scatter(
@@ -137,4 +131,79 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
                 marker = {"color": STAGE_COLOURS[stage], "symbol": symbol, "size": 8, "opacity": 0.85}
                 x, y = factor * pool.measured, factor * pool.predicted[stage]
                 figure.add_scatter(x=x, y=y, mode="markers", name=name, marker=marker)
+    return figure
+
+
+_SHOWN = 4  # curves in the list
+_OVER = {"+x": "over", "-v": "resistance"}
+_BAND = "rgba(14, 132, 144, 0.25)"
+
+
+def dependence_words(found: Dependence) -> list[str]:
+    """What the residual depends on, in sentences for page and terminal."""
+    best, surface, tone, term = _best(found), found.surface, found.tone, found.term
+    over = [TEXT(f"depends.{_OVER[c.along]}", share=c.share, variable=column_words(c.variable)[0]) for c in best]
+    said = [TEXT("depends.curves", curves=over) if over else TEXT("depends.none")]
+    if surface is not None:
+        names = [column_words(name)[0] for name in surface.variables]
+        said.append(TEXT("depends.surface", variables=names, share=surface.share))
+    if tone is not None:
+        said.append(TEXT("depends.tone", share=tone.share, frequency=tone.frequency_Hz))
+    if term is not None and found.inside is not None:
+        before, after = found.inside
+        said.append(TEXT("depends.inside", variable=column_words(term.variable)[0], before=before, after=after))
+    if term is not None:
+        said.append(TEXT("depends.term", form=TEXT(f"form.{term.form}"), text=term.text))
+    return said
+
+
+def _best(found: Dependence) -> list[ResidualCurve]:
+    return [curve for curve in found.curves if curve.share >= SHOWN_SHARE][:_SHOWN]
+
+
+def curves_figure(found: Dependence) -> go.Figure | None:
+    """The curves that predict most, each with its 95 % interval."""
+    shown = _best(found)
+    if not shown:
+        return None
+    factor, unit = scale(np.concatenate([c.values for c in shown]), found.unit)
+    figure = grid(1, len(shown))
+    for col, curve in enumerate(shown, start=1):
+        words, own = column_words(curve.variable)
+        along, prefixed = scale(curve.centres, own)
+        x = along * curve.centres
+        here = {"x": x, "showlegend": False, "row": 1, "col": col}
+        band = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **here}
+        figure.add_scatter(y=factor * curve.low, **band)
+        figure.add_scatter(y=factor * curve.high, fill="tonexty", fillcolor=_BAND, **band)
+        line = {"color": STAGE_COLOURS["augmented"], "width": 2}
+        figure.add_scatter(y=factor * curve.values, mode="lines+markers", line=line, marker={"size": 4}, **here)
+        size = "size of " if curve.sized else ""
+        figure.update_xaxes(title=f"{size}{words} in {prefixed}", row=1, col=col)
+    name = "residual resistance" if all(curve.along == "-v" for curve in shown) else found.quantity
+    return styled(figure, 320).update_yaxes(title=f"{name} in {unit}", row=1, col=1)
+
+
+def surface_figure(found: Dependence) -> go.Figure | None:
+    """The residual over two signals, where they matter together."""
+    surface = found.surface
+    if surface is None:
+        return None
+    factor, unit = scale(surface.values[np.isfinite(surface.values)], found.unit)
+    ends = [scale(c, column_words(n)[1]) for c, n in zip(surface.centres, surface.variables, strict=True)]
+    figure = go.Figure(
+        go.Heatmap(
+            x=ends[0][0] * surface.centres[0],
+            y=ends[1][0] * surface.centres[1],
+            z=factor * surface.values.T,
+            customdata=factor * surface.half.T,
+            colorscale="RdBu",
+            zmid=0,
+            colorbar={"title": {"text": f"in {unit}", "side": "right"}, "thickness": 14},
+            hovertemplate=f"%{{z:.3g}} +- %{{customdata:.2g}} {unit}<extra></extra>",
+        )
+    )
+    styled(figure, 380)
+    for update, (_, own), name in zip((figure.update_xaxes, figure.update_yaxes), ends, surface.variables, strict=True):
+        update(title=f"{column_words(name)[0]} in {own}")
     return figure

@@ -1,16 +1,18 @@
-"""Figures of the outcome: the error by stage, and the candidates with their evidence."""
+"""Figures of the outcome: the error by stage, the candidates with their evidence, and profile likelihoods."""
 
 import math
+from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
-from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.report.words import PARTS, column_words, error_scale
+from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, grid, styled
+from hil.report.words import PARTS, column_words, error_scale, parameter_words
 from models.effects import effect_words
-from models.identification.finding import STAGES, CandidateRow, Finding
-from models.words.quantities import number
+from models.identification.finding import STAGES, Finding, Profile
+from models.identification.fitting.profile import LINE
+from models.words.quantities import number, scale, unit_words
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _ROOM = 88  # px between rounds
@@ -50,17 +52,12 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
     rounds = sorted({row.round for row in finding.candidates})[:MOST_ROUNDS]
     if not rounds:
         return None
-    shown = {index: _best(finding, index) for index in rounds}
+    ranked = sorted(finding.candidates, key=lambda row: (row.gain is None, -(row.gain or 0.0), -row.screened))
+    shown = {index: [row for row in ranked if row.round == index][:MOST_CANDIDATES] for index in rounds}
     sizes = [len(rows) for rows in shown.values()]
-    figure = make_subplots(
-        rows=len(rounds),
-        cols=2,
-        shared_yaxes=True,
-        horizontal_spacing=0.04,
-        vertical_spacing=_ROOM / _height(sizes),
-        row_heights=[max(size, 3) for size in sizes],
-        subplot_titles=[t for k in rounds for t in (f"round {k}: screened", _GAIN)],
-    )
+    look: dict[str, Any] = {"row_heights": [max(size, 3) for size in sizes]}
+    look |= {"subplot_titles": [t for k in rounds for t in (f"round {k}: screened", _GAIN)]}
+    figure = grid(len(rounds), 2, _ROOM / _height(sizes), 0.04, **look)
     for panel, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
         colours = [_colour(finding, row.id) for row in rows]
@@ -79,12 +76,6 @@ def _height(sizes: list[int]) -> int:
     return 80 + sum(24 * max(size, 3) + _ROOM for size in sizes)
 
 
-def _best(finding: Finding, index: int) -> list[CandidateRow]:
-    rows = [row for row in finding.candidates if row.round == index]
-    rows.sort(key=lambda row: (row.gain is None, -(row.gain or 0.0), -row.screened))
-    return rows[:MOST_CANDIDATES]
-
-
 def _colour(finding: Finding, effect: str) -> str:
     if any(effect == found.id for found in finding.effects):
         return CHOSEN
@@ -93,3 +84,41 @@ def _colour(finding: Finding, effect: str) -> str:
 
 def _finite(value: float | None) -> bool:
     return value is not None and math.isfinite(value)
+
+
+COLUMNS, HIGHEST = 3, 3.0  # panels side by side; times the 95 % line that is drawn
+_WIDEST = 28  # characters of a title
+
+
+def profile_figure(profiles: Sequence[Profile]) -> go.Figure | None:
+    """A panel a parameter: the drop of the log-likelihood over its value, the 95 % line, and where it was fitted."""
+    if not profiles:
+        return None
+    rows = -(-len(profiles) // COLUMNS)
+    height = 60 + 240 * rows
+    below, titles = 124 / height if rows > 1 else 0.0, [_title(one) for one in profiles]
+    figure = grid(rows, COLUMNS, below, 0.07, subplot_titles=titles)
+    for k, one in enumerate(profiles):
+        at = {"row": k // COLUMNS + 1, "col": k % COLUMNS + 1}
+        factor, unit = scale(one.values, one.unit)
+        flat = max(one.drops) < LINE
+        look = {"color": FLOOR if flat else STAGE_COLOURS["augmented"], "width": 2}
+        values = [factor * value for value in one.values]
+        hover = f"%{{x:.4g}} {unit}: %{{y:.3g}}<extra></extra>"
+        figure.add_scatter(
+            x=values, y=one.drops, mode="lines+markers", line=look, showlegend=False, hovertemplate=hover, **at
+        )
+        figure.add_hline(y=LINE, line={"color": FLOOR, "dash": "dash", "width": 1.2}, **at)
+        figure.add_vline(x=factor * one.value, line={"color": MUTED, "width": 1}, **at)
+        words = parameter_words(one.name.rpartition(".")[2])
+        figure.update_xaxes(title_text=f"{words} in {unit_words(unit)}" if unit != "1" else words, nticks=4, **at)
+    styled(figure, height, margin={"l": 60, "r": 20, "t": 48, "b": 56})
+    figure.update_yaxes(range=[-0.2, HIGHEST * LINE])
+    return figure.update_yaxes(title_text="drop of ln L", col=1)
+
+
+def _title(one: Profile) -> str:
+    effect, _, own = one.name.rpartition(".")
+    words = parameter_words(own) + (f", {effect_words(effect)}" if effect else "")
+    flat = "flat" if max(one.drops) < LINE else f"no {' or '.join(one.unshown)} end" if one.unshown else ""
+    return "<br>".join(wrap(f"{words} ({flat})" if flat else words, _WIDEST))

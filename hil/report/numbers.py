@@ -21,11 +21,7 @@ _RENAMED: Final = {"identifiable": "told"}
 _LOG: Final = "log10_"
 
 
-def _named(items: list[tuple[str, Any]]) -> dict[str, Any]:
-    return {_RENAMED.get(name, name): value for name, value in items}
-
-
-_as_json = partial(asdict, dict_factory=_named)
+_as_json = partial(asdict, dict_factory=lambda items: {_RENAMED.get(name, name): value for name, value in items})
 
 
 def report_json(finding: Finding) -> dict[str, Any]:

@@ -71,6 +71,11 @@ def axes(x: str, y: str | Sequence[str], height: int, spacing: float = 0.06, **l
     return styled(figure, height, **layout)
 
 
+def grid(rows: int, cols: int, below: float = 0.0, beside: float = 0.03, **more: Any) -> go.Figure:
+    """Empty panels with shared ordinates, so far apart as shares of the figure."""
+    return make_subplots(rows, cols, shared_yaxes=True, vertical_spacing=below, horizontal_spacing=beside, **more)
+
+
 def line(figure: go.Figure, x: Array, y: Array, name: str, look: Mapping[str, Any], row: int = 1, **more: Any) -> None:
     """A line of the panel `row` with one entry for all panels in the legend; drawn in at most `points`."""
     x, y = thinned(x, y, more.pop("points", POINTS))

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -19,29 +18,13 @@ TEXT: Final = Sentences(__file__)
 PARTS: Final = {"train": "training", "holdout": "held out"}  # of the data
 SHOWN_SHARE: Final = 0.01  # of the residual that a curve must predict to be mentioned
 _WELL_ABOVE: Final = 2.0  # noise floors
-_NAMES: Final = MappingProxyType(
-    {
-        "t": "time",
-        "x": "position",
-        "v": "speed",
-        "a": "acceleration",
-        "u": "wall drag",
-        "travelled": "way travelled",
-        "period_index": "number of the period",
-        "tracking_rmse": "rms tracking error",
-        "tracking_max": "largest tracking error",
-        "hard_violations": "violations of hard limits",
-        "settled_within": "settling time",
-        "storage_modulus": "storage modulus G′",
-        "loss_modulus": "loss modulus G″",
-    }
-)
 
 
 def column_words(column: str) -> tuple[str, str]:
     """Name and unit of a column: `force_N` is ("force", "N"), `v_m_s` is ("speed", "m/s")."""
     stem, unit = unit_at_end(column)
-    return _NAMES.get(stem, stem.replace("_", " ")), unit.replace("s2", "s²").replace("deg", "°")
+    words = TEXT(f"column.{stem}") if f"column.{stem}" in TEXT else stem.replace("_", " ")
+    return words, unit.replace("s2", "s²").replace("deg", "°")
 
 
 def disagreement_words(found: Disagreement) -> str:

@@ -81,7 +81,7 @@ class DriveNode:
     @property
     def safe(self) -> bool:
         """Whether the drive is in its safe state and follows no command."""
-        return not states.may_move(self.stage) and self.power.at_rest
+        return self.stage.state not in wire.MOVING and self.power.at_rest
 
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware, `slots` of which make a tick: receive, step the state machine, report."""
@@ -101,7 +101,7 @@ class DriveNode:
         self._report(now, self._phase == 0)
 
     def output(self, dt: float, sensed: float) -> float:
-        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == wire.DERATED else 1.0
+        share = 0.0 if self.stage.state not in wire.MOVING else 0.5 if self.stage.state == wire.DERATED else 1.0
         load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (AMBIENT_C + _WARMTH_C * load - self.temperature_C)
         self.temperature_C = max(self.temperature_C, self.heated_to_C)
@@ -171,7 +171,7 @@ class DriveNode:
             return wire.OVER_TEMPERATURE
         if self.power.overload:
             return wire.OVER_CURRENT
-        moving = states.may_move(self.stage) or self.stage.state == wire.WAITING
+        moving = self.stage.state in (wire.WAITING, *wire.MOVING)
         if moving and (self._stranger or now - self._heard_at > HEARTBEAT_S):
             return wire.HEARTBEAT_LOST
         return wire.NO_FAULT

@@ -204,7 +204,8 @@ class MoteusDrive(MakersDrive):
         if self._commanded:
             self._obey(int(self.registers[wire.MODE]))
         if source & 0x80:
-            self._say(source & 0x7F, self._reply)
+            number = self.prefix << 16 | self.node_id << 8 | source & 0x7F
+            self.send(fd_frame(number, wire.padded(self._reply[:_LONGEST])))
 
     def _done(self, part: Part) -> bool:
         """Process a subframe; whether the next one is read."""
@@ -305,6 +306,3 @@ class MoteusDrive(MakersDrive):
     def _fail(self, fault: int) -> None:
         self.fault = fault
         self._become(FAULTED)
-
-    def _say(self, destination: int, data: bytes) -> None:
-        self.send(fd_frame(self.prefix << 16 | self.node_id << 8 | destination, wire.padded(data[:_LONGEST])))

@@ -45,6 +45,13 @@ def smooth_speed(x: Array, dt: float) -> tuple[Array, float, int]:
     return np.asarray(speed), left, n
 
 
+def regressed(rows: Array, y: Array) -> Array:
+    """Weights (m,) of the least-squares line through `y` (n,) by the columns of `rows` (n, m), brought to one size."""
+    scale = np.std(rows, axis=0)
+    scale[scale <= 1e-12 * np.max(np.abs(rows), axis=0)] = 1.0  # constant columns
+    return np.asarray(np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale)
+
+
 def spectral_noise(x: Array) -> tuple[float, bool]:
     """Standard deviation of white noise on `x`, from the quietest tenth of its spectrum (Welch, up to 256 samples a
     window), to which motion only adds; and whether the spectrum is flat there. Where it is not, the motion is louder

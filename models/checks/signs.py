@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from models.checks.estimators import Array, step_noise, white_noise
+from models.checks.estimators import Array, regressed, step_noise, white_noise
 from models.checks.excitation import silent_response
 from models.checks.finding import Findings, RecordFinding
 from models.checks.settings import SET
@@ -72,9 +72,7 @@ def _stage_reversed(view: View, force: Array) -> bool:
     """Whether mass and friction are both negative in a line through the force, and its work is."""
     rows = motion_rows(view)
     v = rows[:, 2]
-    scale = np.maximum(np.std(rows, axis=0), 1e-300)
-    scale[3] = 1.0
-    (mass, friction, *_), *_ = np.linalg.lstsq(rows / scale, force, rcond=None)
+    mass, friction, *_ = regressed(rows, force) * np.std(rows, axis=0)
     work, lost = float(np.sum(force * v)) * view.dt, float(np.sum(np.abs(force * v))) * view.dt
     light = mass < 0 or abs(mass) < SET.sign_weight * abs(friction)
     return bool(work < -SET.sign_work * lost and friction < 0 and light)

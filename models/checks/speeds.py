@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from models.checks.estimators import Array, running_mean, smooth_speed
+from models.checks.estimators import Array, regressed, running_mean, smooth_speed
 from models.checks.finding import Findings
 from models.checks.settings import SET
 from models.checks.view import View
@@ -35,11 +35,8 @@ def agreement(place: Array, logged: Array, dt: float) -> Agreement | None:
     rows = np.column_stack([speed, np.gradient(speed, dt), np.ones(len(speed))])[inner]
     if len(rows) < SET.side or not np.std(alike):
         return None
-    scale = np.maximum(np.std(rows, axis=0), 1e-300)
-    scale[-1] = 1.0
-    found, *_ = np.linalg.lstsq(rows / scale, alike, rcond=None)
-    gain, late, _ = found / scale
-    left = float(np.std(alike - rows / scale @ found) / np.std(alike))
+    gain, late, _ = found = regressed(rows, alike)
+    left = float(np.std(alike - rows @ found) / np.std(alike))
     return Agreement(float(gain), float(-late / gain) if gain else 0.0, left)
 
 
@@ -79,8 +76,5 @@ def follows_motion(view: View) -> bool:
 
 
 def _foretold(rows: Array, y: Array, others: Array, values: Array) -> float:
-    scale = np.maximum(np.std(rows, axis=0), 1e-300)
-    scale[3] = 1.0
-    found, *_ = np.linalg.lstsq(rows / scale, y, rcond=None)
     spread = float(np.var(values))
-    return 1 - float(np.mean((values - others / scale @ found) ** 2)) / spread if spread else 0.0
+    return 1 - float(np.mean((values - others @ regressed(rows, y)) ** 2)) / spread if spread else 0.0

@@ -177,11 +177,12 @@ class View:
         Its texts are the table `case` of `sentences.toml`, filled with `values`; its id is the first name of `case`.
         """
         names = {"column": column or self.measured, "measured": self.measured, "driven": self.driven}
-        texts = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
+        said, how, remedy = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
         against = f" against {beside}" if beside else ""
         where = f"{names['column']}{against}, {rows if isinstance(rows, str) else self.at(rows)}"
-        name = case.partition(".")[0]
-        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts)
+        name, direction = case.partition(".")[0], (1 if values["later"] else -1) if "later" in values else 0
+        file = self.record.source or self.record.name
+        return RecordFinding(name, severity, file, where, said, how, remedy, direction)
 
     stops = partialmethod(finding, "stops")
     weakens = partialmethod(finding, "weakens")

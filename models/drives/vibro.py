@@ -3,7 +3,7 @@ plate.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import casadi as ca
 import numpy as np
@@ -12,6 +12,7 @@ from models.drives.coil import Winding
 from models.drives.drive import Actuation, Drive, Push, Values
 from models.formula import Formula, Line, called, equal, symbols
 from models.parameter import Parameter
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
@@ -150,3 +151,13 @@ class VoltageVibro(Vibro):
     def field(self, at: Actuation) -> tuple[Any, dict[str, Any]]:
         mean, end = self.winding.current(at.z["current_A"], at.command, at.z["rate_m_s"], at.h, at.p)
         return at.p["coil_force_N_per_A"] * mean, {"current_A": end}
+
+
+_LOADED: Final = ("force_N", "friction_coefficient")  # what a `load_scale` multiplies
+
+
+def unloaded(values: Theta) -> Theta:
+    """`values` with their `load_scale` multiplied into force and friction, if given."""
+    left = dict(values.base)
+    scale = left.pop("load_scale", 1.0)
+    return Theta({name: scale * value if name in _LOADED else value for name, value in left.items()}, values.effects)

@@ -15,7 +15,7 @@ import numpy as np
 
 from models.effects.declarations import declared, hooked, of_parameters
 from models.effects.effect import HOOKS, Effect, Signals
-from models.effects.equation import LEFT, SIDES, SIGNALS, Symbols, answered, names_in, own_forms, traced
+from models.effects.equation import LEFT, SIDES, SIGNALS, TRIED, USUAL, Symbols, answered, names_in, own_forms, traced
 from models.formula import value_of
 from models.parameter import nearest
 from models.rigs.kind import RigKind
@@ -36,37 +36,9 @@ def signals_of(kind: str) -> frozenset[str]:
     return _MOVING if signals is None else signals
 
 
-TRIED: Final[Mapping[str, float]] = {
-    "t": 0.7,
-    "x": 4e-3,
-    "v": 6e-3,
-    "direction": 1.0,
-    "command": 0.4,
-    "rate": -0.2,
-    "travelled": 0.02,
-    "tension": 0.02,
-    "drag": 2e-4,
-    "drag_rate": 3e-3,
-    "dwell": 0.3,
-    "load": 1.5,
-}
-"""Values of the signals, SI, at which the hooks are tried."""
 _ONE_WAY: Final = ("t", "travelled", "dwell", "command")
 _BACK: Final = {name: value if name in _ONE_WAY else -value for name, value in TRIED.items()}
 _REST: Final = dict.fromkeys(TRIED, 0.0) | {"direction": 1.0}  # signals of a capsule at rest
-_ARGUMENTS: Final[Mapping[str, float]] = {
-    "y": 0.03,
-    "h": 1e-3,
-    "speed": 5e-3,
-    "onset": 3e-4,
-    "stretch": 0.012,
-    "rate": 0.1,
-    "frequency_Hz": 3.0,
-    "factors": 1.0,
-    "e": 1e-3,
-    "e_rate": 0.02,
-}
-"""Arguments of hooks, of usual size."""
 _SHORT_S: Final = 1e-7  # step from which the rate of a hidden state is taken
 _BEHIND: Final = 2e-4  # share by which a hidden state is off what it follows
 _FACTORS: Final = ("level", "stiffening", "gain", "reach")
@@ -99,7 +71,7 @@ def values_of(effect: type[Effect]) -> dict[str, float]:
 
 def answers(effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any]) -> dict[str, Any]:
     """The value of every hook that `effect` defines at parameters `p`, states `z` and signals `s`."""
-    return dict(answered(effect, p, z, s, _ARGUMENTS))
+    return dict(answered(effect, p, z, s, USUAL))
 
 
 def _words(error: BaseException) -> str:
@@ -112,7 +84,7 @@ def _points(effect: type[Effect]) -> Iterator[tuple[str, dict[str, float]]]:
         yield kind, {name: value if name in signals_of(kind) else 0.0 for name, value in point.items()}
 
 
-def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _ARGUMENTS) -> float:
+def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = USUAL) -> float:
     """The value of `hook` without an effect."""
     unchanged = {
         "command": s["command"],
@@ -208,7 +180,7 @@ def _shown(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         s = {n: v * rng.uniform(-3, 3) if n in signals_of(kind) else 0.0 for n, v in TRIED.items()}
         s |= {name: abs(s[name]) for name in _ONE_WAY} | {"direction": float(k % 2 * 2 - 1)}
         z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
-        given = {name: value * rng.uniform(0.1, 3) for name, value in _ARGUMENTS.items()}
+        given = {name: value * rng.uniform(0.1, 3) for name, value in USUAL.items()}
         said = dict(answered(effect, p, z, s, given))
         if any(v != _nothing(hook, s, given) for hook, v in said.items() if hook.partition(".")[0] not in _UNSEEN):
             hidden.discard(kind)
@@ -238,7 +210,7 @@ def _printed(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """printed equations"""
     known_letters = effect.letters()
     letters = [known_letters.get(name, name) for name in (*values_of(effect), *effect.states)]
-    taken = [*letters, *(symbol for symbol, _ in SIGNALS.values())]
+    taken = [*letters, *(symbol for symbol, *_ in SIGNALS.values())]
     for letter in sorted({letter for letter in letters if taken.count(letter) > 1}):
         yield f".symbols must differ from each other and from those of signals; got {letter!r} twice"
     p = Symbols(effect, {})
@@ -264,7 +236,7 @@ def _drawn(effect: type[Effect], asked: Collection[str], rng: np.random.Generato
     that an equation leaves out.
     """
     own = values_of(effect)
-    given = {name: value * rng.uniform(0.5, 2) for name, value in _ARGUMENTS.items()}
+    given = {name: value * rng.uniform(0.5, 2) for name, value in USUAL.items()}
     s = {name: value * rng.uniform(0.5, 1.5) for name, value in TRIED.items()}
     z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
     p = {q.name: min(max(own[q.name] * rng.uniform(0.9, 1.1), q.lower), q.upper) for q in effect.parameters()}

@@ -31,33 +31,36 @@ LEFT: Final[Mapping[str, tuple[str, str]]] = {
 }
 """The left side of the equation of each hook, and what it is."""
 SIDES: Final = ("nose", "weight", "pressed")
-SIGNALS: Final[Mapping[str, tuple[str, str]]] = {
-    "t": ("t", "time, s"),
-    "x": ("x", "position, m"),
-    "v": ("v", "speed, m/s"),
-    "command": ("u_cmd", "command that was sent: carriage position, coil current or voltage, drive on"),
-    "rate": ("u_cmd'", "rate of the command"),
-    "travelled": ("s", "distance travelled, m"),
-    "tension": ("T", "quasi-static tension of the wall, N"),
-    "drag": ("u_w", "displacement of the wall, m"),
-    "drag_rate": ("u_w'", "rate of the wall's displacement, m/s"),
-    "dwell": ("t_rest", "time at rest, s"),
-    "load": ("N", "load, N or N m"),
+SIGNALS: Final[Mapping[str, tuple[str, str, float]]] = {
+    "t": ("t", "time, s", 0.7),
+    "x": ("x", "position, m", 4e-3),
+    "v": ("v", "speed, m/s", 6e-3),
+    "direction": ("sgn(v)", "direction of the motion", 1.0),
+    "command": ("u_cmd", "command that was sent: carriage position, coil current or voltage, drive on", 0.4),
+    "rate": ("u_cmd'", "rate of the command", -0.2),
+    "travelled": ("s", "distance travelled, m", 0.02),
+    "tension": ("T", "quasi-static tension of the wall, N", 0.02),
+    "drag": ("u_w", "displacement of the wall, m", 2e-4),
+    "drag_rate": ("u_w'", "rate of the wall's displacement, m/s", 3e-3),
+    "dwell": ("t_rest", "time at rest, s", 0.3),
+    "load": ("N", "load, N or N m", 1.5),
 }
-"""The symbol of each signal in equations, and what it is; the direction of motion is written as `sgn(v)`."""
-ARGUMENTS: Final[Mapping[str, tuple[str, str]]] = {
-    "y": ("y_0", "true value that the sensor reads"),
-    "h": ("h", "step, s"),
-    "speed": ("v_i0", "speed at which the base model's wall draws back, m/s"),
-    "onset": ("u_c", "displacement of the wall at which it slips, m"),
-    "stretch": ("xi", "displacement of the inner mass, m"),
-    "rate": ("xi'", "speed of the inner mass, m/s"),
-    "frequency_Hz": ("f", "frequency, Hz"),
-    "factors": ("lambda", "product of all friction scales"),
-    "e": ("e", "stretch of the link, m"),
-    "e_rate": ("e'", "rate of the link's stretch, m/s"),
+"""The symbol of each signal in equations, what it is, and a usual value, SI, at which hooks are tried."""
+ARGUMENTS: Final[Mapping[str, tuple[str, str, float]]] = {
+    "y": ("y_0", "true value that the sensor reads", 0.03),
+    "h": ("h", "step, s", 1e-3),
+    "speed": ("v_i0", "speed at which the base model's wall draws back, m/s", 5e-3),
+    "onset": ("u_c", "displacement of the wall at which it slips, m", 3e-4),
+    "stretch": ("xi", "displacement of the inner mass, m", 0.012),
+    "rate": ("xi'", "speed of the inner mass, m/s", 0.1),
+    "frequency_Hz": ("f", "frequency, Hz", 3.0),
+    "factors": ("lambda", "product of all friction scales", 1.0),
+    "e": ("e", "stretch of the link, m", 1e-3),
+    "e_rate": ("e'", "rate of the link's stretch, m/s", 0.02),
 }
-"""Inputs of hooks other than signals, parameters and states: the symbol, and what it is."""
+"""Inputs of hooks other than signals, parameters and states: the symbol, what it is, and a usual value."""
+TRIED, USUAL = ({name: value for name, (*_, value) in table.items()} for table in (SIGNALS, ARGUMENTS))
+"""The usual values of signals and of arguments."""
 _BASE: Final = {
     "F_act": "force of the drive",
     "F_e": "resistance of the wall at the nose",
@@ -117,7 +120,7 @@ def lines_of(effects: Iterable[type[Effect]], theta: Theta, *, turns: bool = Fal
 
 def legend(lines: Iterable[Line]) -> dict[str, str]:
     """The meaning of the symbols in `lines` that are no parameters, in alphabetical order."""
-    known = _BASE | dict(entry for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values())
+    known = _BASE | {entry[0]: entry[1] for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values()}
     found = {name for line in lines for part in line if isinstance(part, Formula) for name in part.names()}
     return {name: known[name] for name in sorted(found & set(known), key=str.lower)}
 
@@ -160,7 +163,7 @@ def answered(
 
 def traced(effect: type[Effect], p: Mapping[str, Any]) -> Iterator[tuple[str, Formula]]:
     """The formula of every hook that `effect` defines."""
-    given = {name: Formula(symbol) for name, (symbol, _) in ARGUMENTS.items()}
+    given = {name: Formula(symbol) for name, (symbol, *_) in ARGUMENTS.items()}
     for hook, right in answered(effect, p, _states(effect), vars(_signals()), given):
         yield hook, Formula.of(right)
 
@@ -171,8 +174,8 @@ def names_in(
     """Values of parameters, states, signals and arguments by their symbols in the equations of `effect`."""
     letters = effect.letters()
     own = {letters.get(name, name): value for name, value in {**p, **z}.items()}
-    seen = {symbol: s[name] for name, (symbol, _) in SIGNALS.items()}
-    return seen | {symbol: given[name] for name, (symbol, _) in ARGUMENTS.items()} | own
+    seen = {symbol: s[name] for name, (symbol, *_) in SIGNALS.items()}
+    return seen | {symbol: given[name] for name, (symbol, *_) in ARGUMENTS.items()} | own
 
 
 def own_forms(effect: type[Effect]) -> Mapping[str, Any]:
@@ -181,9 +184,8 @@ def own_forms(effect: type[Effect]) -> Mapping[str, Any]:
 
 
 def _signals() -> Signals:
-    return Signals(
-        **{name: Formula(symbol) for name, (symbol, _) in SIGNALS.items()}, direction=called("sgn", Formula("v"))
-    )
+    plain = {name: Formula(symbol) for name, (symbol, *_) in SIGNALS.items()}
+    return Signals(**plain | {"direction": called("sgn", Formula("v"))})
 
 
 def _states(effect: type[Effect]) -> dict[str, Formula]:

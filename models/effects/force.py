@@ -291,7 +291,6 @@ class GravityOverAngle(Effect):
     kinds = frozenset({"axis"})
     needs = ("turning", "places")
     grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
-    probe = 0.1
     confounders = ("spring_over_position", "fold_periodic")
     separated_by = "swing over more than half a turn; the axis laid so that gravity does no work"
 
@@ -314,7 +313,6 @@ class LoadForce(Effect):
     kinds = frozenset({"axis"})
     needs = ("logged",)
     exact = True
-    probe = 0.1
     confounders = ("load_dependent_friction", "spring_over_position", "directional_asymmetry")
     separated_by = "the same motion, both ways, under loads that differ: a force keeps its sign, friction turns with it"
 
@@ -336,7 +334,6 @@ class TorqueRipple(Effect):
     kinds = frozenset({"axis"})
     needs = ("places",)
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
-    probe = 0.1
     confounders = ("gravity_over_angle", "fold_periodic", "spring_over_position")
     separated_by = "the axis laid so that gravity does no work; more than one wavelength, both ways at constant speed"
 
@@ -366,7 +363,6 @@ class ElasticDrive(Effect):
     states = ("stretch_m", "load_m_s")
     needs = ("speeds",)
     grid = by_name(frequency_Hz=(2.0, 4.0, 8.0, 15.0, 25.0))
-    probe = 0.1
     confounders = ("presliding", "sensor_delay")
     separated_by = "a chirp through the resonance; a second encoder at the load"
 

@@ -47,7 +47,6 @@ class Stribeck(Effect):
     needs = ("speeds",)
     grid = by_name(speed_m_s=(0.001, 0.003, 0.01))
     by_speed = True
-    probe = 0.1
     confounders = ("dwell_adhesion", "viscous_drag")
     separated_by = "vary the dwell at fixed speed; speeds over two decades"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
@@ -190,7 +189,6 @@ class DwellAdhesion(Effect):
     needs = ("rests",)
     states = ("age",)
     grid = by_name(ageing_time_s=(0.5, 3.0), slip_length_m=(0.0003, 0.002))
-    probe = 0.1
     confounders = ("stribeck", "stress_relaxation")
     separated_by = "slide, hold, slide with holds of 0.1 to 30 s"
     refined_by = ("level_at_onset",)
@@ -265,7 +263,6 @@ class LoadDependentFriction(Effect):
     source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
-    probe = 0.1
     confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact", "load_force")
     separated_by = "the same motion under loads that differ by a factor of two and more"
 

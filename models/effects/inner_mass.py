@@ -67,7 +67,6 @@ class GuideFriction(InnerMassEffect):
     summary = "dry friction of the inner mass in its guide"
     source = "Coulomb friction of a plain bearing"
     kinds = frozenset({"vibro", "vibro_table"})
-    probe = 0.1
     confounders = ("spring_damping",)
     separated_by = "ring-down of the inner mass with the body held: straight for dry friction, exponential for damping"
 

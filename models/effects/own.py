@@ -56,7 +56,7 @@ def own_effects(paths: Sequence[Path], ours: Collection[str]) -> tuple[Origin, .
 def own_failure(effect: type[Effect], known: Collection[str]) -> str | None:
     """The first rule that an effect from outside breaks, in a sentence; `known` are the ids in use."""
     if isinstance(effect.kinds, Container) and "vibro_table" in effect.kinds:
-        return f"{effect.__name__}.kinds must not have 'vibro_table', whose solver has its own effects"
+        return f"{effect.__name__}.kinds must not have 'vibro_table', whose effects have ranges of their own"
     return first_failure(effect, known)
 
 

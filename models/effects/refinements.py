@@ -33,7 +33,6 @@ class LevelAtOnset(Effect):
     source = _SIDES
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = by_name(kept=(1.0,), spared=(0.0, 1.0, -1.0))
-    probe = 0.1
     confounders = ("level_over_speed",)
     separated_by = "runs at one speed over different positions, times or directions"
 
@@ -211,7 +210,6 @@ class ViscosityThinning(Effect):
     kinds = WallViscosity.kinds
     of = WallViscosity.id
     grid = by_name(power=(0.0,), rate_m_s=(2e-3,))
-    probe = 0.1
     confounders = (WallViscosity.id,)
     separated_by = "speeds over two decades"
 

@@ -68,7 +68,6 @@ class ExponentialRecovery(Effect):
     summary = "the wall draws back exponentially"
     source = "paper A Section 3.2 (real contraction is nonlinear)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    probe = 0.1
     confounders = ("wall_viscosity",)
     separated_by = "the shape of the falling edge at high sampling rate"
 

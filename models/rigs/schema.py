@@ -70,6 +70,13 @@ def key(
     return Field(default, description=meaning, examples=[example], ge=least, le=most)
 
 
+def assuming(name: str, table: type[T], given: Mapping[str, Any], **hints: Any) -> type[T]:
+    """`table` under another `name`, with the values `given` where a file leaves them out and other `hints` of keys."""
+    known = {key: (table.model_fields[key].rebuild_annotation(), value) for key, value in given.items()}
+    more = {key: (hint, given.get(key, ...)) for key, hint in hints.items()}
+    return create_model(name, __base__=table, **known | more)  # type: ignore[call-overload,no-any-return]
+
+
 @dataclass(frozen=True, eq=False)
 class Among:
     """A word is one of the `choices`, also of those that are added later."""
@@ -327,17 +334,10 @@ def _refused(table: type[NamedTable], content: Mapping[str, Any], error: Validat
         return ValueError(f"{where}.{name} must be one of {choices}; got {got}")
     if not {"ge", "le"} & set(first.get("ctx", {})):
         return ValueError(f"{where}.{name} must be {_expected(first, table, name)}; got {got}")
-    lower, upper = ends(table, name)
-    if math.isinf(upper):
-        must = "be zero or more" if lower == 0 else f"be at least {lower:g}"
-    else:
-        must = f"lie in [{lower:g}, {upper:g}]"
+    lower, upper = bounds(table, name)
+    least: Any = lower.ge if isinstance(lower, Ge) else -math.inf
+    must = f"be at least {least:g}" if least else "be zero or more"
+    if isinstance(upper, Le):
+        must = f"lie in [{least:g}, {upper.le:g}]"
     given = first["input"]
     return ValueError(f"{where}.{name} must {must}; got {f'{given:g}' if is_number(given) else got}")
-
-
-def ends(table: type[Table], key: str) -> tuple[float, float]:
-    """The bounds of a key; infinite where there is none."""
-    lower, upper = bounds(table, key)
-    least = lower.ge if isinstance(lower, Ge) else -math.inf
-    return float(least), float(upper.le) if isinstance(upper, Le) else math.inf  # type: ignore[arg-type]

@@ -1,6 +1,7 @@
 """The tables of a rig file with the range of every key: what an experimenter may state about a rig."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -17,6 +18,7 @@ from models.rigs.schema import (
     Real,
     RecoveryTime,
     Table,
+    assuming,
     key,
 )
 
@@ -238,18 +240,12 @@ class CapsuleTable(Table):
         return Capsule(**self.model_dump())
 
 
-class BodyTable(CapsuleTable):
-    """`[capsule]` of a body on a plate, whose shape does not matter."""
-
-    radius_m: Annotated[float, Field(ge=1e-4, le=0.1)] = Capsule.radius_m
-    cylinder_length_m: Annotated[float, Field(ge=0, le=0.5)] = Capsule.cylinder_length_m
-    mass_kg: Mass
-
-
-class PaperCapsuleTable(BodyTable):
-    """`[capsule]` of paper A where nothing else is stated."""
-
-    mass_kg: Mass = Capsule.mass_kg
+_CAPSULE = asdict(Capsule())
+_SHAPE = {key: _CAPSULE[key] for key in ("radius_m", "cylinder_length_m")}
+BodyTable = assuming("BodyTable", CapsuleTable, _SHAPE, mass_kg=Mass)
+"""`[capsule]` of a body on a plate, whose shape does not matter."""
+PaperCapsuleTable = assuming("PaperCapsuleTable", BodyTable, _CAPSULE)
+"""`[capsule]` of paper A where nothing else is stated."""
 
 
 class TissueTable(Table):
@@ -282,13 +278,5 @@ class TissueTable(Table):
         return Tissue(**self.model_dump(exclude={"preset", "lumen_diameter_m"}))
 
 
-class PaperTissueTable(TissueTable):
-    """`[tissue]` of paper A where nothing else is stated."""
-
-    preset: Literal["jejunum"] = "jejunum"
-    wall_thickness_m: Annotated[float, Field(ge=1e-5, le=0.05)] = Tissue.wall_thickness_m
-    contact_angle_deg: Angle = Tissue.contact_angle_deg
-    nose_force_angle_deg: Angle = Tissue.nose_force_angle_deg
-    friction_coefficient: Friction = Tissue.friction_coefficient
-    mucus_thickness_m: Annotated[float, Field(ge=1e-7, le=0.01)] = Tissue.mucus_thickness_m
-    recovery_time_s: RecoveryTime = Tissue.recovery_time_s
+PaperTissueTable = assuming("PaperTissueTable", TissueTable, {"preset": "jejunum"} | asdict(Tissue()))
+"""`[tissue]` of paper A where nothing else is stated."""

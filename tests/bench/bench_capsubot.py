@@ -19,7 +19,7 @@ import numpy as np
 
 from models.identification import close
 from models.identification.fitting.fitter import Fitter
-from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.kinds.vibro_table import VibroTableKind
 from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig

@@ -20,20 +20,23 @@ from tests.hil.app.export.tools import done, tool
 
 CLOCKS_MHZ = (216, 480)
 RUN_S = 10.0
-WAYS = ("feedforward", "feedforward --float32", "mpc", "mpc --float32", "coil", "coil --float32")
-"""Controllers of the shipped deployment, and feedforward of a coil."""
+WAYS = (
+    *("feedforward", "feedforward --float32", "mpc", "mpc --float32", "coil", "coil --float32"),
+    *("mpc --particles 100 --short-plan", "vibro"),
+)
+"""Controllers of the shipped deployment, feedforward of a coil, and an inner mass, with options of the export."""
 
 
 def exported(out: Path, way: str, tick_s: float, duration_s: float = 5.0) -> tuple[Path, Path]:
     """The deployment of a way and its exported folder."""
     home = out / re.sub(r"\W+", "_", way)
     home.mkdir(parents=True, exist_ok=True)
-    controller, *single = way.split()
+    controller, *options = way.split()
     path = deployment(home, controller)
     text = re.sub(r"duration_s = [0-9.]+", f"duration_s = {duration_s:g}", path.read_text())
     text = text.replace("tick_s = 2e-3", f"tick_s = {tick_s:g}")
     path.write_text(text.replace("probe = true", "probe = false"))
-    assert run(["export", "controller", str(path), "--out", str(home / "out"), *single]) == 0
+    assert run(["export", "controller", str(path), "--out", str(home / "out"), *options]) == 0
     return path, home / "out"
 
 

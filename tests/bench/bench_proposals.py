@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.app.propose import effect_text
+from hil.app.effects import effect_text
 from models.effects import Catalogue
 from models.effects.effect import Effect, Signals, Values, number
 from models.effects.own import Origin, own_effects

@@ -39,5 +39,5 @@ def campaign(tmp_path: Path) -> Path:
 @pytest.fixture
 def loaded_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Workers of a campaign or a demo are forked from a server that has loaded the program; else each loads it anew."""
-    for place in ("hil.app.campaign.worker", "hil.app.demo.worker"):
+    for place in ("hil.app.campaign.worker", "hil.app.demo.demo"):
         monkeypatch.setattr(f"{place}.get_context", lambda _: SERVER)

@@ -3,7 +3,6 @@ output.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from models.assembly.model import Assembly
 from models.compiled.kernel import Kernel
-from models.identification.kinds.vibro_table.solver import STEP_S, VibroCycle, mean_velocities
 from models.parameter import Name
 
 Array = NDArray[np.float64]
@@ -62,9 +60,3 @@ def pulses(period_s: float, duty: float, periods: int, dt: float) -> Array:
     turns = np.arange(round(periods * period_s / dt) + 2) * (dt / period_s)
     on = np.floor(turns) * duty + np.minimum(turns - np.floor(turns), duty)
     return np.asarray(np.diff(on) * (period_s / dt))
-
-
-def settled(period: Any, duty: Any, cycles: int, q: VibroCycle, settle: int, step: float = STEP_S) -> Array:
-    """Mean speeds in m/s over `cycles` periods in s after `settle` others from rest."""
-    before, all_of_them = (count * mean_velocities(period, duty, count, q, step) for count in (settle, settle + cycles))
-    return (all_of_them - before) / cycles

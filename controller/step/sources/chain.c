@@ -382,6 +382,15 @@ static void watch_swings(capsule_controller *c, const capsule_seen *seen, const 
     }
 }
 
+/* `wanted` within the bounds of the call, between which a stop still goes to 0. */
+static real bounded(const capsule_controller *c, real wanted, const capsule_in *in)
+{
+    const int stops = c->active < 0;
+    const real low = stops && in->least > 0 ? R(0) : in->least, high = stops && in->most < 0 ? R(0) : in->most;
+    wanted = wanted < low ? low : wanted;
+    return wanted > high ? high : wanted;
+}
+
 void capsule_control(capsule_controller *c, const capsule_belief *b, const capsule_in *in, capsule_out *out)
 {
     const capsule_numbers *n = c->numbers;
@@ -399,7 +408,7 @@ void capsule_control(capsule_controller *c, const capsule_belief *b, const capsu
     seen = seen_in(b, in, n);
     watch_rest(c, &seen, in);
     wanted = decide(c, &seen, b, in, out);
-    wanted = isfinite(in->most) ? within(wanted, -in->most, in->most) : wanted;
+    wanted = bounded(c, wanted, in);
     c->issued = capsule_limited(n, wanted, c->issued, &seen, c->tick_s, &c->broken);
     watch_limits(c, c->broken);
     watch_swings(c, &seen, in, out);

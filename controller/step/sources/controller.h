@@ -67,7 +67,7 @@ typedef struct {
     real position_m[CAPSULE_STAGES + 1];        /* reference at time_s + k stage_s, m */
     real speed_m_s[CAPSULE_STAGES + 1];         /* its speed, m/s */
     real next_speed_m_s;                        /* its speed at time_s + reach_s, m/s */
-    real most;                                  /* bound of the command in both directions for now; infinity: none */
+    real least, most;                           /* bounds of the command for now; infinite: none */
     real temperature_C;                         /* the drive's last report */
 } capsule_in;
 

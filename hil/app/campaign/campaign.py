@@ -1,30 +1,31 @@
 """`capsule campaign`: thousands of closed loops, or `close-loop` on many series, resumed after an interruption."""
 
+import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 from rich.table import Table
 
-from hil.app.campaign.file import Campaign, load_campaign
-from hil.app.campaign.page import Runs, page_html, value_of
+from hil.app.campaign.file import METRICS, Campaign, load_campaign
+from hil.app.campaign.page import Runs, page_html, unsafe, value_of
 from hil.app.campaign.running import Results, run_missing
 from hil.app.campaign.series import find_series
 from hil.app.campaign.series_answers import TEXT, SeriesAnswer, answer_of, lacking, verdicts, with_disagreements
 from hil.app.campaign.series_answers import document as answers_document
 from hil.app.campaign.series_page import page_html as answers_html
-from hil.app.campaign.table import write_table
 from hil.app.campaign.worker import PASSING, Row, run_job
-from hil.app.cluster import Workers
-from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
+from hil.app.cluster import Workers, program_version
+from hil.app.console import answer, json_text, note, output_to_notes, print_json, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, Scheduler, WorkerCount, argument, option
-from hil.app.version import program_version
 from hil.app.write import own_folder, write_files
 from hil.report.words import column_words
 from models.effects import Catalogue
-from models.words.quantities import quantity
+from models.words.quantities import plain, quantity
 
 RESULTS, TABLE, PAGE, NUMBERS = "results.jsonl", "results.parquet", "campaign.html", "campaign.json"
 REPORTS: Final = "series"
@@ -78,11 +79,7 @@ def campaign(
             found, lines, failed = _loops(plan, out, command, on, retry=retry)
         else:
             found, lines, failed = _series(paths, out, own, seed, on, retry=retry)
-    if json_output:
-        print_json(found)
-    else:
-        for line in (*lines, TEXT("report", path=found["report"])):
-            summary().print(line, soft_wrap=isinstance(line, str))
+    answer(json_output, found, *lines, TEXT("report", path=found["report"]))
     return int(failed)
 
 
@@ -194,7 +191,44 @@ def _lines(answers: Sequence[SeriesAnswer], resumed: int) -> list[str | Table]:
     for effect, named, part in lacking(answers):
         table.add_row(effect, str(named), str(part))
     lines += [table] * bool(table.row_count)
-    for answer in answers:
-        lines += [TEXT("disagrees", series=answer.name, sentence=sentence) for sentence in answer.disagrees]
-        lines += [TEXT("refused", series=answer.name, error=answer.error)] * bool(answer.error)
+    for one in answers:
+        lines += [TEXT("disagrees", series=one.name, sentence=sentence) for sentence in one.disagrees]
+        lines += [TEXT("refused", series=one.name, error=one.error)] * bool(one.error)
     return lines
+
+
+_TEXTS: Final = ("run", "version", "error", "cause", "verdict", "point")
+_BATCH: Final = 10_000  # rows that are held at once
+
+
+def write_table(path: Path, rows: Iterable[Row]) -> str:
+    """Write the rows; the file's name, "" where pyarrow is missing. `point` is JSON; the numbers of `Score` are empty
+    in the rows of series, and `verdict` in those of loops.
+    """
+    if find_spec("pyarrow") is None:
+        note(TEXT("no_table", path=str(path)))
+        return ""
+    import pyarrow
+    import pyarrow.parquet
+
+    kinds = dict.fromkeys(_TEXTS, pyarrow.string()) | {"seed": pyarrow.int64(), "unsafe": pyarrow.bool_()}
+    schema = pyarrow.schema(kinds | dict.fromkeys(("seconds", *METRICS), pyarrow.float64()))
+    draft = path.with_name(f".{path.name}.part")
+    try:
+        with pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
+            cells = map(_cells, rows)
+            while batch := list(islice(cells, _BATCH)):
+                writer.write_table(pyarrow.Table.from_pylist(batch, schema))
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+    return str(path)
+
+
+def _cells(row: Row) -> dict[str, Any]:
+    result = row.get("result", {})
+    numbers = {name: value for name in METRICS if isinstance(value := result.get(name), int | float)}
+    texts = {name: row.get(name) for name in ("version", "error", "cause")} | {"verdict": result.get("verdict")}
+    point = json.dumps(plain(dict(row["point"])))
+    own = {"run": str(row["run"]), "seed": row["seed"], "seconds": row.get("seconds"), "point": point}
+    return own | texts | {"unsafe": unsafe(row)} | numbers

@@ -160,7 +160,9 @@ def load_campaign(path: Path) -> Campaign:
         values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else Theta()
         draws = {key: distribution(key, value) for key, value in _table(raw, "draw").items()}
         grid, variants = _table(raw, "grid"), _table(raw, "variants")
-        _check_names(["case", *draws, *grid, *variants])
+        names = ["case", *draws, *grid, *variants]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise ValueError(f"names in draw, grid and variants must differ, and none be 'case'; got {twice!r} twice")
         axes = [*_grid(grid), *_variants(variants)]
         runs = head.cases * math.prod(len(axis) for axis in axes)
         if runs > MOST_RUNS:
@@ -191,12 +193,6 @@ def laid_over(below: Table, above: Table) -> dict[str, Any]:
         before = merged.get(key)
         merged[key] = laid_over(before, value) if isinstance(before, Mapping) and isinstance(value, Mapping) else value
     return merged
-
-
-def _check_names(names: Sequence[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"names in draw, grid and variants must differ, and none be 'case'; got {name!r} twice")
 
 
 def _grid(table: Table) -> list[list[tuple[Table, Table]]]:

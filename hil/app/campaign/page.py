@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hil.report.builder import page
 from hil.report.theme import axes, line_colour, styled, symbol
 from hil.report.words import column_words
+from models.files.toml import is_number
 from models.words.quantities import number, scale
 
 Row = Mapping[str, Any]
@@ -63,8 +64,8 @@ class Runs:
             own = {key: v for key, v in point.items() if key != "case" and key not in draws}
             at = known.setdefault(str(own), len(known))
             self.combinations += [own] if at == len(self.combinations) else []
-            self._words |= {key for key in draws if not _is_number(point.get(key))}
-            drawn = (float(v) if _is_number(v := point.get(key)) else np.nan for key in draws)
+            self._words |= {key for key in draws if not is_number(point.get(key))}
+            drawn = (float(v) if is_number(v := point.get(key)) else np.nan for key in draws)
             violations = row.get("result", {}).get("hard_violations", 0)
             columns.append((row["run"], at, value, unsafe(row), violations, *drawn))
             badness = (bool(columns[-1][3]), value, -row["run"])
@@ -116,7 +117,7 @@ class Runs:
         grid = {
             key: np.array([float(one[key]) for one in self.combinations])[self.at]
             for key in self.varied
-            if all(_is_number(one.get(key)) for one in self.combinations)
+            if all(is_number(one.get(key)) for one in self.combinations)
         }
         return drawn | grid
 
@@ -150,10 +151,6 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) ->
 def key_words(key: str) -> tuple[str, str]:
     """Name and unit of a scenario's key."""
     return column_words(key.rpartition(".")[2])
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _point_words(point: Mapping[str, Any]) -> str:

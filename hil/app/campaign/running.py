@@ -24,13 +24,6 @@ K = TypeVar("K", int, str)
 SHOWN_S: Final = 30.0  # least time between two pages of a campaign that is under way
 
 
-def _rows(parts: Iterable[Sequence[Job]], on: Workers, limit_s: float) -> Iterator[list[Row]]:
-    """The rows of each chunk as it ends; a run may last `limit_s`."""
-    if on.scheduler is not None:
-        return scheduled(parts, on.scheduler, limit_s=limit_s)
-    return pooled(parts, on.count, limit_s)
-
-
 def run_missing(
     title: str,
     numbers: Sequence[K],
@@ -50,10 +43,12 @@ def run_missing(
     missing = [number for number in numbers if number not in results.done]
     over, began, spent = len(numbers) - len(missing), time.monotonic(), 0.0
     shows = began + SHOWN_S
-    parts = (tuple(map(job_of, part)) for part in chunks(missing, chunk))
+    parts = (tuple(map(job_of, missing[k : k + chunk])) for k in range(0, len(missing), chunk))
+    at = workers.scheduler
+    done = pooled(parts, workers.count, limit_s) if at is None else scheduled(parts, at, limit_s=limit_s)
     try:
         with output_to_notes(), progress_bar(title, even=True, done=over / max(len(numbers), 1)) as report:
-            for rows in _rows(parts, workers, limit_s) if missing else ():
+            for rows in done if missing else ():
                 spent += sum(row["seconds"] for row in rows)
                 if over == len(numbers) - len(missing):
                     _estimate(len(missing), spent / len(rows), min(workers.count, len(missing)))
@@ -198,9 +193,3 @@ def _key(row: Mapping[str, Any]) -> Key:
     if not isinstance(key, Key):
         raise TypeError(key)
     return key
-
-
-def chunks(missing: Iterable[K], size: int) -> list[tuple[K, ...]]:
-    """Runs in parts of at most `size`, in order."""
-    numbers = list(missing)
-    return [tuple(numbers[k : k + size]) for k in range(0, len(numbers), size)]

@@ -93,19 +93,13 @@ def find_series(folders: Sequence[Path], out: Path, effects: Sequence[Path] = ()
     for path in effects:
         digest.update(path.read_bytes())
     own = tuple(path.resolve() for path in effects)
-    return [
-        _series(folder, _spoken(folder.relative_to(common)), out.resolve(), own, seed, digest.copy())
-        for folder in sorted(found)
-    ]
+    return [_series(folder, Path(common), out.resolve(), own, seed, digest.copy()) for folder in sorted(found)]
 
 
-def _spoken(path: Path) -> str:
-    """A path as a name that can be printed and written; bytes that are no text, and control characters, as codes."""
-    return printable(os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace"))
-
-
-def _series(folder: Path, name: str, out: Path, effects: tuple[Path, ...], seed: int, digest: Any) -> Series:
+def _series(folder: Path, common: Path, out: Path, effects: tuple[Path, ...], seed: int, digest: Any) -> Series:
     records = list(_records(folder))
+    # bytes that are no text, and control characters, as codes
+    name = printable(os.fsencode(folder.relative_to(common).as_posix()).decode("utf-8", "backslashreplace"))
     for path in (folder / RIG, *records):
         digest.update(os.fsencode(path.relative_to(folder)))
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:

@@ -19,7 +19,13 @@ WIDTH, EDGE = 230, 9  # pixels of the drawing of a series
 def page_html(answers: Sequence[SeriesAnswer]) -> str:
     """One self-contained page without scripts; links to each series' own report beside it."""
     lacks = lacking(answers)
-    most = _decades(answers)
+    alike: dict[str, list[SeriesAnswer]] = {}
+    for answer in answers:
+        for said in answer.disagrees:
+            alike.setdefault(said, []).append(answer)
+    # the power of ten of the noise floor that every error of the page lies below
+    shares = [error / a.floor for a in answers if a.floor > 0 for error in a.errors.values() if error > 0]
+    most = max(1, math.ceil(math.log10(max([s for s in shares if math.isfinite(s)], default=1.0))))
     weak = Counter(name for answer in answers for name in answer.weak)
     return page(
         "series.html.j2",
@@ -27,7 +33,7 @@ def page_html(answers: Sequence[SeriesAnswer]) -> str:
         lead=_lead(answers),
         lacking=lacks,
         bar=160 / max((named + part for _, named, part in lacks), default=1),
-        disagreeing=_alike(answers),
+        disagreeing=alike,
         comparisons=comparisons(answers),
         series=sorted(answers, key=lambda a: (ORDER.index(a.verdict), not a.disagrees, a.name)),
         marks=MARKS,
@@ -52,21 +58,6 @@ def _lead(answers: Sequence[SeriesAnswer]) -> str:
     held, count = sum(answer.part == "holdout" for answer in compared), len(compared)
     where = TEXT("held_out") if held == count else TEXT("partly_held_out", held=held, count=count)
     return TEXT("better", where=where, times=float(median(answer.better for answer in compared)))
-
-
-def _alike(answers: Sequence[SeriesAnswer]) -> dict[str, list[SeriesAnswer]]:
-    """Each disagreement with the series that it is of."""
-    alike: dict[str, list[SeriesAnswer]] = {}
-    for answer in answers:
-        for said in answer.disagrees:
-            alike.setdefault(said, []).append(answer)
-    return alike
-
-
-def _decades(answers: Sequence[SeriesAnswer]) -> int:
-    """The power of ten of the noise floor that every error of a page lies below."""
-    shares = [error / a.floor for a in answers if a.floor > 0 for error in a.errors.values() if error > 0]
-    return max(1, math.ceil(math.log10(max([s for s in shares if math.isfinite(s)], default=1.0))))
 
 
 def _drawing(most: int) -> Callable[[SeriesAnswer], dict[str, Any] | None]:

@@ -14,13 +14,13 @@ from multiprocessing import active_children, get_context
 from typing import Any, Final, Protocol
 
 from controller.model.control_model import ControlModel
+from hil.app.cluster import program_version
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.sil.sil import judged
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
-from hil.app.version import program_version
 from hil.app.write import file_trouble
 from models.theta import Theta
 from models.workers import end_with_parent

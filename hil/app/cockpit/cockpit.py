@@ -12,6 +12,7 @@ import can
 
 from hil.app.cockpit.operator_panel import OperatorPanel
 from hil.app.cockpit.panels import Facts, frame_map_in, models_of
+from hil.app.cockpit.phrases import TEXT
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import answer, note, output_to_notes
 from hil.app.run.clock import Clock, ClockedBus
@@ -29,9 +30,7 @@ from hil.log.place import record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.nodes.frame_map import frame_map_of
 from models.files.toml import in_file
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 OLDEST_S: Final = 5.0
 """Oldest driver stamp that counts, so that frames read late after a pause are not refused by their counters."""
 EXTRA: Final = "cockpit"

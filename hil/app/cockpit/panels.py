@@ -1,7 +1,7 @@
 """The rig, its models and the panels of the page; each line of a panel shows signals of a frame."""
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,22 +16,43 @@ Values = Mapping[str, float]
 Span = tuple[float, float]
 STDS: Final = 2.0
 """Half the width of the estimate's band, in standard deviations."""
+_MOTION: Final = "BelievedMotion"
 _MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 
 
 @dataclass(frozen=True)
 class Line:
-    """At each good `frame`, `of(its values, last values of all frames)` gives the smallest and the largest value in the
-    unit of the panel, or None; `names` are those of a strip of states; `tip` is the key of its tooltip.
+    """The `signal` of each good `frame` times `factor`, in the unit of the panel; the look "band" adds the estimate's
+    deviation, "error" is the estimate less the signal. `names` are those of a strip of states; `tip` is the key of its
+    tooltip.
     """
 
     name: str
     frame: str
-    of: Callable[[Values, Mapping[str, Values]], Span | None]
+    signal: str
     colour: str
     look: str = "line"
-    names: Mapping[int, str] | None = None
+    factor: float = 1.0
     tip: str = "state"
+    names: Mapping[int, str] | None = None
+
+    def value(self, values: Values, last: Mapping[str, Values]) -> Span | None:
+        """The smallest and the largest value at a frame, from its values and the last ones of all frames; None without
+        any: a signal that is absent, no estimate for its forces or its error, a reference that is not followed.
+        """
+        seen, middle, half = without_absent(self.frame, values), math.nan, 0.0
+        if self.tip == "error" or self.frame == "BelievedForces":
+            believed = without_absent(_MOTION, last.get(_MOTION, {})).get("Position_m", math.nan)
+            if self.tip == "error":  # of one tick, as BelievedMotion is sent before WantedMotion
+                middle = believed - seen[self.signal]
+            elif not math.isnan(believed):
+                middle = seen[self.signal]
+        else:
+            middle = seen[self.signal]
+        if self.look == "band":
+            half = STDS * self.factor * seen["Std_m"]
+        middle = self.factor * middle if values.get("Following", 1.0) else math.nan
+        return None if math.isnan(middle) else (middle - half, middle + half)
 
 
 @dataclass(frozen=True)
@@ -43,7 +64,7 @@ class LivePanel:
     title: str
     tip: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: Sequence[Line]
     places: int = 2
     span: float = 0.0
     marks: tuple[float, ...] = ()
@@ -62,97 +83,44 @@ class LivePanel:
 
 
 def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
-    drive = frame_map.drive
+    drive, feedback = frame_map.drive, frame_map.feedback
     word, unit, factor, _ = drive.shown
-    seen = _signal(frame_map.signal, factor)
-    reported = () if drive.shaken else (Line("reported", frame_map.feedback, seen, "blue", tip="reported"),)
-
-    def strip(name: str, frame: str, signal: str) -> Line:
-        names = catalogue[frame].field(signal).names
-        return Line(name, frame, _signal(signal), signal.lower(), "strip", names)
-
-    positions = (
-        _line("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint", "localisation"),
-        Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band", tip="band"),
-        _line("estimate", "BelievedMotion", "Position_m", _MM, "teal", tip="estimate"),
-        Line("reference", "WantedMotion", _wanted, "amber", "dash", tip="reference"),
-    )
-    forces = (
-        _line("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint", "force_sensor"),
-        *(() if drive.shaken else (Line("drive", "BelievedForces", _force("Drive_N"), "blue", tip="drive_force"),)),
-        Line("wall", "BelievedForces", _force("Wall_N"), "red", tip="wall_force"),
-        Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet", tip="lacking"),
-    )
-    error = Line("error", "WantedMotion", _error, "red", tip="error")
-    command = Line("command", frame_map.command, seen, "amber", "dash", tip="command")
-    innovation = _line("innovation", "BelievedMotion", "Surprise", 1.0, "blue", tip="innovation")
-    evidence = _line("evidence", "ModelHealth", "Evidence", _PERCENT, "red", tip="evidence")
-    states = (
-        strip("controller", "ControllerHeartbeat", "State"),
-        strip(frame_map.node.lower(), frame_map.feedback, "State"),
-        strip("wall", "BelievedMotion", "Wall"),
-        strip("model", "ModelHealth", "State"),
-    )
+    states = [("controller", "ControllerHeartbeat", "State"), (frame_map.node.lower(), feedback, "State")]
+    states += [("wall", _MOTION, "Wall"), ("model", "ModelHealth", "State")]
+    strips = [
+        Line(name, frame, signal, signal.lower(), "strip", names=catalogue[frame].field(signal).names)
+        for name, frame, signal in states
+    ]
+    position = [
+        Line("localisation", "CapsuleLocalisation", "Position_m", "grey", "faint", _MM, "localisation"),
+        Line(f"estimate ± {STDS:g}σ", _MOTION, "Position_m", "teal", "band", _MM, "band"),
+        Line("estimate", _MOTION, "Position_m", "teal", "line", _MM, "estimate"),
+        Line("reference", "WantedMotion", "Position_m", "amber", "dash", _MM, "reference"),
+    ]
+    forces = [
+        Line("force sensor", "ForceReading", "Force_N", "grey", "faint", _MN, "force_sensor"),
+        Line("drive", "BelievedForces", "Drive_N", "blue", "line", _MN, "drive_force"),
+        Line("wall", "BelievedForces", "Wall_N", "red", "line", _MN, "wall_force"),
+        Line("lacking in the model", "BelievedForces", "Lacking_N", "violet", "line", _MN, "lacking"),
+    ]
+    error = Line("error", "WantedMotion", "Position_m", "red", "line", _MM, "error")
+    drives = [
+        Line("reported", feedback, frame_map.signal, "blue", "line", factor, "reported"),
+        Line("command", frame_map.command, frame_map.signal, "amber", "dash", factor, "command"),
+    ]
+    if drive.shaken:  # its feedback has no level, and its force is none on the capsule alone
+        del drives[0], forces[1]
+    innovation = Line("innovation", _MOTION, "Surprise", "blue", tip="innovation")
+    evidence = Line("evidence", "ModelHealth", "Evidence", "red", "line", _PERCENT, "evidence")
     return (
-        LivePanel("Position", "position", "mm", positions, 3, 1.0),
-        LivePanel("Estimate minus reference", "error", "mm", (error,), 3, 0.1, (0.0,)),
-        LivePanel(word, "command", unit, (*reported, command), 3, 0.01),
+        LivePanel("Position", "position", "mm", position, 3, 1.0),
+        LivePanel("Estimate minus reference", "error", "mm", [error], 3, 0.1, (0.0,)),
+        LivePanel(word, "command", unit, drives, 3, 0.01),
         LivePanel("Forces on the capsule", "forces", "mN", forces, 1, 2.0, (0.0,)),
-        LivePanel("Innovation", "innovation", "σ", (innovation,), 1, 6.0, (-3.0, 3.0), "usual"),
-        LivePanel("Evidence against the model", "evidence", "%", (evidence,), 0, 110.0, (100.0,), "broken"),
-        LivePanel("States", "states", "", states, strips=True),
+        LivePanel("Innovation", "innovation", "σ", [innovation], 1, 6.0, (-3.0, 3.0), "usual"),
+        LivePanel("Evidence against the model", "evidence", "%", [evidence], 0, 110.0, (100.0,), "broken"),
+        LivePanel("States", "states", "", strips, strips=True),
     )
-
-
-def _signal(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Values]], Span | None]:
-    def of(values: Values, _: Mapping[str, Values]) -> Span:
-        return factor * values[name], factor * values[name]
-
-    return of
-
-
-def _line(name: str, frame: str, signal: str, factor: float, colour: str, look: str = "line", tip: str = "") -> Line:
-    """A line of a signal, with gaps where the signal is absent."""
-
-    def of(values: Values, _: Mapping[str, Values]) -> Span | None:
-        value = factor * without_absent(frame, values)[signal]
-        return None if math.isnan(value) else (value, value)
-
-    return Line(name, frame, of, colour, look, tip=tip)
-
-
-def _lost(values: Values) -> bool:
-    return values["Wall"] == 3
-
-
-def _band(values: Values, _: Mapping[str, Values]) -> Span | None:
-    middle, half = _MM * values["Position_m"], _MM * STDS * values["Std_m"]
-    return None if _lost(values) else (middle - half, middle + half)
-
-
-def _force(name: str) -> Callable[[Values, Mapping[str, Values]], Span | None]:
-    """Estimated forces while the estimate is not lost."""
-
-    def of(values: Values, last: Mapping[str, Values]) -> Span | None:
-        if "BelievedMotion" not in last or _lost(last["BelievedMotion"]):
-            return None
-        return _MN * values[name], _MN * values[name]
-
-    return of
-
-
-def _wanted(values: Values, _: Mapping[str, Values]) -> Span | None:
-    position = _MM * values["Position_m"]
-    return (position, position) if values["Following"] else None
-
-
-def _error(values: Values, last: Mapping[str, Values]) -> Span | None:
-    """Estimate less reference of one tick, as BelievedMotion is sent before WantedMotion."""
-    motion = last.get("BelievedMotion")
-    if motion is None or _lost(motion) or not values["Following"]:
-        return None
-    off = _MM * (motion["Position_m"] - values["Position_m"])
-    return off, off
 
 
 @dataclass(frozen=True)
@@ -171,11 +139,8 @@ class Facts:
             "about": self.about,
             "models": list(self.models),
             "tips": tips(),
-            "panels": [panel.document() for panel in self.panels()],
+            "panels": [panel.document() for panel in panels_of(self.frame_map, self.catalogue)],
         }
-
-    def panels(self) -> tuple[LivePanel, ...]:
-        return panels_of(self.frame_map, self.catalogue)
 
 
 def models_of(task: Task) -> tuple[dict[str, Any], ...]:

@@ -28,16 +28,6 @@ def grade_of(state: str) -> str:
     return next((grade for grade, states in _GRADES.items() if state in states), "note")
 
 
-def why(kind: str, state: str) -> str:
-    """What a state means and what to do about it; `kind` is drive, controller, sensor or model."""
-    return TEXT(f"{kind}.{state}")
-
-
-def fault_words(code: str) -> str:
-    """What a drive's fault means and what to do about it, by its name in the catalogue."""
-    return TEXT(f"fault.{code}")
-
-
 def words(name: str) -> str:
     """A name of the catalogue as words: `quick_stop` as "quick stop", `InnerMass` as "inner mass"."""
     spaced = "".join(f" {c.lower()}" if c.isupper() and k else c.lower() for k, c in enumerate(name))

@@ -19,13 +19,11 @@ import tornado.web
 import tornado.websocket
 
 from hil.app.cockpit.operator_panel import OperatorPanel
-from hil.app.cockpit.series import BIN_S, KEPT_S
-from hil.app.cockpit.source import BusSource, LogSource
+from hil.app.cockpit.phrases import TEXT
+from hil.app.cockpit.source import BIN_S, KEPT_S, BusSource, LogSource
 from hil.nodes.operator_sender import CYCLE_S
 from hil.report.builder import TEMPLATES
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 Source = BusSource | LogSource
 _HERE: Final = Path(__file__).parent
 _FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")
@@ -185,7 +183,7 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
     def _answer(self, source: LogSource, begin_s: float, end_s: float, pixels: int) -> None:
         if not 0 < end_s - begin_s < float("inf"):
             return
-        self._write(source.window(begin_s, end_s, pixels))
+        self._write(source.samples.window(begin_s, end_s, pixels))
         self._say({"kind": "state", **source.document(min(end_s, source.end_s)), "events": self._new_events()})
 
     def _new_events(self) -> list[list[Any]]:

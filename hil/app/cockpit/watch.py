@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.app.cockpit.phrases import TEXT, clock, fault_words, grade_of, why, words
+from hil.app.cockpit.phrases import TEXT, clock, grade_of, words
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import NOT_MEASURED_C, Refusal
 from hil.bus.load import frame_bits
@@ -141,9 +141,9 @@ class FrameWatch:
                 warm = f"{fixed(feedback['Temperature_degC'], 0)} °C"
             role = "drive" if feedback else "controller" if node == "Controller" else "sensor"
             gone = "ended" if self._ended(name) else "silent"
-            cause = TEXT(f"node.{gone}") if silent else why(role, state)
+            cause = TEXT(f"node.{gone}") if silent else TEXT(f"{role}.{state}")
             if state == "fault" and code and not silent:
-                state, cause = f"fault: {code}", fault_words(code)
+                state, cause = f"fault: {code}", TEXT(f"fault.{code}")
             if self.last[name]["Catalogue"] != self.catalogue.fingerprint:
                 cause = TEXT("node.another_dbc")
             shown = gone if silent else words(state)
@@ -161,7 +161,7 @@ class FrameWatch:
         health, wanted = self.last.get("ModelHealth"), self.last.get("WantedMotion")
         number = int(wanted["Model"]) if wanted else 0
         if health is None:
-            return {"state": DASH, "grade": "note", "number": number, "why": why("model", "silent"), "facts": []}
+            return {"state": DASH, "grade": "note", "number": number, "why": TEXT("model.silent"), "facts": []}
         state, old = self.state("ModelHealth"), self.newest("ModelHealth") is None
         facts = [["alarms", TEXT("model.alarms", count=int(health["Alarms"]))]]
         if state in ("doubtful", "broken"):
@@ -171,11 +171,12 @@ class FrameWatch:
         if change := int(health["Change"]):
             kind = self.catalogue["ModelHealth"].field("Change").names[change]
             facts.insert(0, ["model", TEXT("model.change", change=kind)])
+        why = TEXT("model.silent") + f"; {TEXT('model.was', state=words(state))}" if old else TEXT(f"model.{state}")
         return {
             "state": DASH if old else words(state),
             "grade": "note" if old else grade_of(state),
             "number": number,
-            "why": f"{why('model', 'silent')}; {TEXT('model.was', state=words(state))}" if old else why("model", state),
+            "why": why,
             "facts": facts,
         }
 
@@ -221,7 +222,7 @@ class FrameWatch:
         if name.endswith(_FAULT):
             if since > BURST_S or before != values:
                 code = self._named(name, "Code", values)
-                self.say(t, TEXT("event.fault", node=sender, code=words(code), why=fault_words(code)), "bad")
+                self.say(t, TEXT("event.fault", node=sender, code=words(code), why=TEXT(f"fault.{code}")), "bad")
         elif name == "SafeStop":
             if since > BURST_S:
                 who, reason = (self._named(name, signal, values) for signal in ("Target", "Reason"))
@@ -230,16 +231,13 @@ class FrameWatch:
             if since > BURST_S:
                 self.say(t, TEXT("event.reset", target=words(self._named(name, "Target", values))))
         elif name == "WantedMotion":
-            self._report_motion(t, before, values)
+            follows = bool(values["Following"])
+            if follows != bool(before and before["Following"]):
+                self.say(t, TEXT("event.leads" if follows else "event.stops"))
+            if before and values["Model"] > before["Model"]:
+                self.say(t, TEXT("event.model", number=int(values["Model"]) + 1), "good")
         elif "State" in values and (before is None or before["State"] != values["State"]):
             self._report_state(t, name, sender, before, values)
-
-    def _report_motion(self, t: float, before: Mapping[str, float] | None, values: Mapping[str, float]) -> None:
-        follows = bool(values["Following"])
-        if follows != bool(before and before["Following"]):
-            self.say(t, TEXT("event.leads" if follows else "event.stops"))
-        if before and values["Model"] > before["Model"]:
-            self.say(t, TEXT("event.model", number=int(values["Model"]) + 1), "good")
 
     def _report_state(
         self, t: float, name: str, sender: str, before: Mapping[str, float] | None, values: Mapping[str, float]
@@ -257,7 +255,7 @@ class FrameWatch:
         how = f" ({change} change)" if change and state in ("doubtful", "broken") else ""
         kind = "model" if health else "drive" if drive else "controller" if sender == "controller" else "sensor"
         grade = grade_of(state)
-        how += f": {why(kind, state)}" if grade in ("bad", "doubt") else ""
+        how += f": {TEXT(f'{kind}.{state}')}" if grade in ("bad", "doubt") else ""
         self.say(t, f"{what}: {came}{words(state)}{how}", grade)
 
     def _sender(self, name: str) -> str:

@@ -2,18 +2,26 @@
 driven over the bus, recorded, identified and driven again.
 """
 
+import contextlib
+import signal
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
 
+from rich.table import Table
+
 from hil.app.close_loop import NUMBERS, REPORT
-from hil.app.console import json_text, print_json, say, summary, text_table
+from hil.app.console import answer, json_text, notes, output_to_notes, progress_bar, stage_lines, text_table
 from hil.app.demo.example import BEFORE, NEXT_RECORD, PRINTED, TEXT, End, Example, Learned, title_of
 from hil.app.demo.loop import LEARNING, LOOPS, LearningExample, LoopExample
 from hil.app.demo.page import demo_html
-from hil.app.demo.worker import example_progress, results_of
 from hil.app.shared_options import Json, Seed, option
 from hil.app.sil.learning_page import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.learning_page import PAGE as LEARNED
@@ -56,10 +64,7 @@ def demo(
             target = out / file.relative_to(work)
             check_folder(target.parent, "--out")
             file.replace(target)
-    if json_output:
-        print_json(document)
-    else:
-        _say(ends, out, seconds)
+    answer(json_output, document, *_lines(ends, out, seconds))
 
 
 def _numbers(example: Example, one: End, folder: Path) -> dict[str, Any]:
@@ -68,7 +73,7 @@ def _numbers(example: Example, one: End, folder: Path) -> dict[str, Any]:
     """
     page, numbers = (LEARNED, LEARNED_NUMBERS) if isinstance(one, Learned) else (REPORT, NUMBERS)
     document: dict[str, Any] = {"story": example.name, "title": title_of(example), "report": str(folder / page)}
-    document |= {"numbers": str(folder / numbers), "hidden": ", ".join(one.hidden) or None}
+    document |= {"numbers": str(folder / numbers), "hidden": ", ".join(one.truth) or None}
     if isinstance(one, Learned):
         document |= {"came_to": one.sentence, "hard_violations": one.found["hard_violations"]}
         return document | {key: one.numbers[key] for key in ("instants", "parts", "learned")}
@@ -86,12 +91,11 @@ def _numbers(example: Example, one: End, folder: Path) -> dict[str, Any]:
     return document
 
 
-def _say(ends: Sequence[tuple[Example, End]], out: Path, seconds: float) -> None:
-    console = summary()
+def _lines(ends: Sequence[tuple[Example, End]], out: Path, seconds: float) -> list[str | Table]:
     heads = ("example", "error of", *STAGES, "noise floor", "verdict")
     table = text_table(TEXT("table"), heads, ("example", "error of", "verdict"))
     table.show_lines = True
-    lines = []
+    lines: list[str | Table] = [table]
     for example, one in ends:
         folder = out / example.name
         if isinstance(one, Learned):
@@ -106,7 +110,93 @@ def _say(ends: Sequence[tuple[Example, End]], out: Path, seconds: float) -> None
             lines.append(f"  {one.caution}")
         if one.before is not None:
             lines.append(f"  {TEXT('before', verdict=verdict_words(one.before), page=folder / BEFORE / REPORT)}")
-        if one.hidden:
-            lines.append(f"  {TEXT('hidden', effects=map(effect_words, one.hidden))}")
-    console.print(table)
-    say(*lines, TEXT("all", page=out / PAGE), TEXT("seconds", seconds=seconds))
+        if one.truth:
+            lines.append(f"  {TEXT('hidden', effects=map(effect_words, one.truth))}")
+    return [*lines, TEXT("all", page=out / PAGE), TEXT("seconds", seconds=seconds)]
+
+
+WORKERS: Final = 2  # examples at a time
+Reporter = Callable[[str, str, float], None]
+
+
+def results_of(examples: Sequence[Example], folder: Path, seed: int, report: Reporter) -> dict[str, End]:
+    """What came of each example by name. Each has a process and `folder`/name to itself; the first ones begin first.
+
+    Raises an example's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an
+    interruption.
+    """
+    waiting, working, found = list(examples), dict[Connection, tuple[str, BaseProcess]](), dict[str, End]()
+    try:
+        while waiting or working:
+            while waiting and len(working) < WORKERS:
+                example = waiting.pop(0)
+                process, words = _begin(example, folder / example.name, seed)
+                working[words] = example.name, process
+            ready = wait(list(working))
+            for words in [words for words in working if words in ready]:
+                name, process = working[words]
+                try:
+                    word = words.recv()
+                except EOFError:
+                    process.join()
+                    raise RuntimeError(TEXT("dead", example=name, status=process.exitcode)) from None
+                if isinstance(word, Exception):
+                    raise word
+                if isinstance(word, tuple):
+                    report(name, *word)
+                else:
+                    found[name] = word
+                    process.join()
+                    del working[words]
+    finally:
+        for _, process in working.values():
+            process.terminate()
+            process.join()
+    return found
+
+
+def _begin(example: Example, folder: Path, seed: int) -> tuple[BaseProcess, Connection]:
+    """A process that leaves Ctrl-C to this one, which ends it, and the end of its pipe."""
+    context = get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_tell, args=(example, folder, seed, theirs), daemon=True)
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        process.start()
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    theirs.close()
+    return process, ours
+
+
+def _tell(example: Example, folder: Path, seed: int, words: Connection) -> None:
+    """In the example's process: send progress, then the result or the error."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with output_to_notes():
+            words.send(example.run(folder, seed, lambda stage, share: words.send((stage, share))))
+    except ValueError as error:
+        words.send(ValueError(str(error)))
+    except BrokenPipeError:
+        sys.exit(1)
+    except OSError as error:
+        words.send(error)
+
+
+@contextlib.contextmanager
+def example_progress(names: Sequence[str]) -> Iterator[Reporter]:
+    """Show progress on standard error: one bar for all examples on a terminal, else a line for each new stage of each.
+    Yields `report(name, stage, share)`.
+    """
+    console, shares = notes(), dict.fromkeys(names, 0.0)
+    lines = cache(lambda name: stage_lines(console, name))
+    with progress_bar("demo") if console.is_terminal else contextlib.nullcontext() as bar:
+
+        def report(name: str, stage: str, share: float) -> None:
+            shares[name] = share
+            if bar is None:
+                lines(name)(stage, share)
+            else:
+                bar(f"{name}, {stage}", sum(shares.values()) / len(shares))
+
+        yield report

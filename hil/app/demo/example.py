@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from controller.choice.choose import Progress
+from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from hil.app.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
@@ -30,9 +29,7 @@ SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 RIG, BEFORE, HOLDOUT = "rig.toml", "before", "holdout"
 SEEDS = 1000  # by which seeds of two examples are apart
 _SEARCHED: Final = 0.45  # share of the work up to the end of the first search
-Array = NDArray[np.float64]
 Tables = Mapping[str, Any]
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -59,11 +56,6 @@ class ExampleResult:
     truth: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     before: Finding | None = None
 
-    @property
-    def hidden(self) -> tuple[str, ...]:
-        """The hidden effects."""
-        return tuple(self.truth)
-
     def errors(self) -> list[str]:
         """What the prediction was tested on, its error by stage and the noise floor, in words."""
         part = tested_part(self.finding)
@@ -86,11 +78,6 @@ class Learned:
     found: Mapping[str, Any]
     truth: Mapping[str, Mapping[str, Any]]
     learnt: Mapping[str, Mapping[str, float]]
-
-    @property
-    def hidden(self) -> tuple[str, ...]:
-        """The hidden effects."""
-        return tuple(self.truth)
 
 
 End = ExampleResult | Learned

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from controller.choice.choose import Progress
 from controller.supervision.acceptance import Acceptance, judge
 from hil.app.console import json_text
-from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, Progress, found_in
+from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.learning_page import NUMBERS, came_to, learning_files
@@ -113,12 +114,11 @@ def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, l
     return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-def _loops() -> Iterator[LoopExample]:
-    for name, table in tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8")).items():
-        yield LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
-
-
-LOOPS: Final = tuple(_loops())
+_TABLES: Final = tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8"))
+LOOPS: Final = tuple(
+    LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
+    for name, table in _TABLES.items()
+)
 
 
 @dataclass(frozen=True)

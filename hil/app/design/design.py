@@ -2,26 +2,34 @@
 an inner mass its resonance, gears and slow loop.
 """
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+import plotly.graph_objects as go
+from rich.table import Table
+
 from controller.design.study import Study, study
 from controller.drives import INNER_MASS
 from controller.model.control_model import control_model
-from controller.vibro.cycles import VibroModel
-from hil.app.console import output_to_notes, print_json, say, summary
-from hil.app.design.page import design_html
-from hil.app.design.tables import TEXT, balance_lines, command_unit, cycle_table, gains_json, margin_table, words_of
-from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, vibro_tables
+from controller.vibro.cycles import Cycles, VibroModel
+from controller.vibro.drive_map import designed, speed_map
+from controller.vibro.study import VibroStudy, vibro_study
+from hil.app.console import output_to_notes, print_json, say, summary, text_table
+from hil.app.design import tables
+from hil.app.design.page import Drawn, design_html, loop_figures, page_html
+from hil.app.design.tables import TEXT
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, LearnedModel, Stage, argument, option
 from hil.app.write import own_folder, write_files
+from hil.report.theme import axes, line, line_look
 from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.rigs.rig import Rig
 from models.theta import Theta, spelled
+from models.words.quantities import fixed, number
 
 PAGE = "design.html"
 TICK_S = 0.002  # of the controller
@@ -53,27 +61,23 @@ def design(
             if vibrates:
                 shaken = study_of(VibroModel.from_rig(belief, values), 1e-3 * delay_ms)
             else:
-                plant = control_model(belief, values, TICK_S, driven=_driven(belief))
+                # a coil is commanded by its voltage where the rig file has its resistance, else by its current
+                known = belief.coil is not None and belief.coil.coil_resistance_Ohm is not None
+                plant = control_model(belief, values, TICK_S, driven="coil_voltage_V" if known else "")
                 found = study(plant, 1e-3 * speed_mm_s, 1e-3 * delay_ms)
         if page is not None:
             write_files({page: vibro_html(shaken, title) if vibrates else design_html(found, plant, title)})
     if json_output:
-        print_json((vibro_json(shaken) if vibrates else design_json(found, command_unit(plant))) | label)
+        print_json((vibro_json(shaken) if vibrates else design_json(found, tables.command_unit(plant))) | label)
         return
     console = summary()
-    for line in vibro_lines(shaken) if vibrates else words_of(found, plant):
-        console.print(line, soft_wrap=not vibrates)
-    for table in vibro_tables(shaken) if vibrates else (margin_table(found), cycle_table(found)):
+    for words in vibro_lines(shaken) if vibrates else tables.words_of(found, plant):
+        console.print(words, soft_wrap=not vibrates)
+    for table in vibro_tables(shaken) if vibrates else (tables.margin_table(found), tables.cycle_table(found)):
         console.print(table)
-    for line in () if vibrates else balance_lines(found):
-        console.print(line)
+    for words in () if vibrates else tables.balance_lines(found):
+        console.print(words)
     say(TEXT("plots", page=page) if page else TEXT("no_plots"))
-
-
-def _driven(belief: Rig) -> str:
-    """The column that is commanded: a coil's voltage where the rig file has its resistance, else its current."""
-    known = belief.coil is not None and belief.coil.coil_resistance_Ohm is not None
-    return "coil_voltage_V" if known else ""
 
 
 def design_json(found: Study, unit: str) -> dict[str, Any]:
@@ -91,7 +95,7 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
             }
             for plant in found.plants
         },
-        "gains": gains_json(found.pid, found.lqr, unit),
+        "gains": tables.gains_json(found.pid, found.lqr, unit),
         "margins": [{"controller": loop.name, "phase": loop.phase, **vars(loop.margins())} for loop in found.loops],
         "cycles": {
             name: {
@@ -102,3 +106,112 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
         },
         "harmonic_balance": {name: [asdict(cycle) for cycle in found.balances()[name]] for name in found.laws()},
     }
+
+
+def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
+    """The study with the controller's drive map, designed once for each model. Without `optimise` it has square waves
+    alone.
+    """
+    if not 0 <= delay_s <= 0.2:
+        raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
+    return vibro_study(model, designed(model, optimise), speed_map(Cycles(model)), delay_s)
+
+
+def vibro_json(found: VibroStudy) -> dict[str, Any]:
+    """What the study found, SI."""
+    low, high = found.drive.reach()
+    own = ("home_m_s", "slowest_m_s", "fastest_m_s", "impact")
+    return {
+        "delay_s": found.delay_s,
+        "resonance": asdict(found.resonance),
+        "reach_m_s": [low, high],
+        "lag_s": found.drive.lag_s,
+        "gears": [
+            {**{name: getattr(gear, name) for name in own}, "period_s": gear.waveform(gear.home_m_s).period_s}
+            for gear in found.drive.gears
+        ],
+        "ways": [
+            {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.gait.speed_m_s}
+            | {"period_s": one.waveform.period_s, "amplitude": max(one.waveform.levels)}
+            | {"energy_J_per_m": one.gait.energy_J_per_m}
+            for speed, waves in found.alternatives.items()
+            for one in waves
+        ],
+        "slow_loops": [
+            {"speed_m_s": one.speed_m_s, **asdict(one.loop.margins())}
+            | {"slope_low": one.slope_low, "slope_high": one.slope_high, "holds": one.holds}
+            for one in found.slow
+        ],
+    }
+
+
+def vibro_lines(found: VibroStudy) -> list[str]:
+    """Resonance, reach and gears, a line each."""
+    own, (low, high) = found.resonance, found.drive.reach()
+    resonance = TEXT("vibro.resonance", held=own.held_Hz, free=own.free_Hz, damping=own.damping)
+    if math.isfinite(own.contact_s):
+        resonance = TEXT("vibro.contact", resonance=resonance, contact=own.contact_s)
+    gears = [
+        TEXT(
+            "vibro.gear",
+            home=gear.home_m_s,
+            slowest=gear.slowest_m_s,
+            fastest=gear.fastest_m_s,
+            period=gear.waveform(gear.home_m_s).period_s,
+            impact=gear.impact,
+        )
+        for gear in found.drive.gears
+    ]
+    return [resonance, TEXT("vibro.reach", low=low, high=high, lag=found.drive.lag_s), *gears]
+
+
+def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
+    """Costs and margins."""
+    heads = ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s")
+    costs = text_table(TEXT("title.costs"), heads, ("", "impact"))
+    for speed, waves in found.alternatives.items():
+        for one in waves:
+            wave = one.waveform
+            duty = number(wave.edges[1], 3) if one.shape == "square" else ""
+            cost = (number(x, 3) for x in (one.gait.energy_J_per_m, 1e3 * wave.period_s))
+            rest = (number(x, 3) for x in (max(wave.levels), 1e3 * one.gait.speed_m_s))
+            costs.add_row(number(1e3 * speed), one.shape, one.impact, *cost, duty, *rest)
+        if not waves:
+            costs.add_row(number(1e3 * speed), "out of reach", *[""] * 6)
+    heads = ("mm/s", *tables.MARGINS, "bandwidth in Hz", "slope", "holds")
+    margins = text_table(TEXT("title.slow", delay=found.delay_s), heads)
+    for slow in found.slow:
+        m = slow.loop.margins()
+        numbers = [number(x, 3) for x in (*tables.margin_numbers(m), m.bandwidth_Hz)]
+        slopes = f"{fixed(slow.slope_low, 2)} to {fixed(slow.slope_high, 2)}"
+        margins.add_row(number(1e3 * slow.speed_m_s), *numbers, slopes, "yes" if slow.holds else "NO")
+    return costs, margins
+
+
+def vibro_html(found: VibroStudy, name: str) -> str:
+    """The page, complete in itself."""
+    own = [Drawn("Square waves over their frequency", period_figure(found)), Drawn("Gears", gear_figure(found))]
+    head = TEXT("title.vibro_page", name=name, delay=found.delay_s)
+    return page_html(head, vibro_lines(found), vibro_tables(found), [*own, *loop_figures(found.loops)])
+
+
+def period_figure(found: VibroStudy) -> go.Figure:
+    """Mean speed of square waves over frequency at every amplitude of the map, at the best duty."""
+    figure, table = axes("frequency in Hz", "mean speed in mm/s", 420), found.table
+    for k, amplitude in enumerate(table.amplitude):
+        speed = table.speed[:, :, k]
+        best = np.take_along_axis(speed, np.abs(speed).argmax(axis=1)[:, None], axis=1)[:, 0]
+        name = f"amplitude {amplitude:g}"
+        line(figure, 1 / table.period_s, 1e3 * best, name, line_look(k), mode="lines+markers")
+    return figure.add_vline(x=found.resonance.held_Hz, line={"dash": "dot", "width": 1})
+
+
+def gear_figure(found: VibroStudy) -> go.Figure:
+    """The waveform of every gear at its own speed."""
+    figure = axes("t in ms", "share of the coil's force", 360)
+    for k, gear in enumerate(found.drive.gears):
+        wave = gear.waveform(gear.home_m_s)
+        t = 1e3 * wave.period_s * np.asarray(wave.edges)
+        name = f"{1e3 * gear.home_m_s:.3g} mm/s, impact {gear.impact}"
+        line(figure, t, np.array([*wave.levels, wave.levels[-1]]), name, {"shape": "hv", **line_look(k)})
+    return figure

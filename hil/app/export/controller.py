@@ -10,11 +10,12 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from controller.drives import envelope_of
+from controller.estimator.particle_filter import PARTICLES
 from controller.limits import Envelope
-from controller.model.control_model import ControlModel
-from controller.registry import leads
+from controller.registry import horizon_of, leads
+from controller.step.compiled import compiled
 from controller.step.daqp_sources import daqp_sources
-from controller.step.library import DAQP_FILES, compiler, loaded, sources_of
+from controller.step.library import DAQP_FILES, compiler, sources_of
 from controller.step.numbers import CHAINS, Numbers, numbers_of
 from hil.app.export.native_node import node_sources
 from hil.app.export.ticks import closed_loop, logged
@@ -43,7 +44,8 @@ _OF_ESTIMATOR: Final = ("estimator.c", "model.c", "numbers.c")
 @dataclass(frozen=True)
 class Asked:
     """What is exported: of the deployment at `path`, with a `stage` of the model file `model` where one is given;
-    `form`: with its controller or the estimator alone; `single`: float32.
+    `form`: with its controller or the estimator alone; `single`: float32; `particles` of its estimator; `short`: a
+    shorter plan.
     """
 
     path: Path
@@ -51,6 +53,8 @@ class Asked:
     stage: str
     form: str
     single: bool
+    particles: int | None = None
+    short: bool = False
 
     @property
     def alone(self) -> bool:
@@ -66,10 +70,16 @@ def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], di
         check_word(name, "control.controller of an exported controller", CHAINS)
         model = deployment.believed(deployment.values)
         envelope = envelope_of(model.drive, deployment.limits)
-        numbers = numbers_of(name, model, envelope)
+        if asked.short and name != "mpc":
+            raise ValueError(f"control.controller must be 'mpc' for --short-plan; got {name!r}")
+        horizon = horizon_of(model, short=asked.short)
+        numbers = numbers_of(name, model, envelope, particles=asked.particles or PARTICLES, horizon=horizon)
         sources = _sources(numbers, asked)
         files = {**sources, **_daqp(numbers, asked)}
-        ticks = _ticks(deployment, model, name, numbers, asked.path)
+        found = compiled(name, model, envelope, numbers)
+        if found is None:
+            raise ValueError(TEXT("controller.compiler"))
+        ticks = logged(closed_loop(deployment, asked.path), model, name, found.library)
     if not asked.alone:
         files |= {f"node/{file}": text for file, text in node_sources(deployment, envelope).items()}
     sizes = _sizes(sources)
@@ -107,13 +117,6 @@ def _sources(numbers: Numbers, asked: Asked) -> dict[str, str]:
     needed = [name for name in files if sizes.get((of := _ONLY_WITH.get(name, ("", None)))[0]) == of[1]]
     kept = [name for name in needed if not asked.alone or name.endswith(".h")]
     return {name: files[name] for name in (*kept, *(_OF_ESTIMATOR if asked.alone else ()))}
-
-
-def _ticks(deployment: Deployment, model: ControlModel, name: str, numbers: Numbers, path: Path) -> str:
-    library = loaded(numbers)
-    if library is None:
-        raise ValueError(TEXT("controller.compiler"))
-    return logged(closed_loop(deployment, path), model, name, library)
 
 
 def _daqp(numbers: Numbers, asked: Asked) -> dict[str, str | bytes]:

@@ -44,6 +44,13 @@ def export(
     stage: Stage = "augmented",
     driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
     single: Annotated[bool, typer.Option("--float32", help="A controller or estimator in single precision.")] = False,
+    particles: Annotated[
+        int | None,
+        typer.Option("--particles", metavar="N", min=50, max=1000, help="Of a controller's estimator; else 300."),
+    ] = None,
+    short: Annotated[
+        bool, typer.Option("--short-plan", help="An MPC of 20 stages and one SQP step a tick, not 30 and two.")
+    ] = False,
     json_output: Json = False,
     effects: OwnEffects,
 ) -> None:
@@ -54,10 +61,11 @@ def export(
     if form in IN_C:
         if scenario is None or rig is not None or driven:
             raise ValueError(f"export {form} must have DEPLOYMENT.toml, and neither --rig nor --driven")
-        _in_c(form, scenario, model, stage, single, out, Catalogue.read(effects), json_output)
+        _in_c((scenario, model, stage, form, single, particles, short), out, Catalogue.read(effects), json_output)
         return
-    if single:
-        raise ValueError(f"--float32 must stand with export {' or '.join(IN_C)}; got it with export {form}")
+    for name, given in (("--float32", single), ("--particles", particles), ("--short-plan", short)):
+        if given:
+            raise ValueError(f"{name} must stand with export {' or '.join(IN_C)}; got it with export {form}")
     if scenario is not None and (model is not None or rig is not None):
         raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
     if scenario is not None and form != "fmu":
@@ -87,30 +95,24 @@ def export(
 
 
 def _in_c(
-    form: str,
-    path: Path,
-    model: Path | None,
-    stage: str,
-    single: bool,
-    out: Path,
-    known: Catalogue,
-    json_output: bool,
+    words: tuple[Path, Path | None, str, str, bool, int | None, bool], out: Path, known: Catalogue, json_output: bool
 ) -> None:
     """Write the folder of a compiled controller or estimator."""
     from hil.app.export.controller import Asked, exported
 
-    check_word(stage, "--stage", STAGES)
+    asked = Asked(*words)
+    check_word(asked.stage, "--stage", STAGES)
     if out.exists():
         check_folder(out, "--out")
     with output_to_notes():
-        files, facts = exported(Asked(path, model, stage, form, single), known)
+        files, facts = exported(asked, known)
     contents = {out / name: content for name, content in files.items()}
-    check_targets(list(contents), "--out", [p for p in (path, model) if p is not None])
+    check_targets(list(contents), "--out", [p for p in (asked.path, asked.model) if p is not None])
     for folder in sorted({target.parent for target in contents}):
         check_folder(folder, "--out")
     write_files(contents)
-    found = {"form": form, "files": [str(target) for target in contents], **facts}
-    answer(json_output, found, TEXT("written", form=form, out=out, **facts))
+    found = {"form": asked.form, "files": [str(target) for target in contents], **facts}
+    answer(json_output, found, TEXT("written", form=asked.form, out=out, **facts))
 
 
 def _validity(found: Found, form: str) -> dict[str, Any]:

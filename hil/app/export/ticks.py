@@ -88,7 +88,7 @@ class TickLog:
         stages = range(library.stages + 1)
         readings = (f"{what}_{k}" for k in range(READINGS) for what in ("stamp_s", "value", "channel"))
         path = (f"{what}_{k}{unit}" for what, unit in (("position", "_m"), ("speed", "_m_s")) for k in stages)
-        more = ("next_speed_m_s", "most", "temperature_C", "command", "believed_m")
+        more = ("next_speed_m_s", "least", "most", "temperature_C", "command", "believed_m")
         first = ("phase", "begin_s", "begin_command", "time_s", "readings")
         self.header = (*first, *readings, "in_force", "halt", *path, *more)
         self.rows: list[list[float]] = []
@@ -129,7 +129,7 @@ class TickLog:
         row, path = self.rows[-1], (*given.position_m, *given.speed_m_s)
         row[0] = CONTROLS if self._begin is None else BEGINS
         row[1:3] = self._begin or row[1:3]
-        answer = [given.halt, *path, given.next_speed_m_s, given.most, given.temperature_C, command]
+        answer = [given.halt, *path, given.next_speed_m_s, given.least, given.most, given.temperature_C, command]
         row[-len(answer) - 1 : -1] = answer
         self._begin = None
 

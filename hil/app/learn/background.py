@@ -10,13 +10,11 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Final, Self
 
-from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
-from hil.app.system import error_text
+from hil.app.learn.identify import TEXT, LearningAnswer, LearningQuestion, answer
+from hil.own_process import error_text
 from models.theta import Theta
-from models.words.sentences import Sentences
 from models.workers import end_with_parent
 
-TEXT: Final = Sentences(__file__)
 NICE: Final = 19  # the lowest priority
 READY_S: Final = 60.0
 """Longest wait for its start before the first tick."""
@@ -73,7 +71,9 @@ class Background:
     def _ask(self, question: LearningQuestion) -> LearningAnswer:
         try:
             pipe = self._pipe if self._process is not None and self._process.is_alive() else None
-            pipe = pipe or self._renewed()
+            if pipe is None:
+                self._end()
+                pipe = self._start()
         except Exception as error:  # noqa: BLE001 - an exhausted system may raise anything
             self._end()
             return _failed(TEXT("process.not_started", why=error_text(error)))
@@ -86,10 +86,6 @@ class Background:
             # the kernel closes the pipe of a process that dies before it says how that ended
             ended = self._end(CLOSED_S if isinstance(error, EOFError | ConnectionError) else 0.0)
             return _failed(ended or TEXT("process.no_answer", why=error_text(error)))
-
-    def _renewed(self) -> Connection:
-        self._end()
-        return self._start()
 
     def _end(self, wait_s: float = 0.0) -> str:
         """Kill the process and close the pipe; how it had ended within `wait_s`, "" where it had not."""
@@ -126,21 +122,17 @@ def _end_words(code: int) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    _stand_back()
-    pipe.send(None)
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            pipe.send(answer(pipe.recv()))
-
-
-def _stand_back() -> None:
-    """Lowest priority, no reaction to Ctrl-C (which asks the controller for a stop), and an end with the parent."""
+    """Answer with lowest priority, without reaction to Ctrl-C (which asks the controller for a stop), and end with the
+    parent.
+    """
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     end_with_parent()
     os.nice(NICE)
-    if not hasattr(os, "sched_getaffinity"):
-        return
-    cores = sorted(os.sched_getaffinity(0))
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     if len(cores) > 1:
         os.sched_setaffinity(0, cores[1:])
+    pipe.send(None)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            pipe.send(answer(pipe.recv()))

@@ -10,8 +10,9 @@ import numpy as np
 from controller.drives import CARRIAGE
 from controller.signals import Array
 from controller.supervision.acceptance import BETTER, judge
-from hil.app.system import error_text
+from hil.app.learn.compared import Led, compared
 from hil.log.record import SOURCES
+from hil.own_process import error_text
 from models.assembly.model import effect_parameters
 from models.checks.usable import counted, from_row
 from models.identification import close
@@ -58,7 +59,7 @@ LEAST: Final = 20  # readings that make such a value
 @dataclass(frozen=True)
 class LearningQuestion:
     """The `columns` of a run of `rig`: rows from `broken_from` on to learn from, those from `held_from` on held out.
-    The base of the `values` in use is known where `base_holds`.
+    The base of the `values` in use is known where `base_holds`. What passes must track best in what it is to be `led`.
     """
 
     rig: Rig
@@ -67,6 +68,7 @@ class LearningQuestion:
     values: Theta
     base_holds: bool = True
     broken_from: int = 0
+    led: Led | None = None
 
     @property
     def in_use(self) -> Theta:
@@ -138,8 +140,12 @@ def _answer(question: LearningQuestion) -> LearningAnswer:
         motion = motion_of(finding.proposal)
         why = TEXT("unfounded") if unfounded else verdict.sentence
         return LearningAnswer(Theta(), effects, finding.verdict, why, wanted, finding.seconds, motion)
-    held_out = finding.error["holdout"][stage]
-    said = TEXT("better", error=Quantity(held_out, finding.unit), present=Quantity(error, finding.unit))
+    tracks = None if question.led is None else compared(question.led, question.rig, model, stage)
+    why = TEXT("uncompared") if tracks is None else tracks.why
+    if tracks is not None and tracks.stage != stage:
+        return LearningAnswer(Theta(), effects, finding.verdict, TEXT("loses", why=why), seconds=finding.seconds)
+    errors = Quantity(finding.error["holdout"][stage], finding.unit), Quantity(error, finding.unit)
+    said = TEXT("better", error=errors[0], present=errors[1], why=why)
     return LearningAnswer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 

@@ -1,6 +1,7 @@
 """From a broken model to a better one: gather, identify in the background, offer, watch, take back."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
@@ -15,7 +16,8 @@ from controller.reference import Experiment
 from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import History, ModelSwitch, Offer, Prepared
-from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, Motion, at_once
+from hil.app.learn.compared import Led
+from hil.app.learn.identify import LEAD_S, TEXT, Ask, LearningAnswer, LearningQuestion, Motion, at_once
 from hil.app.scenario.deployment_tables import LearningTable
 from hil.app.scenario.model_use import Offered
 from hil.log.record import SOURCES
@@ -23,12 +25,10 @@ from models.effects import effect_words
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 from models.theta import Theta
-from models.words.sentences import Sentences
 
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 """Runs a long computation, beside the ticks or at once."""
-TEXT: Final = Sentences(__file__)
 STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))
 """Strokes one after the other, each with a rest: its end as a share of the reach, its speed as a share."""
 REST_S: Final = 0.5  # after each motion
@@ -81,33 +81,11 @@ class Lesson:
         return TEXT("since", result=result, **values)
 
 
-class _Errors:
-    """Squared tracking errors of the newest seconds, one sum for each second."""
-
-    def __init__(self, seconds: int) -> None:
-        self._sums, self._counts = np.zeros(seconds), np.zeros(seconds)
-        self._second = -1
-
-    def add(self, now: float, error_m: float) -> None:
-        second = math.floor(now)
-        at = second % self._sums.size
-        if second != self._second:
-            self._second, self._sums[at], self._counts[at] = second, 0.0, 0.0
-        if math.isfinite(error_m):
-            self._sums[at] += error_m * error_m
-            self._counts[at] += 1
-
-    @property
-    def rms_m(self) -> float:
-        count = float(self._counts.sum())
-        return math.sqrt(float(self._sums.sum()) / count) if count else math.nan
-
-
 @dataclass
 class Learner:
     """Learns while a controller leads; `step` runs once a tick, with one lesson at a time. An offered model has passed
-    the acceptance test on held-out data, and `ModelSwitch` takes it at a rest. `keep` gets the `offers` and
-    `experiments` that a replay needs; controllers of a new model are built `beside` the ticks.
+    the acceptance test on held-out data and tracks best in what is `led`; `ModelSwitch` takes it at a rest. `keep` gets
+    the `offers` and `experiments` that a replay needs; controllers of a new model are built `beside` the ticks.
     """
 
     switch: ModelSwitch
@@ -119,6 +97,7 @@ class Learner:
     beside: Beside = at_once
     keep: Callable[[Mapping[str, Any]], object] = lambda record: None
     drive: Callable[[Experiment], object] = lambda experiment: None
+    led: Led | None = None
 
     def __post_init__(self) -> None:
         check_learnt(self.rig)
@@ -129,7 +108,7 @@ class Learner:
         self.offers: list[Offered] = []
         self.experiments: list[Experiment] = []
         self._phase: Phase = "watching"
-        self._errors = _Errors(round(self.learning.trial_s))
+        self._squares, self._sum = deque[float](maxlen=round(self.learning.trial_s / self.switch.tick_s)), 0.0
         self._future: Future[LearningAnswer] | None = None
         self._made: Future[Prepared] | None = None
         self._next: tuple[Theta, Phase] = (self.values, "offered")
@@ -140,7 +119,10 @@ class Learner:
 
     def step(self, now: float, health: Health, error_m: float) -> None:
         """One tick: `now` and `health` by the clock of the switch, `error_m` the estimated tracking error."""
-        self._errors.add(now, error_m)
+        if math.isfinite(error_m):
+            oldest = self._squares[0] if len(self._squares) == self._squares.maxlen else 0.0
+            self._sum += error_m * error_m - oldest
+            self._squares.append(error_m * error_m)
         if self._phase == "watching" and health.state == "broken":
             self.lessons.append(Lesson(self._reference_s(health.since_s)))
             self._since = health.since_s
@@ -153,7 +135,7 @@ class Learner:
             self._put(now)
         elif self._phase == "offered" and self.switch.taken_at > (self.lessons[-1].offered_at_s or 0.0):
             self.lessons[-1].taken_at_s, self._led_from = self.switch.taken_at, now
-            self._before, self._due, self._phase = self._errors.rms_m, now + self.learning.trial_s, "on trial"
+            self._before, self._due, self._phase = self._rms_m, now + self.learning.trial_s, "on trial"
         elif self._phase == "on trial" and now >= self._due:
             self._try(now)
 
@@ -163,7 +145,8 @@ class Learner:
         broken_from, held_from = (int(row) for row in np.searchsorted(columns[TIME], (self._since, held_s)))
         self.lessons[-1].asked_at_s = self._reference_s(now)
         base_holds = self.lessons[-1].answers % 2 == 0
-        self._future = self.ask(LearningQuestion(self.rig, columns, held_from, self._new, base_holds, broken_from))
+        since = held_from, self._new, base_holds, broken_from
+        self._future = self.ask(LearningQuestion(self.rig, columns, *since, self.led))
         self._due, self._phase = now + self.learning.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:
@@ -241,6 +224,11 @@ class Learner:
         else:
             lesson.withdrawn_at_s = at_s
 
+    @property
+    def _rms_m(self) -> float:
+        """The tracking error of the newest `trial_s`."""
+        return math.sqrt(max(self._sum, 0.0) / len(self._squares)) if self._squares else math.nan
+
     def _reference_s(self, at: float) -> float:
         """A time of the switch's clock in s of the reference."""
         origin = self.switch.origin_s
@@ -248,7 +236,7 @@ class Learner:
 
     def _try(self, now: float) -> None:
         """Keep the learned model, or take it back where it tracked worse."""
-        if self._errors.rms_m > self.learning.worse * self._before:
+        if self._rms_m > self.learning.worse * self._before:
             self._new, self._led_from = self._old, now
             self._prepare(now, self._old, "watching")
         else:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -34,10 +34,6 @@ class Row:
     measured: float | None
     verdict: str
     note: str
-
-    def record(self) -> dict[str, object]:
-        """The row as a JSON object."""
-        return asdict(self)
 
 
 def row(

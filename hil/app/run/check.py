@@ -1,30 +1,36 @@
-"""`capsule run RIG.toml check`: bus, drive, limits, model and time before anything moves."""
+"""The bus of a deployment, opened and heard; `capsule run RIG.toml check`: all of it before anything moves."""
 
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import can
 
 from controller.limits import Limits
+from hil.app.console import note
 from hil.app.run import machine
 from hil.app.run.clock import ClockedBus, Histogram
+from hil.app.run.machine import TEXT, open_bus
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
 from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import NOT_MEASURED_C
+from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
-from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
+from hil.bus.wrapping import heard_for, plain
+from hil.drives.carriage_bus import CarriageBus
+from hil.drives.makers import MAKERS
+from hil.drives.table import ActuatorTable
+from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, controllers_frames, frame_map_of, heartbeat
 from hil.nodes.node import ControllerNode
-from hil.nodes.receive import FrameReceiver
+from hil.nodes.receive import FrameReceiver, operators_stop
 from hil.nodes.remedies import remedy
 from hil.nodes.task import Task
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 LISTEN_S: Final = 0.5  # to the bus
 REHEARSED: Final = 400  # ticks
 MISSED: Final = 0.05  # share of frames refused by their counters after a pause, through which a run rides
@@ -165,3 +171,48 @@ def _simulated(node: ControllerNode, tape: Tape) -> Callable[[int, float], None]
             say(frame_map.heartbeat, heartbeat(2, now), now)
 
     return speak
+
+
+QUIET_S: Final = 0.1
+"""How long to listen before anything is sent: five cycles of a controller's slowest frame."""
+
+
+def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
+    """The deployment's bus; another maker's drive is set up, unless nothing may be sent. Raises ValueError."""
+    bus, table = open_bus(deployment.bus, folder), deployment.drive
+    if not listen_only and (others := _controllers_on(bus, table)):
+        bus.shutdown()
+        raise OtherControllerError(TEXT("end.other_controller", frames=", ".join(others)))
+    if table is None:
+        return bus
+    if not listen_only:
+        try:
+            limits, tick_s = deployment.limits, deployment.control.tick_s
+            for sentence in MAKERS[table.where].set_up(bus, table, limits, tick_s, faulty=faulty):
+                note(sentence)
+        except ValueError:
+            bus.shutdown()
+            raise
+    return MAKERS[table.where].bus(bus, table, deployment.control.tick_s)
+
+
+class OtherControllerError(Exception):
+    """Another controller has been heard before anything was sent."""
+
+
+def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
+    """Names of the frames heard within `QUIET_S` that only a controller sends."""
+    known, heard = controllers_frames(), set[str]()
+    for message in heard_for(bus, QUIET_S):
+        if plain(message) and message.arbitration_id in known and not operators_stop(message):
+            heard.add(known[message.arbitration_id])
+        elif table is not None and table.orders(message):
+            heard.add("commands to the drive")
+    return sorted(heard)
+
+
+def overruns(bus: can.BusABC) -> int:
+    """Frames for which there was no room in another node's queue, as the local bus counts them."""
+    while isinstance(bus, ClockedBus | CarriageBus | AuthenticatedBus):
+        bus = bus.inner
+    return bus.overruns if isinstance(bus, LocalBus) else 0

@@ -14,7 +14,7 @@ from typing import Final
 from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
-from hil.log.recorder import Recorder
+from hil.log.recorder import ACKNOWLEDGED, START, STOP, Recorder
 from hil.nodes.frame_map import FAULT, MOVING
 from hil.nodes.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.operator import paused
@@ -94,7 +94,7 @@ def lead(
     outcome = Outcome(Grid(clock, node.tick_s))
     now = _listen(node, outcome, recorder, signals)
     if _ready(node, now, outcome, signals):
-        recorder.start(now, math.nan)
+        recorder.note(now, START, math.nan)
         node.start(now)
         began, follows = now, now if node.guard.dry else math.nan
         enabled = not math.isnan(follows)
@@ -118,7 +118,7 @@ def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: StopS
     if _ready(node, now, outcome, signals) and not fault:
         outcome.end, outcome.ended = "reset", TEXT("reset.none")
     elif outcome.end == "drive_fault" and fault:
-        recorder.acknowledge(now)
+        recorder.note(now, ACKNOWLEDGED)
         node.acknowledge()
         since = now
         while node.receiver.state == FAULT and now - since < RESET_S and not signals.wanted:
@@ -233,7 +233,7 @@ def _fit(node: ControllerNode, now: float) -> bool:
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> float:
     """Command off until the drive has reported rest for long enough; the time then."""
-    recorder.stop(now)
+    recorder.note(now, STOP)
     node.stop()
     since, rested = now, now
     while now - rested < REST_S and now - since < COME_TO_REST_S:

@@ -17,8 +17,8 @@ import can
 
 from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.scenario.deployment_tables import BusTable, ControlTable
-from hil.app.system import error_text
 from hil.bus.authenticated import AuthenticatedBus, authenticator, next_epoch, read_key
+from hil.own_process import error_text
 from models.files.toml import check_word
 from models.words.sentences import Sentences
 

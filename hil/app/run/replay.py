@@ -3,17 +3,17 @@
 import math
 import struct
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import can
 
 import models.effects
 from hil.app.console import answer, note, output_to_notes
 from hil.app.run.differences import Difference, Replay
-from hil.app.run.log_task import task_of
+from hil.app.run.log_task import TEXT, task_of
 from hil.app.run.native_replay import native_replay
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
@@ -24,9 +24,7 @@ from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOL
 from hil.nodes.node import ControllerNode
 from hil.nodes.task import Task
 from models.files.toml import shown
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 _SHOWN: Final = 5  # differences on the terminal
 
 
@@ -88,14 +86,18 @@ def replay(
             yield frame
 
     try:
-        _fits(record, catalogue)
+        for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
+            if record.get(key) != own:
+                raise ValueError(f"{key} must be {own}, as in this program; got {shown(record.get(key))}")
         with output_to_notes():
             task = task_of(record, str(path), known)
             found = replayed(counted(), task, catalogue, record.get("dry_run", False))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
     _begun(path, found)
-    cut_off = _cut_off(held, record.get("entries"))
+    entries = record.get("entries")
+    cut_off = "" if held == entries else TEXT("replay.incomplete", held=held, entries=entries)
+    cut_off = TEXT("replay.no_end") if entries is None else cut_off
     return _print(path, found, catalogue, cut_off, str(record.get("code", "unknown")), json_output)
 
 
@@ -105,13 +107,6 @@ def _begun(path: Path, found: Replay) -> None:
             f"{path}: log must hold ticks of its controller, each begun by a SYNC that it sent; got none: it is empty"
             " or recorded by another node"
         )
-
-
-def _cut_off(held: int, entries: int | None) -> str:
-    """Why a log of `held` frames and notes is not the whole log of its run, "" where it is."""
-    if entries is None:
-        return TEXT("replay.no_end")
-    return "" if held == entries else TEXT("replay.incomplete", held=held, entries=entries)
 
 
 def _print(
@@ -137,13 +132,6 @@ def _print(
     said = TEXT(f"result.{result}", count=len(found.differences)) + (f"; {cut_off}" if cut_off else "")
     answer(json_output, document, TEXT("replay.found", ticks=found.ticks, frames=found.frames, result=said), *lines)
     return 0 if found.identical and not cut_off else 1
-
-
-def _fits(record: Mapping[str, Any], catalogue: FrameCatalogue) -> None:
-    """Raises ValueError for a record of another format and for frames of another DBC."""
-    for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
-        if record.get(key) != own:
-            raise ValueError(f"{key} must be {own}, as in this program; got {shown(record.get(key))}")
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: FrameCatalogue, dry_run: bool = False) -> Replay:

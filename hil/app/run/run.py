@@ -17,11 +17,11 @@ from controller.supervision.fallback import shares
 from hil.app import shared_options as options
 from hil.app.console import answer, note, output_to_notes, progress_bar
 from hil.app.learn.background import Background
+from hil.app.learn.compared import Led
 from hil.app.learn.learner import Learner, Lesson, check_learnt
-from hil.app.run.check import Point, check, limits_point, rehearse
+from hil.app.run.check import OtherControllerError, Point, check, drives_bus, limits_point, overruns, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.drives_bus import OtherControllerError, drives_bus, overruns
-from hil.app.run.loop import Outcome, StopSignals, lead, reset
+from hil.app.run.loop import TEXT, Outcome, StopSignals, lead, reset
 from hil.app.run.machine import prepare_process
 from hil.app.scenario.chosen import Believed, Leading, chosen_of, names_of, spelled, switched
 from hil.app.scenario.deployment import Deployment, load_deployment
@@ -40,9 +40,7 @@ from hil.nodes.task import Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
 from models.identification.model import Model
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 ACTIONS = ("lead", "check", "reset")
 GOOD: Final = ("done", "operator", "reset")
 """Values of `end` after which the exit status is 0; all ends stand in the table of docs/bus.md."""
@@ -140,15 +138,21 @@ class _Asked:
 def chosen_for(deployment: Deployment, model: Model) -> tuple[Deployment, Leading]:
     """The deployment with what leads, chosen before its drive is enabled; a controller that its file states stands."""
     control = deployment.control
-    seen = Localisation(std_m=control.seen_noise_m, quantum_m=control.resolution_m)
-    mission = Mission(deployment.reference, control.duration_s, deployment.limits, seen, control.estimator)
     stated = "controller" in control.model_fields_set
     names = [control.controller] if stated else names_of(control.controller, deployment.rig.kind)
     with output_to_notes(), progress_bar(TEXT("run.choosing")) as report:
-        found = chosen_of(model, Believed(lambda values, _: deployment.believed(values)), mission, names, report)
+        believed = Believed(lambda values, _: deployment.believed(values))
+        found = chosen_of(model, believed, _mission_of(deployment), names, report)
     note(chosen_words(found.document()))
     control = control.but(controller=found.controller)
     return replace(deployment, values=found.values, control=control, others=found.others), found
+
+
+def _mission_of(deployment: Deployment) -> Mission:
+    """The motion of a deployment, with the localisation as it states it."""
+    control = deployment.control
+    seen = Localisation(std_m=control.seen_noise_m, quantum_m=control.resolution_m)
+    return Mission(deployment.reference, control.duration_s, deployment.limits, seen, control.estimator)
 
 
 def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
@@ -271,6 +275,7 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
                 maker.submit,
                 keep,
                 node.drive,
+                Led(_mission_of(deployment), node.wanted, node.tick_s),
             )
         finally:
             sys.setswitchinterval(turn_s)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import can
@@ -131,26 +130,24 @@ def watched_bus(channel: str) -> LocalBus:
 
 
 def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:
-    """Read and check a scenario file and its text, with the reference of another one where given. Raises ValueError."""
+    """Read and check a scenario file and its text, with the reference of another one where given. The paths of its FMU
+    and its key become relative to the current folder. Raises ValueError.
+    """
     raw, text = read_toml(path, "scenario")
     if reference is not None:
         raw = with_reference(raw, reference, "scenario")
         text = toml_text(raw)
     with in_file(path):
-        return _with_files(parse_sil_scenario(raw), path.parent), text
-
-
-def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
-    """The scenario with the paths of its FMU and its key relative to the current folder, both checked."""
-    if scenario.plant is not None:
-        path = folder / scenario.plant.fmu
-        read_fmu(path, scenario.loop.truth)
-        scenario = replace(scenario, plant=FmuTable(fmu=str(path)))
-    if scenario.bus.key_file:
-        key_file = folder / scenario.bus.key_file
-        authenticator(read_key(key_file))
-        scenario = replace(scenario, bus=scenario.bus.but(key_file=str(key_file)))
-    return scenario
+        scenario = parse_sil_scenario(raw)
+        if scenario.plant is not None:
+            fmu = path.parent / scenario.plant.fmu
+            read_fmu(fmu, scenario.loop.truth)
+            scenario = replace(scenario, plant=FmuTable(fmu=str(fmu)))
+        if scenario.bus.key_file:
+            key_file = path.parent / scenario.bus.key_file
+            authenticator(read_key(key_file))
+            scenario = replace(scenario, bus=scenario.bus.but(key_file=str(key_file)))
+        return scenario, text
 
 
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
@@ -173,7 +170,11 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
         jog.planned()
         if not (operator and operator.accept):
             raise ValueError("operator.accept must be true with [jog], or no setpoints are accepted; got false")
-    _check_faults({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
+    has = {MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}
+    for fault in faults:
+        fault.check_rig(loop.kind)
+        if fault.needs and not has[fault.needs]:
+            raise ValueError(f"faults.kind {fault.name} must stand {_MISSING[fault.needs]}")
     held = operator if operator and operator.accept else None
     return SilScenario(loop, bus, faults, drive, plant, held, jog, LearningTable.read(raw))
 
@@ -185,18 +186,8 @@ def check_slots(tick_s: float) -> None:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {tick_s:g}")
 
 
-_MISSING: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        MAKER: f"with one of [{'], ['.join(ACTUATORS)}], the drive that it concerns",
-        OPERATOR: "with the table [jog], the operator",
-        KEY: "with bus.key_file, the key of the frames that it corrupts",
-    }
-)
-
-
-def _check_faults(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
-    """Refuse a fault of something that the scenario does not have."""
-    for fault in faults:
-        fault.check_rig(kind)
-        if fault.needs and not has[fault.needs]:
-            raise ValueError(f"faults.kind {fault.name} must stand {_MISSING[fault.needs]}")
+_MISSING: Final[Mapping[str, str]] = {
+    MAKER: f"with one of [{'], ['.join(ACTUATORS)}], the drive that it concerns",
+    OPERATOR: "with the table [jog], the operator",
+    KEY: "with bus.key_file, the key of the frames that it corrupts",
+}

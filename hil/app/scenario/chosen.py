@@ -15,15 +15,13 @@ from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
 from hil.app.console import note, progress_bar
-from hil.app.scenario.model_use import CHOSEN, model_for, motion_beyond, values_of
+from hil.app.scenario.model_use import CHOSEN, TEXT, model_for, motion_beyond, values_of
 from hil.app.scenario.scenario import TrackScenario
 from models.effects import Catalogue
 from models.identification.finding import STAGES
 from models.identification.model import CLASS, Model
 from models.theta import Theta
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 NOMINAL: Final = STAGES[0]
 SIMPLER: Final = (*STAGES[:2], CLASS)
 """What leads before others that are as good, in turn. Between two models a rig is more likely near their mean."""

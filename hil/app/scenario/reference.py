@@ -103,11 +103,7 @@ class Waypoints(ReferenceTable):
 
 
 REFERENCES: Final[Mapping[str, type[ReferenceTable]]] = {
-    "ramp": Ramp,
-    "sine": Sine,
-    "steps": Steps,
-    "hold": Hold,
-    "waypoints": Waypoints,
+    one.__name__.lower(): one for one in (Ramp, Sine, Steps, Hold, Waypoints)
 }
 
 
@@ -119,8 +115,16 @@ def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits |
     if not 0 <= start < duration_s:
         raise ValueError(f"reference.start_s must lie from 0 on and within the run of {duration_s:g} s; got {start:g}")
     trajectory = shape.trajectory(duration_s)
-    if limits is not None:
-        _within(trajectory, duration_s, limits)
+    if limits is None:
+        return trajectory
+    speed = float(np.max(np.abs(np.diff(trajectory.positions)))) / STEP_S
+    farthest = float(np.max(np.abs(trajectory.positions[: round(duration_s / STEP_S) + 1])))
+    if speed > limits.speed_m_s * (1 + 1e-9):
+        limit = f"limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s"
+        raise ValueError(f"reference must be no faster than {limit}; got {speed / MM:.4g} mm/s")
+    if farthest > limits.travel_m:
+        limit = f"limits.travel_m, {limits.travel_m / MM:g} mm"
+        raise ValueError(f"reference must stay within {limit}; got {farthest / MM:.6g} mm")
     return trajectory
 
 
@@ -159,15 +163,3 @@ def _in_time(
     arrives = start_s + travel_mm / speed_mm_s + dwell_s * (len(positions_mm) - 1) if travel_mm else 0.0
     if arrives > min(duration_s, LONGEST_S) + STEP_S:
         raise ValueError(f"reference must arrive within the run of {duration_s:g} s; got {arrives:g} s until it does")
-
-
-def _within(trajectory: Trajectory, duration_s: float, limits: Limits) -> None:
-    """Refuse a reference beyond `limits`."""
-    speed = float(np.max(np.abs(np.diff(trajectory.positions)))) / STEP_S
-    farthest = float(np.max(np.abs(trajectory.positions[: round(duration_s / STEP_S) + 1])))
-    if speed > limits.speed_m_s * (1 + 1e-9):
-        limit = f"limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s"
-        raise ValueError(f"reference must be no faster than {limit}; got {speed / MM:.4g} mm/s")
-    if farthest > limits.travel_m:
-        limit = f"limits.travel_m, {limits.travel_m / MM:g} mm"
-        raise ValueError(f"reference must stay within {limit}; got {farthest / MM:.6g} mm")

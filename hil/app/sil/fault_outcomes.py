@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.drives import DRIVES
 from controller.limits import Limits
+from controller.signals import Array
 from hil.app.scenario.bus_scenario import JogTable, SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import shares, violations
@@ -21,7 +21,6 @@ from hil.simulated.faults import DRIVE, KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
 from plant.drives import Carriage
 
-Array = NDArray[np.float64]
 TICKS: Final = 2
 """Ticks from the first contradiction to the brake of the drive."""
 NOT_AT_REST: Final = "does not rest"
@@ -97,11 +96,6 @@ def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
     return CYCLE_S if fault.kind == "released" else life_s
 
 
-def operator_limit_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
-    """Longest time in s from the begin of an operator's fault until the drive is in its safe state."""
-    return hold_s(jog, operator, fault) + operator.stop_after_s + BUS_S
-
-
 ROUNDING_S: Final = 1e-9  # of simulated time
 
 
@@ -146,7 +140,7 @@ def outcomes(scenario: SilScenario, trace: SilTrace) -> list[FaultOutcome]:
 def limit_of(scenario: SilScenario, fault: Fault) -> float:
     """Longest time in s from a fault to the safe state; inf: the loop may ride through."""
     if fault.needs == OPERATOR and scenario.jog is not None and scenario.operator is not None:
-        return operator_limit_s(scenario.jog, scenario.operator, fault)
+        return hold_s(scenario.jog, scenario.operator, fault) + scenario.operator.stop_after_s + BUS_S
     if fault.kind in _STRANGERS and scenario.bus.key_file:
         return math.inf
     if scenario.drive is None:
@@ -178,7 +172,8 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         lasts = max(f.end_s for f in faults) - fault.at_s
         watched = min(lasts, end - fault.at_s, float(t[-1]) - fault.at_s)
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit
-        again = reached.size > 0 and not safe[first:].all() and not _pressed_after(scenario, trace, float(t[first]))
+        pressed = trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, float(t[first])), PRESSED]
+        again = reached.size > 0 and not safe[first:].all() and not pressed  # a press enables the drive again
         unsafe = unsafe or late or again
     return FaultOutcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
 
@@ -216,11 +211,6 @@ def _released(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...],
     if scenario.jog is None or any(f.needs == OPERATOR or f.end_s >= time_s for f in faults):
         return False
     return not trace.steered[_tick(scenario, trace, time_s - scenario.loop.control.tick_s), SOURCE]
-
-
-def _pressed_after(scenario: SilScenario, trace: SilTrace, time_s: float) -> bool:
-    """Whether an operator pressed the switch after `time_s`, which enables the drive again."""
-    return bool(trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, time_s), PRESSED])
 
 
 def _tick(scenario: SilScenario, trace: SilTrace, time_s: float) -> int:

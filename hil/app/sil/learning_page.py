@@ -12,17 +12,16 @@ from hil.app.console import json_text
 from hil.app.learn.learner import Lesson
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_use import model_facts
-from hil.app.sil.loop import SilTrace, judged_loop
+from hil.app.sil.loop import TEXT, SilTrace, judged_loop
 from hil.app.sil.testbed import believed_on_bus
 from hil.report.builder import page
 from hil.report.theme import INK, MUTED, axes, line, line_colour
 from models.effects import effect_words
-from models.words.sentences import Sentences, listed
+from models.words.sentences import listed
 from plant import layout as at
 
 PAGE: Final = "learning.html"
 NUMBERS: Final = "learning.json"
-TEXT: Final = Sentences(__file__)
 WINDOW_S: Final = 60.0  # before an event, over which the error is averaged
 _HEIGHT: Final = 460  # pixels
 _CLOSE: Final = 0.04

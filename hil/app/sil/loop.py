@@ -15,16 +15,20 @@ from typing import Any, Final
 import can
 import numpy as np
 
+from controller.choice.choose import Progress
 from controller.model.control_model import ControlModel
 from controller.reference import STEP_S, Trajectory
+from controller.signals import Array
 from controller.supervision.fallback import DONE, shares
+from hil.app.learn.compared import Led
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.chosen import mission_of
 from hil.app.scenario.model_use import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
-from hil.app.track.loop import Array, LoopTrace, Progress
+from hil.app.track.loop import LoopTrace
 from hil.log.recorder import Recorder
 from hil.nodes.frame_map import ENABLE
 from hil.nodes.node import ControllerNode
@@ -51,6 +55,7 @@ def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
         ask,
         scenario.learning,
         drive=node.drive,
+        led=Led(mission_of(scenario.loop), node.wanted, node.tick_s),
     )
 
 
@@ -140,16 +145,13 @@ def _ticks(
     learner: Learner | None = None,
 ) -> list[int]:
     """Fill `trace` and call `look` after every tick; the ticks in which the controller led the drive."""
-    states = bench.node.task.model.states
-    wall = bench.node.task.model.index("u") if "u" in states else None
     ticks, led = len(trace.slots) // bench.slots, []
     bench.start()
     for k in range(ticks):
         tick = bench.begin_tick()
         trace.steered[k] = bench.steered
         if tick is not None:
-            trace.note(k, tick.time_s, tick.estimate, tick.action, wall, tick.seconds)
-            trace.active.append(tick.active)
+            trace.note(k, tick, bench.node.task.model)
             if tick.passed.mode == ENABLE:
                 led.append(k)
             else:
@@ -169,16 +171,14 @@ def _ticks(
 
 def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     """Take over what the bench knows at the end; solve times count while the controller leads the drive."""
-    trace.rows = np.concatenate(bench.plant.session.rows)
-    trace.events = list(bench.node.supervisor.events)
-    estimator = bench.node.estimator
-    trace.experiments_at, trace.switched = bench.node.experiments_at, estimator.switched
-    trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
+    trace.finish(bench.plant.session, bench.node.supervisor, bench.node.estimator)
+    trace.experiments_at = bench.node.experiments_at
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.reported = np.array(sorted(bench.plant.reported)).reshape(-1, 2)
     trace.unauthenticated = dict(bench.unauthenticated)
     trace.operator = None if bench.node.operator is None else bench.node.operator.document()
-    trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
+    why = bench.node.receiver.doubt(bench.time_s) or TEXT("estimate_lost" if trace.lost[-1] else "not_ready")
+    trace.stopped_because = bench.node.reason or ("" if led else TEXT("never_led", why=why))
     if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
         trace.stopped_because += f"; {bench.carriage.trouble}"
     answer = bench.node.answer
@@ -187,15 +187,9 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     rests = len(trace.steered) - led[0] - len(led) if led else 0
     trace.led_share = shares(answer.led + Counter(stop=rests))
     trace.led_at = led[-1] * bench.tick_s if led else -math.inf
-    doubt = answer.not_led(bench.node.wanted, estimator.health)
+    doubt = answer.not_led(bench.node.wanted, trace.health)
     trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
-
-
-def _never_led(bench: Bench, trace: SilTrace) -> str:
-    """Why the drive was not led at all."""
-    doubt = bench.node.receiver.doubt(bench.time_s)
-    return TEXT("never_led", why=doubt or TEXT("estimate_lost" if trace.lost[-1] else "not_ready"))
 
 
 _AGAIN_S: Final = 1.0  # between further alarms

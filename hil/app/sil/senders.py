@@ -3,80 +3,63 @@
 import contextlib
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import can
 
 from hil.app.scenario.bus_scenario import JogTable, Step
-from hil.bus.catalogue import FrameCatalogue
 from hil.bus.protection import FrameTransmitter
-from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, heartbeat
+from hil.nodes.frame_map import ENABLE, FrameMap, controllers_frames, frames, heartbeat
 from hil.nodes.operator import SETPOINT
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 from hil.simulated.medium import Medium, SimulatedBus
 
 _AFTER_S: Final = 7e-3  # by which the second operator begins after its fault
 _RELEASED_S: Final = 2 * CYCLE_S  # for which it sends a release first
-_BACK_M_S: Final = -0.4  # speed that it asks for
+_BACK_M_S: Final = -0.4  # speed that it asks for then, as fast backwards as the frame allows
+_SECOND: Final = (Step("release", 0.0, _AFTER_S + _RELEASED_S), Step("speed", _BACK_M_S, math.inf))
 
 
 class ScriptedOperator:
-    """Sends one setpoint of `jog` in each cycle; `presses` counts presses; after `let_go` it stays released."""
+    """Sends one setpoint of `steps`, which count from `origin_s` (nan: the first call) on, in each cycle as `source`,
+    the first `after_s` later. `presses` counts presses; after `let_go` it stays released.
+    """
 
-    def __init__(self, bus: can.BusABC, jog: JogTable) -> None:
+    def __init__(
+        self, bus: can.BusABC, source: str, life_ms: float, steps: Sequence[Step], origin_s: float, after_s: float = 0.0
+    ) -> None:
         self.let_go, self.presses = False, 0
-        self._now = 0.0
-        self._sender = OperatorSender(bus, jog.source, jog.life_ms, clock=lambda: self._now)
-        self._steps = jog.planned()
-        self._ends = list(itertools.accumulate(step.seconds for step in self._steps))
-        self._due_s, self._held = 0.0, False
+        self._now, self._origin_s, self._due_s = 0.0, origin_s, after_s
+        self._sender = OperatorSender(bus, source, life_ms, clock=lambda: self._now)
+        self._steps, self._held = steps, False
+        self._ends = list(itertools.accumulate(step.seconds for step in steps))
 
     def send(self, now: float) -> None:
         """Send the setpoint that is due until `now` in s."""
-        if now < self._due_s:
+        self._origin_s = now if math.isnan(self._origin_s) else self._origin_s
+        since_s = now - self._origin_s
+        if since_s < self._due_s:
             return
         self._now = now
         self._due_s += CYCLE_S
-        step = None if self.let_go else self._step(now)
+        due = (step for step, end in zip(self._steps, self._ends, strict=True) if since_s < end)
+        step = None if self.let_go else next(due, None)
         held = step is not None and step.mode != "release"
         self.presses += held and not self._held
         self._held = held
         self._sender.steer("release" if step is None else step.mode, 0.0 if step is None else step.value)
         self._sender.listen()
 
-    def _step(self, now: float) -> Step | None:
-        return next((step for step, end in zip(self._steps, self._ends, strict=True) if now < end), None)
 
-
-class SecondOperator:
-    """A second operator: released for two cycles, then as fast backwards as the frame allows."""
-
-    def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: FrameCatalogue) -> None:
-        names = catalogue[SETPOINT].field("Source").names.values()
-        other = next(name for name in names if name != jog.source)
-        self._now = 0.0
-        self._senders = {
-            target: OperatorSender(bus, source, jog.life_ms, clock=lambda: self._now)
-            for target, source in (("same", jog.source), ("other", other))
-        }
-        self._began_s, self._due_s = math.nan, -math.inf
-        self.presses = 0
-
-    def send(self, now: float, target: str) -> None:
-        """Send the setpoint that is due until `now` in s; `target` is "same" or "other"."""
-        if math.isnan(self._began_s):
-            self._began_s, self._due_s = now, now + _AFTER_S
-        if now < self._due_s:
-            return
-        self._now = now
-        self._due_s += CYCLE_S
-        sender = self._senders[target]
-        if now - self._began_s < _AFTER_S + _RELEASED_S:
-            sender.release()
-        else:
-            self.presses += target == "same" and not self.presses
-            sender.speed(_BACK_M_S)
-        sender.listen()
+def second_operators(bus: can.BusABC, jog: JogTable) -> dict[str, ScriptedOperator]:
+    """An operator of the same source as `jog`, and one of another: released for two cycles, then backwards."""
+    other = next(name for name in frames()[SETPOINT].field("Source").names.values() if name != jog.source)
+    named = {"same": jog.source, "other": other}
+    return {
+        target: ScriptedOperator(bus, source, jog.life_ms, _SECOND, math.nan, _AFTER_S)
+        for target, source in named.items()
+    }
 
 
 class FalseController:

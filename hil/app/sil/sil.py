@@ -12,11 +12,12 @@ from typing import Annotated, Any, Final, Self
 
 import can
 
+from controller.choice.choose import Progress
 from controller.model.control_model import ControlModel
 from controller.registry import CONTROLLERS
 from controller.supervision.fallback import DONE
 from hil.app import shared_options as options
-from hil.app.console import json_text, output_to_notes, part_of, print_json, progress_bar
+from hil.app.console import answer, json_text, output_to_notes, part_of, progress_bar
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
@@ -25,12 +26,10 @@ from hil.app.scenario.model_use import Offered, offer_document, offer_of, read_o
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.learning_page import learning_files
-from hil.app.sil.loop import SilTrace, judged_loop, learning_of, run_sil
+from hil.app.sil.loop import TEXT, SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.testbed import believed_on_bus
-from hil.app.track.loop import Progress
-from hil.app.track.page import page_html
 from hil.app.track.score import document, score
-from hil.app.track.summary import LoopRun, lines_of, say
+from hil.app.track.summary import LoopRun, lines_of, lines_of_runs, page_html
 from hil.app.write import check_folder, check_mcap, own_folder, write_files
 from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
@@ -39,9 +38,7 @@ from hil.nodes.frame_map import frames
 from hil.nodes.remedies import remedy
 from models.effects import Catalogue
 from models.files.toml import check_word
-from models.words.sentences import Sentences
 
-TEXT: Final = Sentences(__file__)
 PAGE: Final = "sil.html"
 
 
@@ -99,10 +96,7 @@ def sil(
             head = TEXT("run", kind=scenario.loop.kind, seconds=scenario.loop.duration_s, seed=number)
             if out is not None:
                 write_files({out / PAGE: page_html(head, runs), out / "sil.json": json_text(documents)})
-    if json_output:
-        print_json(documents)
-    else:
-        say(head, runs, None if out is None else out / PAGE)
+    answer(json_output, documents, *lines_of_runs(head, runs, out and out / PAGE))
     return int(any(one.found["ended"] != DONE for one in runs))
 
 

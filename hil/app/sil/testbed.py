@@ -13,13 +13,13 @@ import can
 
 from controller.model.control_model import ControlModel, control_model
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.sil.senders import FalseController, ScriptedOperator, SecondOperator
+from hil.app.sil.senders import FalseController, ScriptedOperator, second_operators
 from hil.bus.authenticated import AuthenticatedBus, inside, read_key
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
-from hil.log.recorder import Recorder
+from hil.log.recorder import START, Recorder
 from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.node import ControllerNode, Tick
+from hil.nodes.node import ControllerNode, NodeTick
 from hil.nodes.operator import SETPOINT
 from hil.nodes.task import Task
 from hil.simulated.faults import LIES, SETPOINTS, Fault
@@ -96,14 +96,14 @@ class Bench:
             drive=drive,
             draw=partial(random.Random(seed).getrandbits, 32),
         )
-        self.ends = ends
+        self.ends, self.slots = ends, self.plant.slots
         jog = scenario.jog
-        self.operator = self.second = None
+        self.operator, self.second = None, dict[str, ScriptedOperator]()
         if jog is not None:
-            self.operator = ScriptedOperator(self._authentic(SimulatedBus(self.medium, "operator")), jog)
+            port = self._authentic(SimulatedBus(self.medium, "operator"))
+            self.operator = ScriptedOperator(port, jog.source, jog.life_ms, jog.planned(), 0.0)
             if "second_operator" in self._kinds:
-                second = self._authentic(SimulatedBus(self.medium, "second operator"))
-                self.second = SecondOperator(second, jog, frames())
+                self.second = second_operators(self._authentic(SimulatedBus(self.medium, "second operator")), jog)
         self.ticks = 0
         self._active: list[Fault] = []
         self._due = list(scenario.faults)
@@ -130,7 +130,7 @@ class Bench:
     @property
     def steered(self) -> tuple[float, float, float, float]:
         """Reference in m, source that steers, how often one began to steer, how often an operator pressed."""
-        pressed = sum(one.presses for one in (self.operator, self.second) if one is not None)
+        pressed = sum(one.presses for one in (self.operator, self.second.get("same")) if one is not None)
         operator = self.node.operator
         source, presses = (0, 0) if operator is None else (operator.source, operator.presses)
         return self.node.wanted_m(self.time_s), source, presses, pressed
@@ -143,10 +143,10 @@ class Bench:
         """Start the node with the reference at 0; with a probe, where the capsule is after it."""
         here = self.scenario.loop.control.probe
         if self._recorder is not None:
-            self._recorder.start(self.time_s, math.nan if here else 0.0)
+            self._recorder.note(self.time_s, START, math.nan if here else 0.0)
         self.node.start(self.time_s, None if here else 0.0)
 
-    def begin_tick(self) -> Tick | None:
+    def begin_tick(self) -> NodeTick | None:
         """The controller's part of a tick; None where it is killed or frozen."""
         now = self.time_s
         self._change(now)
@@ -171,8 +171,8 @@ class Bench:
         if self.operator is not None:
             self.operator.send(at)
         for fault in self._active:
-            if self.second is not None and fault.kind == "second_operator":
-                self.second.send(at, fault.target)
+            if self.second and fault.kind == "second_operator":
+                self.second[fault.target].send(at)
         if (port := self._babbler) is not None and any(f.kind == "babbling" for f in self._active):
             while len(port.waiting) < 16:
                 port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
@@ -184,10 +184,6 @@ class Bench:
         """Let the wire run until the next tick."""
         self.ticks += 1
         self.medium.advance(self.time_s)
-
-    @property
-    def slots(self) -> int:
-        return self.plant.slots
 
     def _bus(self, name: str, seed: int) -> can.BusABC:
         """The bus of a node: its port, behind a link where a fault tampers with what it receives."""

@@ -3,7 +3,7 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
 from types import MappingProxyType
@@ -12,15 +12,17 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.closed_loop import Asked, ClosedLoop
+from controller.choice.choose import Progress
+from controller.closed_loop import Asked, ClosedLoop, Tick
 from controller.drives import DRIVES
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
 from controller.monitor import Health
-from controller.signals import Action, Estimate, Measurement
+from controller.signals import Array, Measurement
 from controller.supervision.fallback import Event
-from controller.supervision.model_switch import Offer
+from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.supervision.supervisor import Supervisor
 from controller.vibro.cycles import in_time
 from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
@@ -29,8 +31,6 @@ from plant.drives import TrueMagnetPair
 from plant.rig import Truth
 from plant.session import Session
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 _REPORTS = 50  # of the progress
 
 
@@ -73,17 +73,22 @@ class LoopTrace:
         a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
         return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, **more)
 
-    def note(
-        self, k: int, now: float, estimate: Estimate, action: Action, wall: int | None, times: tuple[float, float]
-    ) -> None:
-        """Fill in tick `k`."""
-        self.time_s[k], self.command[k] = now, action.command
-        self.position_m[k], self.disturbance_N[k] = estimate.state[0], estimate.disturbance_N
-        if wall is not None:
-            self.wall_m[k] = estimate.state[wall]
-        self.lost[k] = estimate.lost
-        self.status.append(action.status)
-        self.estimate_s[k], self.solve_s[k] = times
+    def note(self, k: int, tick: Tick, model: ControlModel) -> None:
+        """Fill in tick `k` of a loop that began with the `model`."""
+        self.time_s[k], self.command[k] = tick.time_s, tick.action.command
+        self.position_m[k], self.disturbance_N[k] = tick.estimate.state[0], tick.estimate.disturbance_N
+        if "u" in model.states:
+            self.wall_m[k] = tick.estimate.state[model.index("u")]
+        self.lost[k] = tick.estimate.lost
+        self.status.append(tick.action.status)
+        self.active.append(tick.active)
+        self.estimate_s[k], self.solve_s[k] = tick.seconds
+
+    def finish(self, session: Session, supervisor: Supervisor, estimator: ModelSwitch) -> None:
+        """Take over what a loop's parts know at its end."""
+        self.rows, self.events = np.concatenate(session.rows), list(supervisor.events)
+        self.counts, self.taken_at, self.health = estimator.counts, estimator.taken_at, estimator.health
+        self.switched = estimator.switched
 
 
 def believed_model(scenario: TrackScenario, values: Theta, before: ControlModel | None = None) -> ControlModel:
@@ -100,14 +105,10 @@ def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | Non
     """The magnet's height in m where it is commanded: that of the model `before`, else chosen anew."""
     if before is not None and before.rig.magnets is not None:
         return before.rig.magnets.height_m
-    chosen = choose_height(scenario.belief, values, _fastest(scenario))
-    return None if chosen is None else chosen.height_m
-
-
-def _fastest(scenario: TrackScenario) -> float:
-    """The largest speed of the reference in m/s."""
     times = np.arange(0.0, scenario.duration_s, scenario.control.tick_s)
-    return float(np.max(np.abs(scenario.reference.speed(times))))
+    fastest = float(np.max(np.abs(scenario.reference.speed(times))))
+    chosen = choose_height(scenario.belief, values, fastest)
+    return None if chosen is None else chosen.height_m
 
 
 def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
@@ -151,18 +152,13 @@ def run_loop(
     plant = _Plant(Session(truth, scenario.instruments, seed, loop.supervisor.issued.command))
     ticks = round(scenario.duration_s / scenario.control.tick_s)
     trace = LoopTrace.empty(ticks)
-    wall = model.index("u") if "u" in model.states else None
     began = time.perf_counter()
     for k, tick in enumerate(loop.run(plant, ticks)):
-        trace.note(k, tick.time_s, tick.estimate, tick.action, wall, tick.seconds)
-        trace.active.append(tick.active)
+        trace.note(k, tick, model)
         if report is not None and k % max(1, ticks // _REPORTS) == 0:
             report(controller, k / ticks)
     trace.wall_clock_s = time.perf_counter() - began
-    supervisor, switch = loop.supervisor, loop.estimator
-    trace.rows, trace.measured = np.concatenate(plant.session.rows), np.array(plant.places).reshape(-1, 2)
-    trace.events, trace.truth = list(supervisor.events), truth
-    trace.halted, trace.first = supervisor.halted, supervisor.first
-    trace.switched = switch.switched
-    trace.counts, trace.taken_at, trace.health = switch.counts, switch.taken_at, switch.health
+    trace.finish(plant.session, loop.supervisor, loop.estimator)
+    trace.measured, trace.truth = np.array(plant.places).reshape(-1, 2), truth
+    trace.halted, trace.first = loop.supervisor.halted, loop.supervisor.first
     return trace

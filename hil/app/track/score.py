@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.limits import Limits
-from controller.signals import Status
+from controller.signals import Array, Status
 from hil.app.scenario.checks import TrackChecks, last_fault_s, legs, rests
 from hil.app.scenario.model_use import health_of
 from hil.app.scenario.scenario import TrackScenario
@@ -19,7 +18,6 @@ from plant import layout as at
 from plant.drives import Carriage, TrueCoil, TrueMagnetPair, TrueVibro
 from plant.rig import Truth
 
-Array = NDArray[np.float64]
 HARD: Final = ("speed", "force", "gap", "current")
 """Limits of the true state, those of `shares`; the others limit the command."""
 STAYING_S: Final = 1.0

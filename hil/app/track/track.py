@@ -10,15 +10,14 @@ import typer
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app import shared_options as options
-from hil.app.console import json_text, output_to_notes, part_of, print_json, progress_bar
+from hil.app.console import answer, json_text, output_to_notes, part_of, progress_bar
 from hil.app.scenario.chosen import Believed, Leading, leading_of, mission_of, switched
 from hil.app.scenario.model_use import offer_document, offer_of, read_offer
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.shared_options import argument, option
 from hil.app.track.loop import believed_model, run_loop
-from hil.app.track.page import page_html
 from hil.app.track.score import document, score, verdicts
-from hil.app.track.summary import TEXT, LoopRun, lines_of, say
+from hil.app.track.summary import TEXT, LoopRun, lines_of, lines_of_runs, page_html
 from hil.app.write import own_folder, write_files
 from models.effects import Catalogue
 
@@ -53,10 +52,7 @@ def track(
             head = TEXT("run", kind=scenario.kind, seconds=scenario.duration_s, seed=number)
             if out is not None:
                 write_files({out / "track.html": page_html(head, runs), out / "track.json": json_text(documents)})
-    if json_output:
-        print_json(documents)
-    else:
-        say(head, runs, None if out is None else out / "track.html")
+    answer(json_output, documents, *lines_of_runs(head, runs, out and out / "track.html"))
     failed = any(not check["passed"] for run in runs for check in run.found["checks"])
     return int(failed or any(run.trace.halted for run in runs))
 

@@ -17,7 +17,7 @@ from models.identification.kinds.friction import FrictionKind
 from models.identification.kinds.periods import PeriodsKind
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.kinds.vibro_table import VibroTableKind
 from models.parameter import Name, Parameter, nearest
 from models.records.record import USED, Record, named
 from models.rigs.benches import AXIS, DRIVEN_AXIS

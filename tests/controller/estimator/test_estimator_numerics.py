@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.estimator.cubature_filter import Process
-from controller.estimator.kernels import fuse, root
+from controller.estimator.kernels import root
 from controller.estimator.ukf import FilterpyProcess, safe_root
 from controller.tuned import FilterNoise
+from tests.controller.estimator.cubature import Process, fuse
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp

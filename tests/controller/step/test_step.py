@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -114,13 +115,29 @@ def test_an_unreadable_estimate_stops_the_drive_and_raises_nothing() -> None:
     assert in_c.active == "stop"
 
 
+def test_bounds_of_the_call_lead_a_command_and_let_a_stop_end_at_rest() -> None:
+    """The least command is a push that the controller did not ask for; a stop goes to 0 all the same."""
+    model = model_of("coil")
+    run = both(model, "feedforward", TRUTH["coil"], FAR, 300)
+    for supervisor, estimate in zip(run.supervisors, run.estimates[-1], strict=True):
+        for room in ((0.3, 0.3), (-0.05, -0.01)):
+            supervisor.room = room
+            for k in range(300, 304):
+                command = supervisor.act(k * model.tick_s, replace(estimate, time_s=k * model.tick_s), FAR).command
+            assert room[0] <= command <= room[1]
+        supervisor.halt("asked")
+        for k in range(304, 450):
+            command = supervisor.act(k * model.tick_s, estimate, FAR).command
+        assert command == 0
+
+
 def test_a_copied_state_goes_on_to_the_last_bit() -> None:
     """One function over one state of fixed size: a copy of the memory is a copy of the controller."""
     model = model_of()
     found = compiled("mpc", model, envelope_of(model.drive))
     assert found is not None
     library, given = found.library, found.library.In()
-    given.most, given.temperature_C, given.in_force = math.inf, 20.0, math.nan
+    given.least, given.most, given.temperature_C, given.in_force = -math.inf, math.inf, 20.0, math.nan
     state, answers = memory(library.state), [Out(), Out()]
     library.functions.capsule_init(
         ctypes.byref(state), pointer_to(found.numbers), ctypes.c_double(0.0), ctypes.c_double(0.0)

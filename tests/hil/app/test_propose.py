@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil.app.effects import effect_text
 from hil.app.main import run
-from hil.app.propose import effect_text
 from hil.app.write import write_table
 
 PLACE_M, WIDTH_M, FORCE_N = 0.015, 0.006, 6.0

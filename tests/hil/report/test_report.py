@@ -13,9 +13,9 @@ from plotly.offline import get_plotlyjs_version
 from hil.app.console import json_text
 from hil.report.builder import PLOTLY
 from hil.report.closed_loop import report_html
+from hil.report.figure_traces import binned, panels
 from hil.report.mathml import equations_html, line_html, math_html
 from hil.report.numbers import error_rows, report_json
-from hil.report.panels import binned, panels
 from hil.report.theme import thinned
 from hil.report.words import column_words, error_words, headline, interpolation
 from models.effects import CATALOGUE

@@ -9,6 +9,7 @@ from hil.nodes.frame_map import (
     ENABLE,
     ENABLED,
     FAULT,
+    MOVING,
     OFF,
     OVER_CURRENT,
     QUICK_STOP,
@@ -19,7 +20,7 @@ from hil.nodes.frame_map import (
     TIME_TO_LIVE,
     WAITING,
 )
-from hil.simulated.state_machine import BOOT_S, SELF_TEST_S, DriveFacts, Stage, may_move, next_stage
+from hil.simulated.state_machine import BOOT_S, SELF_TEST_S, DriveFacts, Stage, next_stage
 from tests.hil.ticks import SLOT
 
 LEAD = (OFF, READY, ENABLE)
@@ -47,7 +48,7 @@ def test_only_off_ready_enable_in_turn_leads_up() -> None:
     assert led(*LEAD).state == ENABLED
     for modes in ((READY, ENABLE), (ENABLE,), (OFF, ENABLE), (OFF, QUICK_STOP, ENABLE), (READY, READY, ENABLE)):
         assert led(*modes).state in (STANDBY, WAITING)
-        assert not may_move(led(*modes))
+        assert led(*modes).state not in MOVING
     assert led(*LEAD, answered=False).state == STANDBY
 
 
@@ -118,12 +119,12 @@ def test_no_way_around_the_order(told: list[DriveFacts]) -> None:
             assert after.state == STANDBY
             assert (one.reset, one.cause, one.at_rest) == (stage.fault, 0, True)
             assert not after.armed
-        if may_move(after) and not may_move(stage):
+        if after.state in MOVING and stage.state not in MOVING:
             assert stage.state == WAITING
             assert (one.mode, one.alive, one.safe_stop, one.cause) == (ENABLE, True, False, 0)
         if after.state == WAITING != stage.state:
             assert one.answered
-        if may_move(after):
+        if after.state in MOVING:
             assert (one.alive, one.safe_stop, one.mode) == (True, False, ENABLE)
         assert (after.fault > 0) == (after.state == FAULT)
         stage = after

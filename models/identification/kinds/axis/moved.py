@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from models.checks.estimators import runs_of
+from models.checks.estimators import regressed, runs_of
 from models.checks.speeds import agreement
 from models.checks.usable import used
 from models.identification.kind import Array
@@ -187,7 +187,4 @@ def inertia_of(force: Array, m: AxisMotion, band: float) -> float:
     """Mass (inertia) by linear regression of the force, for the effect of a noisy acceleration."""
     rows = np.column_stack([m.a, m.v, np.sign(m.v), m.x, np.ones_like(m.a)])
     filtered = np.column_stack([decimate(column, m.rate, band) for column in rows.T])
-    scale = np.maximum(np.std(filtered, axis=0), 1e-300)
-    scale[-1] = 1.0
-    weights, *_ = np.linalg.lstsq(filtered / scale, decimate(force, m.rate, band), rcond=None)
-    return abs(float(weights[0] / scale[0]))
+    return abs(float(regressed(filtered, decimate(force, m.rate, band))[0]))

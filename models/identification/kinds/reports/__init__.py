@@ -11,7 +11,7 @@ from models.identification.kinds.friction import FrictionKind
 from models.identification.kinds.periods import PeriodsKind
 from models.identification.kinds.reports import axis, dma, friction, periods, series, vibro_table
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.kinds.vibro_table import VibroTableKind
 
 AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
 _REPORTS: Final[Mapping[type, ModuleType]] = {

@@ -11,9 +11,9 @@ from models.formula import Line, called, equal, symbols
 from models.identification.finding import Alike
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds.table import distinct
-from models.identification.kinds.vibro_table.solver import GRAVITY
-from models.identification.kinds.vibro_table.vibro_table import VibroTableKind
+from models.identification.kinds.vibro_table import VibroTableKind
 from models.identification.settings import SET
+from models.laws.geometry import GRAVITY
 from models.records.record import Record
 from models.rigs.benches import VIBRO_TABLE
 from models.theta import Theta

@@ -22,7 +22,7 @@ import dask
 from distributed import Client
 from distributed.cli import dask_scheduler, dask_worker
 
-from hil.app import version
+from hil.app import cluster
 from hil.app.campaign import running as campaign
 from hil.app.campaign import worker
 from hil.app.campaign.dask_cluster import scheduled
@@ -61,9 +61,9 @@ class Cluster:
 
 def old_worker(words: list[str]) -> None:
     """A worker with another version of the program."""
-    version.program_version = lambda: "0.1 of yesterday"  # type: ignore[assignment]
-    worker.program_version = version.program_version
-    version.program_version.__module__, version.program_version.__qualname__ = version.__name__, "program_version"
+    cluster.program_version = lambda: "0.1 of yesterday"  # type: ignore[assignment]
+    worker.program_version = cluster.program_version
+    cluster.program_version.__module__, cluster.program_version.__qualname__ = cluster.__name__, "program_version"
     dask_worker.main(words)
 
 

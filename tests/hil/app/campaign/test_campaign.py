@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 
 from hil.app.campaign.file import laid_over, load_campaign, nested
 from hil.app.campaign.page import Runs, page_html
-from hil.app.campaign.running import Results, chunks
+from hil.app.campaign.running import Results
 from hil.app.campaign.worker import TRIES, Loop, pooled, run_job
+from hil.app.cluster import program_version
 from hil.app.main import run
-from hil.app.version import program_version
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed
 from tests.places import SCENARIOS
@@ -157,13 +157,6 @@ def test_a_file_cut_anywhere_keeps_its_whole_lines(
     again.close()
     numbers = [json.loads(line)["run"] for line in path.read_bytes().splitlines()[1:]]
     assert sorted(numbers) == sorted({number for part in parts for number in part})
-
-
-@given(st.integers(0, 100), st.integers(1, 9))
-def test_chunks_are_all_runs_in_order(count: int, size: int) -> None:
-    parts = chunks(range(count), size)
-    assert [number for part in parts for number in part] == list(range(count))
-    assert all(1 <= len(part) <= size for part in parts)
 
 
 def job(number: int, raw: dict[str, Any]) -> Loop:

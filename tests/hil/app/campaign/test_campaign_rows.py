@@ -11,15 +11,14 @@ import pyarrow.parquet
 import pytest
 
 from hil.app.campaign import running, worker
+from hil.app.campaign.campaign import write_table
 from hil.app.campaign.file import load_campaign
 from hil.app.campaign.page import Runs, page_html
 from hil.app.campaign.running import Results, run_missing
 from hil.app.campaign.series import find_series
-from hil.app.campaign.table import write_table
 from hil.app.campaign.worker import Loop, pooled, run_job
-from hil.app.cluster import Workers
+from hil.app.cluster import Workers, program_version
 from hil.app.main import run
-from hil.app.version import program_version
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import RUNS, rows_of
 from tests.hil.app.campaign.test_campaign_folders import write_axis

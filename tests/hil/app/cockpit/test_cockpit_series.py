@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from hil.app.cockpit.panels import Line, panels_of
-from hil.app.cockpit.series import BIN_S, HEAD, KEPT_S, LineFeed, Ring, Samples
+from hil.app.cockpit.source import BIN_S, HEAD, KEPT_S, LineFeed, Ring, Samples
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.frame_map import FRAME_MAPS
 
 CATALOGUE = load_catalogue()
-LINE = Line("x", "CapsuleLocalisation", lambda values, _: (values["Position_m"], values["Position_m"]), "teal")
+LINE = Line("x", "CapsuleLocalisation", "Position_m", "teal")
 NAME = LINE.frame
 
 

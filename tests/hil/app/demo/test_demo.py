@@ -19,11 +19,10 @@ from hypothesis import strategies as st
 import hil.app.demo.demo as demo_module
 import hil.app.demo.example as example_module
 from controller.supervision.acceptance import Acceptance
-from hil.app.demo.demo import demo
+from hil.app.demo.demo import demo, results_of
 from hil.app.demo.example import NEXT_RECORD, PRINTED, SCENARIOS, ExampleResult, Mission, Progress
 from hil.app.demo.loop import LEARNING, LOOPS, LearningExample, LoopExample, admitted
 from hil.app.demo.page import demo_html
-from hil.app.demo.worker import results_of
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer
 from hil.app.main import run

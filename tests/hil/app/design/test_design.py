@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.app.design.vibro import study_of
+from hil.app.design.design import study_of
 from hil.app.main import run
 from tests.conftest import RIG
 

@@ -29,6 +29,7 @@ static void sound(capsule_in *in, double time_s, double place_m, unsigned long t
     in->reading[1] = (capsule_reading){time_s - 4e-3, (real)(place_m + near(5e-4)), CAPSULE_POSITION};
     in->readings = tick % 5 == 0 ? 2 : 1;
     in->in_force = (real)NAN;
+    in->least = -(real)INFINITY;
     in->most = (real)INFINITY;
     in->temperature_C = 25;
     for (int k = 0; k <= CAPSULE_STAGES; k++) in->position_m[k] = (real)(place_m + near(1e-4));

@@ -26,7 +26,8 @@ from tests.hil.app.export.tools import HERE, WARNINGS, done, tool
 from tests.places import ROOT
 
 SHIPPED = ROOT / "examples" / "deployment"
-WAYS = ("feedforward", "mpc", "feedforward --float32", "mpc --float32", "coil", "vibro")
+SHORT = "mpc --particles 100 --short-plan"
+WAYS = ("feedforward", "mpc", "feedforward --float32", "mpc --float32", SHORT, "coil", "vibro")
 COIL = """[rig]
 kind = "coil"
 force_constant_N_per_A = 0.5
@@ -260,7 +261,7 @@ def test_cmake_builds_it(made: Callable[..., Path], tmp_path: Path) -> None:
     assert "100% tests passed" in done([ctest], tmp_path)
 
 
-@pytest.mark.parametrize("way", ["feedforward", "mpc", "feedforward --float32", "coil", "vibro"])
+@pytest.mark.parametrize("way", ["feedforward", "mpc", SHORT, "feedforward --float32", "coil", "vibro"])
 def test_native_node_leads_the_simulated_plant(way: str, made: Callable[..., Path], tmp_path: Path) -> None:
     scenario = short(tmp_path, way.split()[0])
     found = led(native(made(way)), scenario, 4.0)
@@ -349,7 +350,10 @@ def test_native_node_leads_on_a_real_can_bus(made: Callable[..., Path], tmp_path
     try:
         assert plant.stdout is not None
         assert plant.stdout.readline().strip() == "ready"
-        assert "ended: done" in done([folder / "build" / "node", "vcan0", "5"], folder)
+        said = done([folder / "build" / "node", "vcan0", "5", "vcan.log"], folder)
+        assert "ended: done" in said
+        assert "missing in the log 0" in said
+        assert run(["replay", str(folder / "vcan.log")]) == 0
     finally:
         plant.terminate()
         plant.wait()
@@ -368,7 +372,9 @@ def test_native_node_leads_on_a_real_can_bus(made: Callable[..., Path], tmp_path
         (["controller", "d.toml", "--out", "d.toml"], "folder"),
         (["controller", "pid.toml", "--out", "o"], "control.controller"),
         (["estimator", "pull.toml", "--out", "o"], "rig.kind"),
+        (["controller", "d.toml", "--short-plan", "--out", "o"], "--short-plan"),
         (["fmu", "d.toml", "--float32", "--out", "o.fmu"], "--float32"),
+        (["fmu", "d.toml", "--particles", "100", "--out", "o.fmu"], "--particles"),
         (["controler", "d.toml", "--out", "o"], "did you mean 'controller'?"),
     ],
 )

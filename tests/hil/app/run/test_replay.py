@@ -190,7 +190,7 @@ def test_times_are_kept_to_the_last_bit(tmp_path: Path) -> None:
     time_s = 3 * 0.1
     with LockstepLog(tmp_path / "a.blf", {}) as log:
         recorder = Recorder(log)
-        recorder.start(0.25, time_s)
+        recorder.note(0.25, START, time_s)
         recorder.unsolved(time_s)
         recorder(can.Message(time_s, SYNC, False, data=b"1", is_rx=False))
         recorder(can.Message(time_s, 0x200, False, data=b"2", is_rx=True))

@@ -28,7 +28,7 @@ from hil.log.log import LockstepLog
 from hil.log.reader import read_frames
 from hil.log.recorder import Recorder
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
-from hil.nodes.node import ControllerNode, Tick
+from hil.nodes.node import ControllerNode, NodeTick
 from hil.nodes.operator import OperatorLimits
 from plant import layout as at
 from tests.hil.app.docs.ends import RUN_ENDS
@@ -42,7 +42,7 @@ class Rig(ControllerNode):
     bench: Bench
     each: Callable[[float], None]
 
-    def tick(self, now: float, solved: bool = True) -> Tick:
+    def tick(self, now: float, solved: bool = True) -> NodeTick:
         """One tick, then the rest of it on the wire."""
         self.each(now)
         self.bench._change(now)
@@ -212,7 +212,7 @@ def test_beside_another_controller_nothing_is_sent(
     def speak() -> None:
         with LocalBus(channel) as other:
             for tick in range(1 << 30):
-                data = sync.frame({"Tick": tick, "Period_s": 2e-3})
+                data = sync.frame({"NodeTick": tick, "Period_s": 2e-3})
                 other.send(can.Message(arbitration_id=catalogue["Sync"].id, is_extended_id=False, data=data))
                 while (message := other.recv(0)) is not None:
                     heard.append(message.arbitration_id)

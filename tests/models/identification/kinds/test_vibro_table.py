@@ -1,31 +1,27 @@
-"""The capsubot's mean speed: reference speeds, symmetry, effects in the solver, the criterion, measured runs."""
+"""The capsubot's mean speed: reference speeds, symmetry, effects, the criterion, measured runs."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from models.assembly.model import assemble
+from models.compiled.cycles import STEP_S, Cycles
+from models.drives.vibro import Vibro
 from models.effects.drive import CoilLag
-from models.effects.effect import InnerMassEffect, Signals
+from models.effects.effect import Signals
 from models.effects.force import InclineGravity
 from models.effects.inner_mass import SpringDamping
 from models.formula import line_text
 from models.identification.kinds.reports import vibro_table as report
 from models.identification.kinds.reports.vibro_table import cross_validated, reversal
-from models.identification.kinds.vibro_table.solver import (
-    VibroCycle,
-    drive_force,
-    friction,
-    mean_velocities,
-    resistance,
-    suspension_force,
-)
-from models.identification.kinds.vibro_table.vibro_table import FIELDS, PlateAsymmetry, VibroTableKind, vibro_cycle
+from models.identification.kinds.vibro_table import PlateAsymmetry, VibroTableKind
 from models.identification.search.search import search
+from models.laws.geometry import GRAVITY
 from models.records.record import Record
 from models.rigs.reader import parse_rig
+from models.surfaces.surface import Plate
 from models.theta import Theta
-from tests.models.running import settled
 
 RIG = {
     "rig": {"kind": "vibro_table"},
@@ -36,8 +32,16 @@ RIG = {
 KIND = VibroTableKind.from_rig(parse_rig(RIG))
 MIRRORED = replace(KIND, base=tuple(p.at(-1.0) if p.name == "mirror" else p for p in KIND.base))
 EFFECTS = KIND.effects
-NOMINAL = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * 9.81)
-SMALL = VibroCycle(0.0213, 0.0231, 360.0, 0.8, 0.7)
+SMALL = VibroTableKind.from_rig(
+    parse_rig(
+        RIG
+        | {
+            "capsule": {"mass_kg": 0.0213},
+            "drive": RIG["drive"] | {"inner_mass_kg": 0.0231, "spring_stiffness_N_per_m": 360.0, "force_N": 0.8},
+            "surface": {"kind": "plate", "friction_coefficient": 0.7 / (0.0444 * GRAVITY)},
+        }
+    )
+)
 DAMPED = Theta({"spring_stiffness_N_per_m": 286.5, "force_N": 3.16, "friction_coefficient": 0.6647, "mirror": -1.0})
 DAMPED |= {("spring_damping", "damping_N_s_per_m"): 2.349, ("coil_lag", "time_s"): 0.002788}
 
@@ -48,75 +52,68 @@ def record(period: object, duty: object, cycles: object, speed: object = 0.0) ->
     return Record("made", "vibro_table", {k: np.array(a) for k, a in zip(columns, arrays, strict=True)})
 
 
+def effects(**values: dict[str, float]) -> Theta:
+    return Theta(effects=values)
+
+
+def settled(
+    period: object, duty: object, cycles: int, settle: int, theta: Theta | None = None, kind: VibroTableKind = KIND
+) -> np.ndarray:
+    """Mean speeds over `cycles` periods after `settle` others from rest."""
+    before, whole = (n * kind.predict(record(period, duty, n), theta or Theta()) for n in (settle, settle + cycles))
+    return (whole - before) / cycles
+
+
 @pytest.mark.parametrize(
-    ("drive", "period", "duty", "speed"),
-    [(NOMINAL, 0.060, 0.3, -8.275e-3), (NOMINAL, 0.097, 0.14, 19.625e-3), (SMALL, 0.0441, 0.785, -75.85e-3)],
+    ("kind", "period", "duty", "speed"),
+    [(KIND, 0.060, 0.3, -8.275e-3), (KIND, 0.097, 0.14, 19.625e-3), (SMALL, 0.0441, 0.785, -75.85e-3)],
 )
-def test_steady_speeds_of_the_reference(drive: VibroCycle, period: float, duty: float, speed: float) -> None:
-    assert settled(period, duty, 200, drive, settle=400) == pytest.approx(speed, rel=2e-3)
+def test_steady_speeds_of_the_reference(kind: VibroTableKind, period: float, duty: float, speed: float) -> None:
+    assert settled([period], duty, 200, 400, kind=kind) == pytest.approx(speed, rel=2e-3)
 
 
 def test_linear_drive_is_antisymmetric_in_duty() -> None:
     duty = np.array([0.1, 0.25, 0.3, 0.4, 0.45])
-    forward = settled(0.085, duty, 100, NOMINAL, settle=600)
-    backward = settled(0.085, 1 - duty, 100, NOMINAL, settle=600)
+    forward, backward = settled(0.085, duty, 100, 600), settled(0.085, 1 - duty, 100, 600)
     assert np.max(np.abs(forward)) > 2e-3
     np.testing.assert_allclose(backward, -forward, atol=2e-5)
-    assert settled(0.085, 0.5, 100, NOMINAL, settle=600) == pytest.approx(0, abs=2e-5)
+    assert settled([0.085], 0.5, 100, 600) == pytest.approx(0, abs=2e-5)
 
 
 def test_a_squared_current_breaks_the_antisymmetry_and_a_lagging_force_does_not() -> None:
-    plain = NOMINAL._replace(damping=1.0)
-    for lagged, broken in ((plain._replace(force_lag_s=0.003), False), (plain._replace(current_lag_s=0.003), True)):
-        pair = settled(0.06, np.array([0.3, 0.7]), 50, lagged, settle=100)
+    for lag, broken in (("actuator_lag", False), ("coil_lag", True)):
+        lagged = effects(spring_damping={"damping_N_s_per_m": 1.0}) | effects(**{lag: {"time_s": 0.003}})
+        pair = settled(0.06, np.array([0.3, 0.7]), 50, 100, lagged)
         assert bool(abs(pair.sum()) > 1e-4) is broken
 
 
 def test_a_push_below_friction_moves_the_body_by_exactly_nothing() -> None:
-    weak = NOMINAL._replace(force_N=0.3, damping=0.5)
-    assert np.all(mean_velocities(np.array([0.03, 0.06, 0.3]), 0.3, 5000, weak) == 0.0)
+    weak = Theta({"force_N": 0.3}) | effects(spring_damping={"damping_N_s_per_m": 0.5})
+    assert np.all(KIND.predict(record(np.array([0.03, 0.06, 0.3]), 0.3, 5000), weak) == 0.0)
 
 
 def test_the_step_converges_and_the_periodic_short_cut_changes_nothing() -> None:
-    drive = vibro_cycle(Theta.of({**KIND.nominal(), **DAMPED}))
+    damped = tuple(e for e in KIND.effects if e.id in DAMPED.effects)
+    cycles = Cycles(assemble(Plate(0.193), Vibro(0.074), damped))
     period, duty = np.array([0.03, 0.06, 0.08, 0.1, 0.155]), np.array([0.7, 0.35, 0.3, 0.25, 0.3])
-    exact = mean_velocities(period, duty, 40, drive, step=1e-5)
-    errors = [np.max(np.abs(mean_velocities(period, duty, 40, drive, step=h) - exact)) for h in (2e-3, 1e-3, 5e-4)]
-    assert errors[0] < 1e-4
-    assert errors[1] < 0.3 * errors[0]
-    assert errors[2] < 0.3 * errors[1]
-    long = mean_velocities(period, duty, 4000, drive)
-    assert long == pytest.approx(settled(period, duty, 50, drive, settle=100), abs=2e-5)
+    runs = np.column_stack([period, duty, np.full(5, 40.0)])
+    exact = cycles.speeds(runs, DAMPED, 1e-5)
+    errors = [np.max(np.abs(cycles.speeds(runs, DAMPED, h) - exact)) for h in (1.2e-3, 6e-4, STEP_S)]
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.5 * errors[1]
+    assert errors[2] < 1e-4
+    long = KIND.predict(record(period, duty, 4000), DAMPED)
+    assert -long == pytest.approx(settled(period, duty, 50, 100, DAMPED | {"mirror": 1.0}), abs=2e-5)
 
 
 def test_friction_carries_the_momentum_that_the_outside_force_brings() -> None:
-    tilted = NOMINAL._replace(incline_N=2.0, force_N=0.0)
-    run = mean_velocities(0.1, 0.5, 10, tilted)
-    acceleration = (2.0 - NOMINAL.coulomb_N) / (NOMINAL.body_kg + NOMINAL.inner_kg)
+    tilted = Theta({"force_N": 0.0}) | effects(incline_gravity={"force_N": 2.0})
+    run = KIND.predict(record([0.1], 0.5, 10), tilted)
+    acceleration = (2.0 - 0.29 * (0.193 + 0.074) * GRAVITY) / (0.193 + 0.074)
     assert run == pytest.approx(acceleration * 1.0 / 2, rel=0.02)
 
 
-def test_solver_numbers_agree_with_the_effects_hooks() -> None:
-    rng = np.random.default_rng(3)
-    base = KIND.nominal()
-    plain = vibro_cycle(base)
-    for effect in EFFECTS:
-        p = {q.name: rng.uniform(max(q.lower, -1e3), min(q.upper, 1e6)) for q in effect.parameters()}
-        drive = vibro_cycle(Theta.of({**base, **{(effect.id, k): v for k, v in p.items()}}))
-        e = effect()
-        for xi, w, v in rng.normal(size=(20, 3)) * (0.02, 0.3, 0.05):
-            s = Signals(v=v, direction=np.sign(v))
-            level = friction(abs(v), int(np.sign(v)), drive) / plain.coulomb_N
-            assert level == pytest.approx(e.level(s, p, {}))
-            assert drive.incline_N - resistance(v, drive) == pytest.approx(e.force(s, p, {}))
-            if isinstance(e, InnerMassEffect):
-                extra = suspension_force(xi, w, drive) - suspension_force(xi, w, plain)
-                assert extra == pytest.approx(e.suspension(xi, w, p), abs=1e-9)
-                assert drive_force(1.0, xi, drive) == pytest.approx(plain.force_N * e.reach(xi, p))
-
-
-def test_every_parameter_of_every_effect_reaches_the_solver_and_zero_amplitude_is_no_effect() -> None:
-    assert set(FIELDS) == {(e.id, p.name) for e in EFFECTS for p in e.parameters()}
+def test_every_effect_shows_and_zero_amplitude_is_no_effect() -> None:
     kind = KIND
     runs = record([0.06, 0.1, 0.155], [0.3, 0.25, 0.7], 20)
     plain = kind.predict(runs, kind.nominal())
@@ -204,10 +201,6 @@ def test_the_mirror_is_settled_from_records() -> None:
 
 
 def test_bad_input_says_what_would_be_right() -> None:
-    with pytest.raises(ValueError, match=r"duty must lie in \[0, 1\]; got 1.5"):
-        mean_velocities(0.1, 1.5, 10, NOMINAL)
-    with pytest.raises(ValueError, match="period_s must be above 0"):
-        mean_velocities(0.0, 0.5, 10, NOMINAL)
     with pytest.raises(ValueError, match="effect must be one that acts"):
         KIND.predict(record(0.06, 0.3, 10), Theta.of({("tissue_drying", "rate"): 1.0}))
 

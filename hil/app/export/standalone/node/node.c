@@ -216,6 +216,7 @@ static void estimate(node *n, double now, int missed) {
     const int readings = in->readings;
     in->in_force = (real)in_force(n);
     in->temperature_C = (real)n->temperature_C;
+    in->least = -(real)INFINITY;
     in->most = (real)INFINITY;
     if (missed < 0) fail(n, "clock jumped");
     if (missed < 0 || !isfinite(n->last_s)) capsule_init(&n->capsule, &capsule_deployment, now, in->in_force);

@@ -13,7 +13,7 @@
 /* REPLAY_NEAR, REPLAY_FAR: largest difference of an answer in the first REPLAY_NEAR_TICKS and later; 0: identical to
    the last bit */
 
-#define INPUTS (10 + 3 * CAPSULE_READINGS + 2 * (CAPSULE_STAGES + 1))
+#define INPUTS (11 + 3 * CAPSULE_READINGS + 2 * (CAPSULE_STAGES + 1))
 #define COLUMNS (INPUTS + 2)
 #define MOST_TICKS 100000
 enum { LISTENS, BEGINS, CONTROLS }; /* phases of a tick */
@@ -60,6 +60,7 @@ static int filled(void) {
     at = take(in.position_m, at, CAPSULE_STAGES + 1);
     at = take(in.speed_m_s, at, CAPSULE_STAGES + 1);
     at = take(&in.next_speed_m_s, at, 1);
+    at = take(&in.least, at, 1);
     at = take(&in.most, at, 1);
     take(&in.temperature_C, at, 1);
     return phase;

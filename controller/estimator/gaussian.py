@@ -1,8 +1,9 @@
-"""The Gaussian estimator: late measurements are used where they belong, later ticks are computed again."""
+"""A Gaussian estimator: late measurements are used where they belong, later ticks are computed again."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
@@ -10,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from controller.estimator import base
-from controller.estimator.kernels import fuse, place_points, take_moments
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise
@@ -41,22 +41,15 @@ class Belief:
         self.time_s, self.command, self.surprise = other.time_s, other.command, other.surprise
 
 
-class Process:
+class Process(ABC):
     """The control model as a filter's process: `z+ = f(z, command) + w`."""
 
     def __init__(self, model: ControlModel, noise: FilterNoise) -> None:
         self.model, self.noise, self.level = model, noise, base.Level(model)
         self.where = np.array([k for k, name in enumerate(model.states) if name not in model.modes], dtype=np.int64)
         self.names = (*(model.states[k] for k in self.where), "disturbance", "level")
-        n = len(self.names)
         walks = [*map(noise.wander, self.names[:-2]), noise.force_wander_N, noise.level_wander]
         self._walk = np.array(walks) ** 2 * model.tick_s
-        self._scale = math.sqrt(n)
-        self._bounds = np.array([self.level.low, self.level.high, self.level.middle])
-        self._states = np.zeros((2 * n + 1, len(model.states)))
-        self._d, self._level, self._values = (np.zeros(2 * n + 1) for _ in range(3))
-        self._which = np.array([self.level.index])
-        self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
         shown = model.measured(x, t)
         self._plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
@@ -69,16 +62,9 @@ class Process:
         spread = [std_m, *spread, self.noise.force_std_N, self.noise.level_std]
         return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
+    @abstractmethod
     def predict(self, b: Belief, command: float) -> None:
         """Advance `b` by a tick in place, at the end of which the drive is at `command`."""
-        k, points = self.model.kernels, (self._states, self._d, self._level)
-        place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *points, self._values)
-        before = self.model.command_from(b.command, command)
-        moved = (self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
-        k.run_each(self._which, self._values[None, :], *moved)
-        take_moments(*points, self.where, self._scale, self._noise_of(b), b.z, b.P, b.modes)
-        b.time_s += k.tick_s
-        b.command = command
 
     def _noise_of(self, b: Belief) -> Array:
         """Variances (n,) that a tick adds to `b`."""
@@ -90,24 +76,11 @@ class Process:
         """The reading of the localisation in m at `b`."""
         return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
 
+    @abstractmethod
     def see(self, b: Belief, value: float, state: Name | None = None) -> float:
         """Use a localisation in place, or a reading of the `state`, such as a coil's current; its signed normalised
         innovation, beyond the gate if refused.
         """
-        std = self.noise.position_std_m if state is None else self.noise.feedback_std
-        row = 0 if state is None else self.names.index(state)
-        expected, self._H[:] = b.z[row], 0.0
-        if self._plain or state is not None:
-            self._H[row] = 1.0
-        else:
-            shown, slopes = self._seen(self.state(b), b.time_s)
-            expected = float(shown)
-            self._H[:-2] = np.asarray(slopes).ravel()[self.where]
-        off = value - expected
-        size = math.copysign(float(fuse(b.z, b.P, self._H, off, std**2, self.noise.gate, self._K)), off)
-        if state is None and abs(size) <= self.noise.gate:
-            b.surprise = self.noise.surprised(b.surprise, size)
-        return size
 
     def state(self, b: Belief) -> Array:
         """`b` as a state (n,) of the model."""
@@ -124,13 +97,12 @@ class _Tick:
     seen: list[Measurement] = field(default_factory=list)
 
 
-class CubatureEstimator(base.Estimator):
-    """A cubature Kalman filter with the control model as its process. After a late measurement the ticks since are
-    computed again, a bounded number. Some of its points stick while others slip, so the mean glides where the capsule
-    jumps.
+class GaussianEstimator(base.Estimator):
+    """A Kalman filter with the control model as its `process`. After a late measurement the ticks since are computed
+    again, a bounded number. Some of its points stick while others slip, so the mean glides where the capsule jumps.
     """
 
-    process: ClassVar[type[Process]] = Process
+    process: ClassVar[type[Process]]
 
     def __init__(self, model: ControlModel, noise: FilterNoise | None = None) -> None:
         super().__init__(model, noise)

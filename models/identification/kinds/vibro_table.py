@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
+from models.assembly.model import assemble
+from models.compiled.cycles import Cycles
+from models.drives.vibro import Vibro, unloaded
 from models.effects import CATALOGUE, Catalogue
 from models.effects.drive import ActuatorLag
 from models.effects.effect import Effect, by_name, number
@@ -17,13 +20,13 @@ from models.effects.friction import DirectionalAsymmetry, Stribeck
 from models.effects.inner_mass import EndStopImpact, SpringHardening
 from models.identification.kind import Array, Split
 from models.identification.kinds.table import TableKind, distinct, left_out_in_turn
-from models.identification.kinds.vibro_table.solver import GRAVITY, VibroCycle, mean_velocities
 from models.identification.settings import SET
-from models.parameter import Name, Parameter
+from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.benches import VIBRO_TABLE
 from models.rigs.rig import Rig
-from models.theta import Theta, spelled
+from models.surfaces.surface import Plate
+from models.theta import Theta
 
 
 class SwitchLag(ActuatorLag):
@@ -73,46 +76,11 @@ class PlateAsymmetry(DirectionalAsymmetry):
 
 VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)
 
-FIELDS: Final[Mapping[Name, str]] = MappingProxyType(
-    {
-        ("spring_damping", "damping_N_s_per_m"): "damping",
-        ("guide_friction", "friction_N"): "dry_N",
-        ("coil_lag", "time_s"): "current_lag_s",
-        ("actuator_lag", "time_s"): "force_lag_s",
-        ("coil_reach", "gain_per_m"): "reach_per_m",
-        ("spring_hardening", "cubic_N_per_m3"): "cubic",
-        ("spring_hardening", "power"): "cubic_power",
-        ("end_stop_impact", "stiffness_N_per_m"): "stop_stiffness",
-        ("end_stop_impact", "gap_m"): "stop_gap_m",
-        ("end_stop_impact", "loss_s"): "stop_loss_s",
-        ("stribeck", "excess"): "stribeck",
-        ("stribeck", "speed_m_s"): "stribeck_speed",
-        ("stribeck", "exponent"): "stribeck_power",
-        ("viscous_drag", "coefficient_N"): "drag_N",
-        ("viscous_drag", "exponent"): "drag_power",
-        ("directional_asymmetry", "asymmetry"): "asymmetry",
-        ("incline_gravity", "force_N"): "incline_N",
-    }
-)
-"""Field of `VibroCycle` for each parameter of an effect."""
 
-
-def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
-    """The drive at `theta`, the base values with `load_scale` (of force and friction alike) and effects. Raises
-    ValueError for another effect.
-    """
-    body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
-    given = Theta(effects=theta.effects)
-    if unknown := [spelled(name) for name in given if name not in FIELDS]:
-        known = ", ".join(map(spelled, FIELDS))
-        raise ValueError(
-            f"effect must be one that acts on a body with an inner mass; got {unknown[0]!r}; known: {known}"
-        )
-    extra = {FIELDS[name]: float(value) for name, value in given.items()}
-    scale = theta.get("load_scale", 1.0)
-    coulomb = theta["friction_coefficient"] * (body + inner) * GRAVITY
-    stiffness, reaction = theta["spring_stiffness_N_per_m"], 1.0 if reaction_on_body else 0.0
-    return VibroCycle(body, inner, stiffness, scale * theta["force_N"], scale * coulomb, reaction, **extra)
+@lru_cache(maxsize=256)
+def _cycles(body_kg: float, inner_kg: float, reaction_on_body: bool, effects: tuple[type[Effect], ...]) -> Cycles:
+    drive = Vibro(inner_mass_kg=inner_kg, reaction_on_body=reaction_on_body)
+    return Cycles(assemble(Plate(body_kg), drive, effects))
 
 
 _BELIEF = "rig file"
@@ -183,8 +151,14 @@ class VibroTableKind(TableKind):
         """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""
         values = self.nominal() | theta
         runs, index = self.conditions(record)
-        period, duty, cycles = runs.T
-        speeds = mean_velocities(period, duty, cycles, vibro_cycle(values, self.reaction_on_body))
+        acting = tuple(effect for effect in self.effects if values.effects.get(effect.id))
+        if strange := set(values.effects) - {effect.id for effect in acting}:
+            known = ", ".join(effect.id for effect in self.effects)
+            raise ValueError(
+                f"effect must be one that acts on a body with an inner mass; got {min(strange)!r}; known: {known}"
+            )
+        masses = float(values["body_mass_kg"]), float(values["inner_mass_kg"])
+        speeds = _cycles(*masses, self.reaction_on_body, acting).speeds(runs, unloaded(values))
         return np.asarray(values["mirror"] * speeds[index], dtype=float)
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:

@@ -1,1 +1,0 @@
-"""Mean speeds of a vibro-impact drive over its drive parameters."""

@@ -10,15 +10,15 @@ from controller.signals import Array
 from controller.vibro.controller import VibroController
 from controller.vibro.gears import Gear
 from controller.vibro.slow_loop import ProgressFilter
+from controller.vibro.waveform import REST
 
 _TUNING: Final = ("sample_s", "catch_up", "catch_up_stopped", "catch_up_s", "near_m", "blind_s", "feedback")
+_NONE: Final = Gear((REST, REST), (1e-9, 2e-9), 1e-9)  # of a map that reaches no speed
 
 
 def shaking(controller: VibroController) -> tuple[dict[str, int | str], dict[str, object]]:
-    """Sizes and numbers of `controller`. Raises ValueError for a map without gears or with a gear of several shapes."""
-    gears, mpc = controller.drive.gears, controller.mpc
-    if not gears:
-        raise ValueError("drive map must reach some speed to be a table in C; got no gear")
+    """Sizes and numbers of `controller`. Raises ValueError for a gear of several shapes."""
+    gears, mpc = controller.drive.gears or (_NONE,), controller.mpc
     parts = max(len(wave.levels) for gear in gears for wave in gear.waveforms)
     low, high = controller.drive.reach()
     sizes: dict[str, int | str] = {

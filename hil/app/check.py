@@ -17,10 +17,10 @@ from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
 from models.effects import Catalogue, effect_words
-from models.identification.foresight import smallest
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
 from models.identification.record_checks import check_records
+from models.identification.search.screening import smallest
 from models.records.record import Record, as_measured
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity

@@ -1,5 +1,6 @@
 """All checks on all records of a series."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
@@ -13,6 +14,7 @@ from models.records.record import Record, where_measured
 from models.rigs.rig import Rig
 
 _ORDER: Final = ("stops", "weakens", "note")
+_DRIFT: Final = "clock_drift"
 Checks = tuple[Callable[[View], Findings], ...]
 STAMPS: Final[Checks] = (
     clocks.check_interval,
@@ -59,7 +61,8 @@ COLUMNS: Final[Checks] = (
 
 def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """What all checks find in `records` of `rig`, the severest first. A check that the rig file accepts
-    (`[checks] accept`) no longer stops: its finding weakens.
+    (`[checks] accept`) no longer stops: its finding weakens. Two clocks drift in all records alike: a drift that fewer
+    than half of the records show in its direction is none.
     """
     found = [
         replace(finding, severity="weakens")
@@ -68,6 +71,9 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
         for record in (on_one_clock(record, rig) for record in records)
         for finding in _of(View(record, rig))
     ]
+    ways = Counter(finding.direction for finding in found if finding.id == _DRIFT)
+    shared = {way for way, count in ways.items() if 2 * count >= len(records) and count > ways[-way]}
+    found = [finding for finding in found if finding.id != _DRIFT or finding.direction in shared]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
 
 

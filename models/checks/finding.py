@@ -13,7 +13,7 @@ class RecordFinding:
 
     `severity`: "stops" (nothing may be fitted), "weakens" (a verdict `none` or `named` needs more than these records)
     or "note". `where` names columns, rows or times; `how` says how it was found; `remedy` is a line for the rig file, a
-    command, or what to record.
+    command, or what to record. `direction` is the sign of what has one, for the checks of a whole series.
     """
 
     id: str
@@ -23,10 +23,11 @@ class RecordFinding:
     sentence: str
     how: str
     remedy: str
+    direction: int = 0
 
     def to_dict(self) -> dict[str, str]:
         """As JSON has it."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != "direction"}
 
 
 Findings = Iterator[RecordFinding]

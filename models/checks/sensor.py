@@ -75,9 +75,12 @@ def check_held_values(view: View) -> Findings:
 @once
 def silent(view: View) -> Mask:
     """Where the measured column lies on one value or one straight line for longer than its noise lets it; nowhere in a
-    column without noise. Shape of the column.
+    column without noise. Shape of the column. Of a column that changes with every sample one exact value suffices,
+    however fast the motion, but for a rest at either end.
     """
-    mask, second = np.zeros(len(view.y), dtype=bool), np.diff(view.y, 2)
+    mask, second = _held(view), np.diff(view.y, 2)
+    if mask.any():
+        return mask & ~clipped(view)
     usual = float(np.median(np.abs(second)))
     still = np.abs(second) <= SET.silent * usual
     runs = runs_of(still, max(SET.silence_samples, round(SET.silence_s / view.dt)))
@@ -92,6 +95,17 @@ def silent(view: View) -> Mask:
     noisy = power > 0 and float(second[1:][pairs] @ second[:-1][pairs]) < SET.silence_noisy * power
     chance = len(mask) * share**SET.silence_samples > SET.silence_chance
     return mask & ~clipped(view) & (noisy and not chance)
+
+
+def _held(view: View) -> Mask:
+    mask, same = np.zeros(len(view.y), dtype=bool), np.diff(view.y) == 0
+    runs = runs_of(same, max(SET.silence_samples, round(SET.silence_s / view.dt)))
+    for a, b in runs:
+        mask[a : b + 1] = True
+    inside = [(a, b) for a, b in runs if a > 0 and b < len(same)]
+    if len(inside) < len(runs) or np.mean(same[~mask[1:]]) > SET.silence_repeats:
+        mask[:] = False
+    return mask
 
 
 def check_silence(view: View) -> Findings:

@@ -79,6 +79,7 @@ class CheckSettings:
     silence_noisy: float = setting(-0.3, "1", "correlation of second differences: white noise -2/3, smooth 1")
     silence_samples: int = setting(20, "samples", "shortest stretch without noise")
     silence_s: float = setting(0.05, "s", "shortest stretch without noise")
+    silence_repeats: float = setting(1e-3, "1", "share of samples that may equal the one before")
     silence_chance: float = setting(1e-6, "1", "chance of a stretch of the least length in a record")
     silence_much: float = setting(0.2, "1", "share of the record that weakens a result")
     tone_parts: int = setting(6, "1", "stretches in each of which a tone must stand out")

@@ -1,9 +1,9 @@
 """One record as the checks see it: columns, clock, motion and noise."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partialmethod, wraps
-from typing import Any, Final, TypeVar
+from functools import cached_property, lru_cache, partialmethod
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,11 @@ from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 Rows = Sequence[int] | NDArray[np.int64]
-T = TypeVar("T")
+once: Final = lru_cache(maxsize=4)
+"""Of a function of a view: computed once for each, as long as few others come between."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """A record of `rig` with what several checks need of it. All arrays have the record's rows, SI units."""
 
@@ -176,11 +177,12 @@ class View:
         Its texts are the table `case` of `sentences.toml`, filled with `values`; its id is the first name of `case`.
         """
         names = {"column": column or self.measured, "measured": self.measured, "driven": self.driven}
-        texts = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
+        said, how, remedy = (_text(case, part, names | values) for part in ("sentence", "how", "remedy"))
         against = f" against {beside}" if beside else ""
         where = f"{names['column']}{against}, {rows if isinstance(rows, str) else self.at(rows)}"
-        name = case.partition(".")[0]
-        return RecordFinding(name, severity, self.record.source or self.record.name, where, *texts)
+        name, direction = case.partition(".")[0], (1 if values["later"] else -1) if "later" in values else 0
+        file = self.record.source or self.record.name
+        return RecordFinding(name, severity, file, where, said, how, remedy, direction)
 
     stops = partialmethod(finding, "stops")
     weakens = partialmethod(finding, "weakens")
@@ -204,21 +206,6 @@ class View:
         times = [f" ({self.t[row]:.6g} s)" if self.timed else "" for row in rows[:most]]
         shown = [f"{self.record.line(row)}{time}" for row, time in zip(rows, times, strict=False)]
         return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
-
-
-def once(found: Callable[..., T]) -> Callable[..., T]:
-    """What is `found` of a view, and further arguments, computed once for each view."""
-
-    @wraps(found)
-    def kept(view: View, *more: Any) -> T:
-        known = vars(view).setdefault("_known", {})
-        key = (found.__name__, *more)
-        if key not in known:
-            known[key] = found(view, *more)
-        value: T = known[key]
-        return value
-
-    return kept
 
 
 def _text(case: str, part: str, values: Mapping[str, Any]) -> str:

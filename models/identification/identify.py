@@ -13,13 +13,13 @@ from models.checks.finding import RecordFinding
 from models.identification.answer import answer
 from models.identification.finding import STAGES, Check, Finding, Trace
 from models.identification.fitting.confidence import intervals
-from models.identification.foresight import seconds_of_search, smallest
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.possible import choice_of
 from models.identification.record_checks import check_parts, check_records
+from models.identification.search.screening import smallest
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
@@ -41,6 +41,9 @@ from models.words.sentences import Quantity, Sentences
 from models.workers import worker_count
 
 TEXT: Final = Sentences(__file__)
+_POINTS: Final = 8  # that a kind simulates at once
+_BATCHES: Final = 1500.0  # of points, in the search of an effect
+_TRIES: Final = 3  # of a timing: the shortest counts
 
 
 def close(
@@ -125,6 +128,20 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     if isinstance(kind, SeriesKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
+
+
+def seconds_of_search(kind: AnyKind, records: Sequence[Record]) -> float:
+    """About how long the search for one effect takes in `records`, on the workers that there are: from the time of one
+    simulation, and from the rows that all splits fit.
+    """
+    searched, values, spent = kind.searched(records), [kind.nominal()] * _POINTS, list[float]()
+    for _ in range(_TRIES):
+        began = time.perf_counter()
+        for record in searched:
+            kind.predictions(record, values)
+        spent.append(time.perf_counter() - began)
+    fitted = sum(len(record) for part, _ in kind.splits(searched) for record in part)
+    return _BATCHES * min(spent) * max(fitted / sum(map(len, searched)), 1.0) / worker_count()
 
 
 def predict(kind: AnyKind, found: Search, parts: Mapping[str, Sequence[Record]]) -> Predicted:

@@ -72,11 +72,12 @@ def slower(records: Sequence[Record], most: float = SET.most_rows) -> list[Recor
     """All of the `records`, with so few rows at most that their rates allow, of many at the usual rate."""
     rows = sum(map(len, records))
     wanted, usual = math.ceil(rows / most), rows / (SET.usual_share * most)
-    return [_slower(r, _step(r, wanted, usual) if wanted > 1 and r.layout.time else 1) for r in records]
 
+    def step(record: Record) -> int:
+        fast = math.floor(min(usual, 1 / (SET.usual_hz * _interval(record))))
+        return min(max(wanted, fast), longest_step(record))
 
-def _step(record: Record, wanted: int, usual: float) -> int:
-    return min(max(wanted, math.floor(min(usual, 1 / (SET.usual_hz * _interval(record))))), longest_step(record))
+    return [_slower(r, step(r)) if wanted > 1 and r.layout.time else r for r in records]
 
 
 def _interval(record: Record) -> float:

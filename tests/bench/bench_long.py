@@ -1,7 +1,7 @@
 """What long and many records cost: rows of one motion, records of one rig, workers.
 
-`python -m tests.bench.bench_long [--rows 20000 2000000] [--records 12 200]`: an axis whose friction falls with speed,
-in a form that is not the catalogue's, 40 s a record. Each case is a process of its own: processor time of it and its
+`python -m tests.bench.bench_long [--rows 20000 2000000] [--records 12 200] [--seconds 40]`: an axis whose friction
+falls with speed, in a form that is not the catalogue's. Each case is a process of its own: processor time of it and its
 workers, wall time, its greatest memory, the verdict. The last two lines are the first case on one worker and on two.
 """
 
@@ -22,14 +22,13 @@ from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
 from models.workers import cores, working
 
-SECONDS = 40.0
 RIG = '[rig]\nkind = "axis"\n[noise]\nforce_std_N = 0.02\n'
 
 
-def record(rig: Rig, seed: int, rows: int) -> Record:
-    """`rows` rows of 40 s of a motion that `seed` draws."""
+def record(rig: Rig, seed: int, rows: int, seconds: float) -> Record:
+    """`rows` rows of so many `seconds` of a motion that `seed` draws."""
     rng = np.random.default_rng(seed)
-    t = np.linspace(0.0, SECONDS, rows, endpoint=False)
+    t = np.linspace(0.0, seconds, rows, endpoint=False)
     w, phase = rng.uniform(2.0, 6.0, 3), rng.uniform(0.0, 6.0, 3)
     angle = np.outer(t, w) + phase
     x, v, a = (0.02 * (f * w**k).sum(1) for k, f in enumerate((np.sin(angle), np.cos(angle), -np.sin(angle))))
@@ -38,12 +37,12 @@ def record(rig: Rig, seed: int, rows: int) -> Record:
     return record_of(f"record_{seed}", {"t_s": t, "position_m": x, "force_N": force}, rig)
 
 
-def case(rows: int, count: int, workers: int) -> dict[str, object]:
+def case(rows: int, count: int, workers: int, seconds: float) -> dict[str, object]:
     """`close` on `count` records of `rows` rows and a held-out one."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "rig.toml").write_text(RIG)
         rig = read_rig(Path(folder) / "rig.toml")
-    train, held = [record(rig, seed, rows) for seed in range(count)], [record(rig, 999, rows)]
+    train, held = [record(rig, k, rows, seconds) for k in range(count)], [record(rig, 999, rows, seconds)]
     began, spent = time.perf_counter(), time.process_time()
     with working(workers):
         finding, _ = close(rig, train, held, lambda *_: None)
@@ -60,9 +59,9 @@ def case(rows: int, count: int, workers: int) -> dict[str, object]:
     }
 
 
-def alone(*numbers: int) -> None:
+def alone(seconds: float, *numbers: int) -> None:
     """The case in a process of its own, printed."""
-    words = [sys.executable, "-m", "tests.bench.bench_long", "--case", *map(str, numbers)]
+    words = [sys.executable, "-m", "tests.bench.bench_long", f"--seconds={seconds}", "--case", *map(str, numbers)]
     print(subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip(), flush=True)
 
 
@@ -70,17 +69,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, nargs="+", default=[20_000, 2_000_000])
     parser.add_argument("--records", type=int, nargs="+", default=[12, 200])
+    parser.add_argument("--seconds", type=float, default=40.0, help="of a record")
     parser.add_argument("--case", type=int, nargs=3, help="rows, records, workers: that case alone")
     asked = parser.parse_args()
     if asked.case:
-        print(json.dumps(case(*asked.case)))
+        print(json.dumps(case(*asked.case, asked.seconds)))
         return
     for rows in asked.rows:
-        alone(rows, 1, cores())
+        alone(asked.seconds, rows, 1, cores())
     for count in asked.records:
-        alone(asked.rows[0], count, cores())
+        alone(asked.seconds, asked.rows[0], count, cores())
     for workers in (1, 2):
-        alone(asked.rows[0], 1, workers)
+        alone(asked.seconds, asked.rows[0], 1, workers)
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def in_c(iterations: int) -> Act:
     found = compiled("mpc", model, BOUNDS, numbers)
     assert found is not None
     chain, reference = CompiledChain(found), Strides()
-    chain.given.most, chain.given.temperature_C = math.inf, 20.0
+    chain.given.least, chain.given.most, chain.given.temperature_C = -math.inf, math.inf, 20.0
     chain.start(0.0, estimate(0.0, np.zeros(4), 0.0), 0.0)
 
     def act(now: float, state: Array, force: float, command: float, rate: float) -> float:

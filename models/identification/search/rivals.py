@@ -1,7 +1,7 @@
 """Which other candidates explain the records as well as a named effect: each replaces it, is fitted and compared."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 
 import numpy as np
@@ -37,8 +37,9 @@ def rivals_of(
 ) -> list[Rival]:
     """Every candidate that could replace the `effect` of `model`, which gained `gain`: those that explained much when
     screened, those of `trials`, and the declared look-alikes of the effect and of any that the records do not separate
-    from it. Each is fitted from anywhere, also from the model's own base and from where it imitates the model. `chance`
-    is the validation cost of a right model.
+    from it. Each is fitted from anywhere, also from the model's own base and from where it imitates the model; of a
+    record without prefixes to the first split alone, where that leaves far more. `chance` is the validation cost of a
+    right model.
     """
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
@@ -51,19 +52,31 @@ def rivals_of(
     if kind.beginnings_s:  # as the model predicts them
         made = [[kind.made(record, theta) for record in part] for part, theta in model.parts]
 
+    hopeless = max(SET.rival_near, float(np.exp(SET.rival_gain * gain)))
+    first = replace(model, splits=model.splits[:1], thetas=model.thetas[:1])
+    equals = kind.equivalents.get(effect, ())
+
     def rival(name: str) -> tuple[float, bool, Sequence[Theta], Sequence[str]]:
-        bases = zip(made, (theta.without(*own) for theta in model.thetas), strict=True)
-        pairs = [_imitation(kind, part, base, [*rest, name], starts.get(name, ())) for part, base in bases]
+        effects = [*rest, name]
         known = tried[name].fitted.thetas if name in tried else ()
+
+        def imitated(k: int) -> tuple[Theta, float]:
+            return _imitation(kind, made[k], model.thetas[k].without(*own), effects, starts.get(name, ()))
+
+        pairs = [imitated(0)]
+        begun = first.far([[pairs[0][0], *known[:1]]], effects, seeds=0)
+        if begun.training_cost > hopeless * first.training_cost and not kind.beginnings_s and name not in equals:
+            return np.inf, False, (), effects
+        pairs += [imitated(k) for k in range(1, len(made))]
         points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
-        fitted = model.far(points, [*rest, name], seeds=0)
+        fitted = model.far([begun.thetas, *points[1:]], effects, seeds=0)
         if fitted.training_cost <= SET.rival_near * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
         finer = tried[name].finer if name in tried else None
         fitted = min(fitted, finer or fitted, key=attrgetter("cost"))
         close = max(differs for _, differs in pairs) < SET.rival_imitated * (float(model.training_blocks.mean()) - 1)
         apart, alike = _compared(model, fitted, gain, chance)
-        same = alike or close or name in kind.equivalents.get(effect, ())
+        same = alike or close or name in equals
         return apart, same, fitted.thetas, fitted.effects  # a kind and its records stay where they are
 
     possible = {e.id for e in kind.effects} - {effect, *rest}

@@ -19,6 +19,8 @@ from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta
+from models.words.quantities import measured_unit
+from models.words.sentences import Quantity
 from models.workers import each
 
 
@@ -149,3 +151,13 @@ def null_distribution(
         for row in rows:
             weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)
     return gain, {name: value * float(np.sqrt(gain)) for name, value in weakest.items() if np.isfinite(value)}, cost
+
+
+def smallest(kind: Kind, records: Sequence[Record]) -> dict[str, Quantity]:
+    """The smallest amplitude of each effect of `kind` that a search in such `records` would tell from chance, before
+    any fit: in records that the nominal model makes. Nothing where they are too few for that.
+    """
+    part = records_for_null(kind, kind.searched(records))
+    _, sizes, _ = null_distribution(kind, part, kind.nominal(), np.random.default_rng(0))
+    units = {name: kind.declared(name).amplitude().unit for name in sizes}
+    return {name: Quantity(size, measured_unit(units[name], kind.unit)) for name, size in sorted(sizes.items())}

@@ -1,6 +1,7 @@
 """`close-loop` on any number of workers gives one answer, and within a budget says what it left out."""
 
 import json
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.app.close_loop import print_summary
 from hil.app.main import run
 from tests.hil.app.campaign.campaigns import example_cluster
+from tests.hil.findings import pull_finding
 
 AXIS = '[rig]\nkind = "axis"\n[noise]\nforce_std_N = 0.02\n'
 TIMES = ("seconds", "timings", "files")
@@ -79,3 +82,10 @@ def test_wrong_options_are_one_sentence(
     assert run(command(lab, tmp_path / "out", *options)) == 2
     assert options[0] in capfd.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_what_the_search_did_without_is_said_in_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_summary(replace(pull_finding(), left_out="It uses 24 of 200 records."), tmp_path)
+    assert "It uses 24 of 200 records." in capsys.readouterr().out

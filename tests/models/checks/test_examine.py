@@ -245,6 +245,17 @@ def test_each_corruption_is_found(what: str) -> None:
         assert stopping(tuple(found.values())) is None
 
 
+@pytest.mark.parametrize(
+    ("drifts", "found"), [((1, 1, 1), 3), ((1, 1, 0), 2), ((1, 0, 0), 0), ((1, -1), 0), ((1, 0), 1)]
+)
+def test_clocks_drift_in_all_records_alike(drifts: tuple[int, ...], found: int) -> None:
+    records = []
+    for seed, way in enumerate(drifts):
+        c = pull(seed)
+        records.append(record(c | {"force_N": np.interp(c["t_s"] * (1 - 0.005 * way), c["t_s"], c["force_N"])}))
+    assert [finding.id for finding in examine(rig(), records)].count("clock_drift") == found
+
+
 def test_a_clock_that_drifts_is_put_right_as_the_rig_file_says() -> None:
     spoiled = record(drifting(pull()))
     told = next(finding for finding in examine(rig(), [spoiled]) if finding.id == "clock_drift")
@@ -428,6 +439,15 @@ def test_friction_that_follows_the_speed_is_no_early_force() -> None:
 def test_a_column_without_noise_may_rest() -> None:
     c = pull(noise=0.0)
     assert "sensor_silent" not in {finding.id for finding in examine(rig(), [record(c)])}
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.2, 1.0])
+def test_a_fast_motion_does_not_hide_a_sensor_that_holds_its_value(seconds: float) -> None:
+    c = pull()
+    t = c["t_s"]
+    c["force_N"] = c["force_N"] + 0.05 * np.sin(2 * np.pi * 20 * t)
+    c["force_N"][np.abs(t - t[len(t) // 2]) < seconds / 2] = c["force_N"][len(t) // 2]
+    assert ("sensor_silent" in {finding.id for finding in examine(rig(), [record(c)])}) == bool(seconds)
 
 
 def led(lag: float = 0.6e-3, offset: float = 0.0, jump: float = 0.0) -> Record:

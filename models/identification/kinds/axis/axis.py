@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
@@ -71,6 +71,9 @@ class AxisKind(Kind):
     next_share: ClassVar[float] = 0.04
     _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
     _wholes: dict[int, Signals] = field(default_factory=dict, repr=False, compare=False)
+    _along: dict[tuple[str, int], dict[tuple[float, ...], dict[str, Array]]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -117,7 +120,7 @@ class AxisKind(Kind):
         if CARRIED[0] in record.columns:
             whole, first = self._wholes.get(int(record["_whole"][0]), s), int(record["_row"][0])
         rows = slice(first, first + len(record)) if whole is not s else slice(None)
-        acting = [(e, p, states_along(type(e), p, whole, rows)) for e, p in present(self.effects, theta)]
+        acting = [(e, p, self._states(type(e), p, whole, rows)) for e, p in present(self.effects, theta)]
         inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
         sign = reduce(lambda way, one: one[0].direction(replace(s, direction=way), *one[1:]), acting, s.direction)
         level: Any = reduce(mul, (e.level(s, p, z) for e, p, z in acting), 1.0)
@@ -129,6 +132,18 @@ class AxisKind(Kind):
         for e, p, z in acting:
             force = e.measured(s, p, z, force)
         return np.asarray(force, dtype=float)
+
+    def _states(self, effect: type[Effect], p: Mapping[str, float], s: Signals, rows: slice) -> dict[str, Array]:
+        """The hidden states of an `effect` in the `rows` of a record, which are those of its whole `s`."""
+        if not effect.states or rows == slice(None):
+            return states_along(effect, p, s)
+        kept = self._along.setdefault((effect.id, id(s)), {})
+        values = tuple(p[q.name] for q in effect.parameters())
+        if values not in kept:
+            if len(kept) >= self.lanes:
+                kept.pop(next(iter(kept)))
+            kept[values] = states_along(effect, p, s)
+        return {name: along[rows] for name, along in kept[values].items()}
 
     def _seen(self, record: Record) -> Signals:
         of, c = self._moved(record), self.coordinates

@@ -36,8 +36,8 @@ def _step(effect: Any, loads: tuple[str, ...]) -> int:
     return addresses([Code(step, {0: 0, 1: len(names)}, (0,))])[0]
 
 
-def states_along(effect: type[Effect], p: Mapping[str, float], s: Signals, rows: slice) -> dict[str, Array]:
-    """The states of `effect` after each of the `rows` of the signals `s`, by name; they begin at 0."""
+def states_along(effect: type[Effect], p: Mapping[str, float], s: Signals) -> dict[str, Array]:
+    """The states of `effect` after each row of the signals `s`, by name; they begin at 0."""
     if not effect.states:
         return {}
     n, dt = len(s.t), float(np.median(np.diff(s.t)))
@@ -46,4 +46,4 @@ def states_along(effect: type[Effect], p: Mapping[str, float], s: Signals, rows:
     work = np.concatenate([np.zeros(len(effect.states)), [p[q.name] for q in effect.parameters()], np.zeros(1)])
     out, step = np.empty((n, len(effect.states))), cast(Any, _step)
     _run(step(effect, (*s.loads,)), work, np.column_stack([*seen, np.full(n, dt)]), out)
-    return dict(zip(effect.states, out[rows].T, strict=True))
+    return dict(zip(effect.states, out.T, strict=True))

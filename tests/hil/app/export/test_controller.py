@@ -350,7 +350,10 @@ def test_native_node_leads_on_a_real_can_bus(made: Callable[..., Path], tmp_path
     try:
         assert plant.stdout is not None
         assert plant.stdout.readline().strip() == "ready"
-        assert "ended: done" in done([folder / "build" / "node", "vcan0", "5"], folder)
+        said = done([folder / "build" / "node", "vcan0", "5", "vcan.log"], folder)
+        assert "ended: done" in said
+        assert "missing in the log 0" in said
+        assert run(["replay", str(folder / "vcan.log")]) == 0
     finally:
         plant.terminate()
         plant.wait()

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from controller.estimator.base import trusting
-from controller.monitor import Health, Monitor, Second, forecast
+from controller.monitor import Forecast, Health, Monitor, Second
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
@@ -75,19 +75,19 @@ def drive(kind: str, effect: str, size: float, seed: int, seconds: float, tick_s
     control = replace(plain.control, tick_s=tick_s)
     scenario = replace(plain, duration_s=seconds, reference=path, truth=rig, control=control)
     seen: list[tuple[float, Second]] = []
-    step = forecast.Forecast.step
+    step = Forecast.step
 
-    def kept(self: forecast.Forecast, now: float, *more: Any) -> Second | None:
+    def kept(self: Forecast, now: float, *more: Any) -> Second | None:
         second = step(self, now, *more)
         if second is not None:
             seen.append((now, second))
         return second
 
-    forecast.Forecast.step = kept  # type: ignore[assignment,method-assign]
+    Forecast.step = kept  # type: ignore[assignment,method-assign]
     try:
         trace = run_loop(scenario, believed_model(scenario, Theta()), controller, seed)
     finally:
-        forecast.Forecast.step = step  # type: ignore[method-assign]
+        Forecast.step = step  # type: ignore[method-assign]
     found = score(scenario, trace)
     return {
         "kind": kind, "effect": effect, "size": size, "seed": seed, "seconds": seconds, "tick_s": tick_s,

@@ -11,6 +11,7 @@ from typing import Final
 from controller.baselines import LQR, PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Observer, trusting
+from controller.estimator.cubature import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.feedforward import Feedforward
@@ -173,6 +174,8 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
         from controller.estimator.ukf import UnscentedEstimator  # filterpy loads half of SciPy
 
         return UnscentedEstimator(sharp, noise)
+    if driven.shaken and age_s > Limits.age_s:  # after old readings particles of a shaken capsule lose their level
+        return CubatureEstimator(sharp, noise)
     return ParticleEstimator(sharp, noise_of(name, sharp, age_s))
 
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from controller.estimator.base import CURRENT, Counts, Observer
-from controller.limits import Envelope, Issued, number
+from controller.limits import Envelope, Issued, Limits, number
 from controller.model.control_model import ControlModel
 from controller.registry import Chain, build, noise_of
 from controller.signals import Action, Adapted, Array, Controller, Estimate, Measurement, Reference, Status
@@ -46,9 +46,10 @@ class Compiled:
 
 def compiled(name: str, model: ControlModel, envelope: Envelope, numbers: Numbers | None = None) -> Compiled | None:
     """The C controller `name` of `model`, of other `numbers` than the usual ones where given; None for one that is not
-    written in C, and without a compiler. The newest one is kept: supervisor and estimator ask for the same.
+    written in C, of an inner mass whose readings may be older than usual (another filter), and without a compiler.
+    The newest one is kept: supervisor and estimator ask for the same.
     """
-    if not available():
+    if not available() or (envelope.shaken and envelope.limits.age_s > Limits.age_s):
         return None
     for asked, kept in _NEWEST:
         if numbers is None and asked[0] == name and asked[1] is model and asked[2] == envelope:

@@ -8,10 +8,10 @@ import time
 import numpy as np
 
 from controller.estimator.base import Estimator
+from controller.estimator.cubature import CubatureEstimator
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Measurement
-from tests.controller.estimator.cubature import CubatureEstimator
 from tests.controller.loops import model_of, ticked
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from controller.drives import DRIVES, envelope_of
+from controller.estimator.cubature import CubatureEstimator
 from controller.model.control_model import ControlModel, control_model
 from controller.model.kernels import Kernels
 from controller.signals import Array, Controller, Measurement, Reference
@@ -14,7 +15,6 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 from plant.rig import Truth
 from plant.session import Instruments, Session
-from tests.controller.estimator.cubature import CubatureEstimator
 
 
 def believed(kind: str = "magnetic") -> Rig:

@@ -9,6 +9,7 @@ import pytest
 
 from controller.baselines import PID
 from controller.drives import envelope_of
+from controller.estimator.cubature import CubatureEstimator
 from controller.feedforward import Inverse
 from controller.model.control_model import control_model, mean_friction
 from controller.reference import STEP_S, Trajectory, by_speeds, through
@@ -21,7 +22,6 @@ from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.sensing import Instrument
 from plant.session import Instruments
-from tests.controller.estimator.cubature import CubatureEstimator
 from tests.controller.loops import believed, closed_loop, model_of, ticked
 
 MODEL = model_of()

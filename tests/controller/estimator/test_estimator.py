@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from controller.estimator.base import Estimator
+from controller.estimator.cubature import CubatureEstimator
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Array, Measurement
@@ -17,7 +18,6 @@ from plant.drives import TrueCoil, TrueMagnet
 from plant.rig import Truth
 from plant.sensing import Instrument
 from plant.session import Instruments, Session
-from tests.controller.estimator.cubature import CubatureEstimator
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.estimator.cubature import Process, fuse
 from controller.estimator.kernels import root
 from controller.estimator.ukf import FilterpyProcess, safe_root
 from controller.tuned import FilterNoise
-from tests.controller.estimator.cubature import Process, fuse
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from controller.estimator.base import Estimator
+from controller.estimator.cubature import CubatureEstimator
 from controller.estimator.kernels import draw, led, scatter, survey, weigh
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.model.control_model import ControlModel
@@ -19,7 +20,6 @@ from plant.anatomy import random_anatomy
 from plant.drives import TrueMagnet
 from plant.rig import Truth
 from plant.session import Session
-from tests.controller.estimator.cubature import CubatureEstimator
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp

@@ -67,7 +67,7 @@ def test_a_budget_ends_the_search_and_the_report_says_so(
     lab: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The budget is over at once, as on a machine that is slow beyond measure."""
-    monkeypatch.setattr("hil.app.close_loop.seconds", lambda text, name: 1e-6)
+    monkeypatch.setattr("hil.app.shared_options.seconds", lambda text, name: 1e-6)
     report, said = answer(lab, tmp_path / "out", capfd, "--budget", "1s")
     assert "takes about" in said
     assert report["stopped"] == "time"

@@ -12,6 +12,7 @@ import pytest
 from controller.baselines import PID
 from controller.drives import DRIVES as CONTROLLED
 from controller.drives import Driven, envelope_of
+from controller.estimator.cubature import CubatureEstimator
 from controller.limits import Limits
 from controller.model.control_model import control_model
 from controller.reference import by_speeds
@@ -30,7 +31,6 @@ from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
 from plant.drives import DRIVES as SIMULATED
 from plant.rig import Plant, TruePlate, Truth
-from tests.controller.estimator.cubature import CubatureEstimator
 from tests.controller.loops import closed_loop
 from tests.hil.app.docs import keys
 from tests.models.rigs.thruster import MASS_KG, MU, TABLES, THRUST, THRUSTER, JetTable, Slab, bursts

@@ -100,7 +100,7 @@ def test_a_loop_is_driven_logged_judged_and_driven_again(driven: Driven) -> None
     errors = {stage: mission.numbers["tracking_rmse_m"] for stage, mission in one.missions.items()}
     assert errors["augmented"] < 0.5 * errors["calibrated"]
     assert {mission.numbers["seed"] for mission in one.missions.values()} == {3001}
-    assert one.hidden == ("fold_periodic",)
+    assert tuple(one.truth) == ("fold_periodic",)
     assert one.caution == ""
     assert one.truth["fold_periodic"]["wavelength_m"] > 0
     shares = [share for _, share in said]
@@ -203,7 +203,7 @@ def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> 
     (rich,) = one.finding.effects
     assert {poor.id, *poor.equivalent} == {"tissue_drying", "lumen_taper", "preconditioning", "fluid_plug"}
     assert (rich.id, rich.equivalent) == ("tissue_drying", ())
-    assert one.hidden == ("tissue_drying",)
+    assert tuple(one.truth) == ("tissue_drying",)
     assert one.before
     assert one.before.proposal
     run, proposed = read_toml(tmp_path / "next.toml", "scenario")[0], one.before.proposal
@@ -233,7 +233,7 @@ def test_a_run_learns_and_its_example_stands_in_the_page(tmp_path: Path, monkeyp
     (tmp_path / "out").mkdir()
     one = LearningExample("learning", tmp_path / "scenario.toml").run(tmp_path / "out", 2, lambda stage, share: None)
     assert one.found["seed"] == 2001
-    assert one.hidden == ("fold_periodic",)
+    assert tuple(one.truth) == ("fold_periodic",)
     assert "folds of the gut learned and taken at" in one.sentence
     lesson, *_ = one.numbers["learned"]
     assert 6.0 <= lesson["broken_at_s"] < 12.0
@@ -311,5 +311,5 @@ def test_printed_measurements_need_no_drive(tmp_path: Path) -> None:
     assert "period −0.6 %, valley +7.7 % and peak −7.4 %" in one.caution
     assert one.caution in html.unescape(demo_html([(PRINTED[0], one)], 1.0))
     assert one.finding.kind == "periods" == read_rig(tmp_path / "rig.toml").kind
-    assert (one.gate, one.missions, one.hidden) == ({}, {}, ())
+    assert (one.gate, one.missions, one.truth) == ({}, {}, {})
     assert (tmp_path / "report.html").exists()

@@ -212,7 +212,7 @@ def test_beside_another_controller_nothing_is_sent(
     def speak() -> None:
         with LocalBus(channel) as other:
             for tick in range(1 << 30):
-                data = sync.frame({"NodeTick": tick, "Period_s": 2e-3})
+                data = sync.frame({"Tick": tick, "Period_s": 2e-3})
                 other.send(can.Message(arbitration_id=catalogue["Sync"].id, is_extended_id=False, data=data))
                 while (message := other.recv(0)) is not None:
                     heard.append(message.arbitration_id)

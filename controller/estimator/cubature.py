@@ -1,4 +1,4 @@
-"""A fast Gaussian filter by cubature points, compiled: the reference of the particle filter in tests and benches."""
+"""A fast Gaussian filter by cubature points, compiled: of an inner mass whose readings come late."""
 
 import math
 from typing import ClassVar

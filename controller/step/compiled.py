@@ -46,14 +46,16 @@ class Compiled:
 
 def compiled(name: str, model: ControlModel, envelope: Envelope, numbers: Numbers | None = None) -> Compiled | None:
     """The C controller `name` of `model`, of other `numbers` than the usual ones where given; None for one that is not
-    written in C, of an inner mass whose readings may be older than usual (another filter), and without a compiler.
-    The newest one is kept: supervisor and estimator ask for the same.
+    written in C, without a compiler, and, unless `numbers` are given, of an inner mass whose readings may be older than
+    usual: another filter suits it better. The newest one is kept: supervisor and estimator ask for the same.
     """
-    if not available() or (envelope.shaken and envelope.limits.age_s > Limits.age_s):
+    if not available():
         return None
     for asked, kept in _NEWEST:
         if numbers is None and asked[0] == name and asked[1] is model and asked[2] == envelope:
             return kept
+    if numbers is None and envelope.shaken and envelope.limits.age_s > Limits.age_s:
+        return None
     found = _compiled(name, model, envelope, numbers)
     _NEWEST[:] = [((name, model, envelope), found)] if found is not None else []
     return found

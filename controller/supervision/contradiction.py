@@ -15,15 +15,8 @@ _AGAINST: Final = (5e-3, 0.5)  # m and share of the envelope that a capsule may 
 _HARD: Final = 0.9  # share of a magnet's gap that counts as a hard pull
 _PULLED_S: Final = 1.0  # hard pull of a magnet without an answer
 _ON_S: Final = 2.0  # swing of an inner mass without an answer
-_LOOSE_M_S: Final = 0.036
-"""Speed of a capsule that a coil pushes with twice its friction; it grows with the square of what exceeds the friction.
-The law of the gut gives 37, 81, 141 and 224 mm/s at 2, 2.5, 3 and 3.5 frictions.
-"""
-_COUNTED: Final = 1.5  # times friction, least push that counts: other forces hold a sound capsule against less
-_LOOSEST: Final = 0.6  # share of the speed limit that a capsule with the model's friction may reach
-_REACH: Final = (0.8, 1.7)  # shares of the envelope: reach that begins the test push, and that ends it
-_PAUSE: Final = 0.5  # times friction, greatest push while its outcome is awaited
-_AWAITED: Final = (6, 0.06)  # readings for it, and s between the first and the last
+_IN_VAIN: Final = (2.6, 0.08)  # times friction, and seconds of it, that must move a capsule
+_MOST_IN_VAIN: Final = 4.0  # times friction, greatest push counted
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
 _MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
@@ -100,13 +93,9 @@ class Contradiction:
       smoothed by `_MEAN`, go back by less than `_AGAINST`, in m and as a share of the envelope. Waves and recovering
       walls move it less: the magnet pulls harder.
     - Answer: a capsule moves by `_MOVED_M` (or four standard deviations of readings smoothed by `_MEAN`) in the
-      direction of the push. A magnet may pull by `_HARD` of its gap for `_PULLED_S` before. With an inner mass it moves
-      as far either way within `_ON_S` of swinging.
-    - Reach of a coil: how far a capsule with the model's friction would have gone since the last answer under pushes
-      beyond `_COUNTED` frictions, whatever the localisation says. Until an answer no push takes it beyond `_LOOSEST` of
-      the speed limit. Beyond `_REACH[0]` of the envelope the coil pushes as hard, once readings as old as `age_s` would
-      have shown a motion. At `_REACH[1]` it pauses (`room`) until `_AWAITED` readings of that time show an answer or
-      none.
+      direction of the push. A magnet may pull by `_HARD` of its gap for `_PULLED_S` before. The push of a coil beyond
+      `_IN_VAIN[0]` times the friction, in frictions, may sum up to `_IN_VAIN[1]` seconds before; until then it is at
+      most `_MOST_IN_VAIN` (`room`). With an inner mass it moves as far either way within `_ON_S` of swinging.
     - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
       seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
@@ -127,7 +116,6 @@ class Contradiction:
         self._moved_m = max(_MOVED_M, (_SHAKEN_STDS if envelope.shaken else _MEAN_STDS) * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
-        self._hardest = 1 + math.sqrt(_LOOSEST * envelope.limits.speed_m_s / _LOOSE_M_S)
         self.begin()
 
     def begin(self) -> None:
@@ -136,8 +124,7 @@ class Contradiction:
         self._drive = Corridor(around_m, limits.carriage_speed_m_s, slack_m)
         self._capsule = Corridor(around_m * (2 if self._envelope.placed else 1), limits.speed_m_s, slack_m)
         self._jump = JumpCheck(self._noise_m)
-        self.against_m = self._sign = self._vain_s = self._vain_sign = self._reach_m = 0.0
-        self._awaited, self._paused_at, self._given_up = 0, math.nan, False
+        self.against_m = self._sign = self._vain_s = self._vain_sign = 0.0
         self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
         self._places, self._slip_m_s = deque[tuple[float, float]](maxlen=_PLACES), 0.0
@@ -152,7 +139,7 @@ class Contradiction:
             far = 1e3 * (self._way_m - self._ways[0])
             return f"the localisation is too slow or late: {CONFIRMED} readings while the reference went {far:.0f} mm"
         if self._in_vain(drive, dt):
-            pushed = f"the coil pushed with up to {self._hardest:.2g} times its friction"
+            pushed = f"the coil pushed with {abs(drive) / self._friction:.2g} times its friction"
             if self._envelope.placed:
                 pushed = f"the magnet pulled by {1e3 * self._hard_m:.1f} mm or more for {_PULLED_S:g} s"
             elif self._envelope.shaken:
@@ -168,13 +155,8 @@ class Contradiction:
         """Least and greatest command of a coil for the next tick; -inf and inf while the capsule moves slowly."""
         if self._envelope.placed or self._envelope.shaken:
             return -math.inf, math.inf
-        reach, most = abs(self._reach_m) / self._envelope.around_m, self._hardest if self._reach_m else math.inf
-        if self._slip_m_s:
-            most = min(most, _SLIPPING * max(1 - self._slip_m_s / self._envelope.limits.speed_m_s, 0.0))
-        elif _REACH[0] <= reach < _REACH[1] and self._vain_s > self._envelope.limits.age_s:
-            push = math.copysign(most * self._friction, self._envelope.sense * self._reach_m)
-            return push, push
-        most = self._friction * (_PAUSE if reach >= _REACH[1] else most)
+        left = max(1 - self._slip_m_s / self._envelope.limits.speed_m_s, 0.0) if self._slip_m_s else math.inf
+        most = self._friction * min(_MOST_IN_VAIN if self._vain_s > 0 else math.inf, _SLIPPING * left)
         return -most, most
 
     def saw(self, position_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
@@ -190,13 +172,7 @@ class Contradiction:
             self._sign, self._farthest_m = sign, self._mean_m
         moved_m = self._mean_m - self._from_m
         if not (abs(moved_m) if self._envelope.shaken else self._vain_sign * moved_m) < self._moved_m:  # it answers
-            self._from_m, self._vain_s, self._reach_m = self._mean_m, 0.0, 0.0
-        elif self._vain_sign * moved_m < -2 * self._moved_m:  # late readings still show a motion before the push
             self._from_m, self._vain_s = self._mean_m, 0.0
-        paused = abs(self._reach_m) >= _REACH[1] * self._envelope.around_m
-        self._awaited = self._awaited + (abs(drive) < self._friction) if paused else 0
-        self._paused_at = self._paused_at if self._awaited else stamp_s
-        self._given_up = self._awaited >= _AWAITED[0] and stamp_s - self._paused_at >= _AWAITED[1]
         self.against_m = sign * (self._farthest_m - self._mean_m)
         dt, self._seen_at = stamp_s - self._seen_at, stamp_s
         self._slip_m_s = self._slips(position_m, stamp_s)
@@ -217,14 +193,16 @@ class Contradiction:
         if self._envelope.shaken:
             self._vain_s += dt * (drive > 0)
             return self._vain_s > _ON_S
-        push = drive - self._mean_m if placed else self._envelope.sense * drive / self._friction
-        if not placed and abs(push) > _COUNTED:
-            self._reach_m += dt * math.copysign(_LOOSE_M_S * (abs(push) - 1) ** 2, push)
-        sign = math.copysign(1.0, push if placed else self._reach_m) if push or self._reach_m else 0.0
-        if sign != self._vain_sign or not (placed or self._reach_m):
+        push = drive - self._mean_m if placed else self._envelope.sense * drive
+        sign = math.copysign(1.0, push) if push else 0.0
+        if sign != self._vain_sign:
             self._vain_sign, self._vain_s, self._from_m = sign, 0.0, self._mean_m
-        self._vain_s += dt * (not placed or abs(push) >= self._hard_m)
-        return self._vain_s > _PULLED_S if placed else self._given_up
+        if placed:
+            self._vain_s += dt * (abs(push) >= self._hard_m)
+            return self._vain_s > _PULLED_S
+        least, longest_s = _IN_VAIN
+        self._vain_s += dt * max(abs(drive) / self._friction - least, 0.0)
+        return self._vain_s > longest_s
 
     def _slips(self, position_m: float, stamp_s: float) -> float:
         """Speed in m/s of a capsule that slips, since a reading `_SLIP_APART_S` or longer ago; else 0."""

@@ -75,7 +75,10 @@ def test_a_capsule_that_does_not_answer_is_stopped() -> None:
     at, said = reason(MAGNET, lambda t: min(5e-3 * t, 0.0105), rest, lambda t: 5e-3 * t)
     assert "does not answer" in said
     assert at == pytest.approx(0.9 * 0.011 / 5e-3 + 1.0, abs=0.1)
-    assert reason(COIL, lambda t: -0.17, rest, rest, friction=0.12) == (math.inf, ""), "a push that the coil holds"
+    at, said = reason(COIL, lambda t: -0.5, rest, rest, friction=0.12)
+    assert "does not answer" in said
+    assert at < 0.06
+    assert reason(COIL, lambda t: -0.3, rest, rest, friction=0.12) == (math.inf, ""), "a push that the coil holds"
     _, said = reason(SHAKEN, lambda t: float(t % 0.1 < 0.03), rest, rest, seconds=20.0)
     assert "has not moved while the inner mass swung" in said
 
@@ -170,50 +173,7 @@ def test_a_probe_passes_a_sound_rig_over_folds_and_finds_what_is_told_wrongly() 
     assert "readings" in Probe(MAGNET).reason()
 
 
-def pushed(wanted: float, holds: float, told: float = 1.0, seconds: float = 4.0) -> tuple[str, float, float]:
-    """A coil that is to push with `wanted` frictions does what it may: the reason to stop, how far a capsule in the
-    gut's law goes that `holds` as many frictions, and its greatest speed. The localisation shows that motion `told`
-    times.
-    """
-    law = np.array([[0.0, 0.014, 0.037, 0.081, 0.141, 0.224, 0.34], [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]])
-    friction, rng, place, speed, fastest = 0.12, np.random.default_rng(3), 0.0, 0.0, 0.0
-    watch, waiting = Contradiction(COIL, 2e-4, friction), list[tuple[float, float, float]]()
-    for k in range(round(seconds / TICK_S)):
-        t, (low, high) = k * TICK_S, watch.room
-        drive = min(max(-wanted * friction * (t > 0.2), low), high)  # from rest
-        steady = float(np.interp(-drive / friction - holds, law[1], law[0]))
-        speed += (steady - speed) * TICK_S / 6e-3  # 4 g and the slope of the law
-        place, fastest = place + speed * TICK_S, max(fastest, speed)
-        said = watch.drove(drive, 0.0, TICK_S)
-        if k % 5 == 0:
-            waiting.append((told * place + 2e-4 * rng.standard_normal(), drive, t))
-        if len(waiting) > 1:  # a reading is 10 ms late
-            seen, then, stamp_s = waiting.pop(0)
-            said = said or watch.saw(seen, then, told * place, stamp_s)
-        if said:
-            return said, place, fastest
-    return "", place, fastest
-
-
-@pytest.mark.parametrize("wanted", [1.6, 2.0, 2.5, 3.0, 4.0, 8.0])
-def test_a_coil_behind_a_localisation_that_stands_still_cannot_take_its_capsule_far(wanted: float) -> None:
-    """16 mm of reach, whatever the controller asks for and the reading says; the speed stays below the limit."""
-    said, place_m, fastest_m_s = pushed(wanted, 1.0, told=0.0)
-    assert "does not answer" in said
-    assert place_m < 0.022
-    assert fastest_m_s < Limits().speed_m_s
-
-
-@pytest.mark.parametrize("holds", [1.0, 1.6, 2.0, 2.5])
-@pytest.mark.parametrize("wanted", [1.8, 2.4, 3.0])
-def test_a_capsule_that_a_gut_holds_is_pushed_loose_and_the_run_goes_on(wanted: float, holds: float) -> None:
-    """Folds, or friction that falls with speed: it stands until it is pushed harder than the model knows."""
-    said, place_m, _ = pushed(wanted, holds, seconds=0.8)
-    assert "does not answer" not in said
-    assert place_m > 5e-4
-
-
-@pytest.mark.parametrize(("speed_m_s", "frictions"), [(0.0, 3.24), (0.02, 3.24), (0.15, 1.5), (0.24, 0.6)])
+@pytest.mark.parametrize(("speed_m_s", "frictions"), [(0.0, math.inf), (0.02, math.inf), (0.15, 1.5), (0.24, 0.6)])
 def test_a_coil_that_pushed_a_capsule_loose_pushes_less(speed_m_s: float, frictions: float) -> None:
     """Four frictions would take a slipping capsule beyond its speed limit before the next reading shows it."""
     friction, watch, rng = 0.1, Contradiction(COIL, 1e-4, 0.1), np.random.default_rng(0)

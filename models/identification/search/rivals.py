@@ -68,8 +68,9 @@ def rivals_of(
         if begun.training_cost > hopeless * first.training_cost and not kind.beginnings_s and name not in equals:
             return np.inf, False, (), effects
         pairs += [imitated(k) for k in range(1, len(made))]
-        points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs)]
-        fitted = model.far([begun.thetas, *points[1:]], effects, seeds=0)
+        points = [[near, *known[k : k + 1]] for k, (near, _) in enumerate(pairs) if k]
+        others = replace(model, splits=model.splits[1:], thetas=()).far(points, effects, seeds=0)
+        fitted = model.fitted([*begun.thetas, *others.thetas], effects)
         if fitted.training_cost <= SET.rival_near * model.training_cost:
             fitted = fitted.far(([theta] for theta in fitted.thetas), seeds=1)
         finer = tried[name].finer if name in tried else None

@@ -102,15 +102,19 @@ def test_another_one_sends_by_the_same_name(
     """Nothing is sent, so the first one's charge does not end."""
     file, script = jogged(tmp_path, channel)
     hand: Hand = (lambda hand: hand.speed(0.002)) if pressed else (lambda hand: hand.release())
-    with answered(channel, "script", hand), LocalBus(channel) as beside:
-        witness = OperatorSender(beside, "ros")
-        assert run(["jog", file, "--script", script, "--source", "script", "--json"]) == 1
-        found = json.loads(capsys.readouterr().out)
-        assert run(["jog", file, "--script", script, "--source", "script"]) == 1
-        answer = witness.listen()
+    steers = "script" if pressed else "nobody"
+    for _ in range(TRIES):
+        with answered(channel, "script", hand), LocalBus(channel) as beside:
+            witness = OperatorSender(beside, "ros")
+            assert run(["jog", file, "--script", script, "--source", "script", "--json"]) == 1
+            found = json.loads(capsys.readouterr().out)
+            assert run(["jog", file, "--script", script, "--source", "script"]) == 1
+            told = " ".join(capsys.readouterr().out.split())
+            answer = witness.listen()
+        assert answer is not None
+        if answer.source == steers or answer.refused not in HELD_UP:
+            break
     assert found["sent"] == 0
     assert found["others"] >= 1
-    told = " ".join(capsys.readouterr().out.split())
     assert "another sender is on the bus as script: choose another name by --source" in told
-    assert answer is not None
-    assert answer.source == ("script" if pressed else "nobody")
+    assert answer.source == steers

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, ClassVar, TypeVar
 
@@ -53,8 +53,9 @@ class AxisKind(Kind):
 
     An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
     `delay` is the time by which the position is read late. `force_std` and `position_std` are the noise before the
-    filter; without the first it is estimated from repeats of the motion, else from the white part of the force. Rows at
-    rest do not count, since friction there takes any value up to its limit.
+    filter; without the first it is estimated from repeats of the motion, else from the white part of the force, and is
+    `usual_std` in a record that does not show it beside others that do. Rows at rest do not count, since friction there
+    takes any value up to its limit.
     """
 
     base: tuple[Parameter, ...]
@@ -63,6 +64,7 @@ class AxisKind(Kind):
     coordinates: Coordinates = LINE
     band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
+    usual_std: float | None = None
     name: str = AXIS.id
     catalogue: Catalogue = CATALOGUE
     lanes: ClassVar[int] = LANES
@@ -84,7 +86,10 @@ class AxisKind(Kind):
         loads = c.loads_in([n for n in LOADS if records and all(n in r.columns for r in records)])
         size = size_of(c, known, band) if known else None
         effects = candidates(c, size, catalogue, logged_in(known, c, loads, band))
-        return cls(base_of(rig, c, size), *stds, c, band, effects, catalogue=catalogue)
+        kind = cls(base_of(rig, c, size), *stds, c, band, effects, catalogue=catalogue)
+        rates = [(kind.noise(record).force, kind._moved(record).motion.rate) for record in known]
+        shown = [force / passed(rate, band) for force, rate in rates if not math.isnan(force)]
+        return replace(kind, usual_std=float(np.median(shown))) if 0 < len(shown) < len(rates) else kind
 
     @property
     def quantity(self) -> str:
@@ -211,7 +216,10 @@ class AxisKind(Kind):
 
     def _believed(self, record: Record) -> float:
         """The noise assumed for a force whose own is unknown."""
-        filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
+        rate = sampling_rate(record["t_s"])
+        if self.usual_std is not None:
+            return self.usual_std * passed(rate, self.band)
+        filtered = decimate(record[self.quantity], rate, self.band)
         return SET.axis_noise * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:

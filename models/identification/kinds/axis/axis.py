@@ -182,7 +182,7 @@ class AxisKind(Kind):
     def noise(self, record: Record) -> AxisNoise:
         """The noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
-        return self._kept((id(force), self.force_std), force, lambda: self._estimated(record))
+        return self._kept((id(force), self.force_std, self.usual_std), force, lambda: self._estimated(record))
 
     def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
         """The value `found` for the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""

@@ -2,9 +2,9 @@
 
 `python -m tests.bench.bench_measured [--out FILE] [--seed 0] [SET ...]` closes the loop on each set and prints a row.
 A plain fit is least squares with the physically right terms, as the set's README states it; `times` is the held-out
-error over the plain fit's. A 95 % interval that misses what is known of its number is printed as wrong, and so
-is an effect that the set cannot have, unless one that it can have stands in its class. Without held-out records both errors are those of the training. What is
-on file is not run again.
+error over the plain fit's. A 95 % interval that misses what is known of its number is printed as wrong, and so is an
+effect that the set cannot have, unless one that it can have stands in its class. Without held-out records both errors
+are those of the training. What is on file is not run again.
 """
 
 import argparse

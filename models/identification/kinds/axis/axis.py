@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -67,6 +68,7 @@ class AxisKind(Kind):
     usual_std: float | None = None
     name: str = AXIS.id
     catalogue: Catalogue = CATALOGUE
+    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     lanes: ClassVar[int] = LANES
     next_share: ClassVar[float] = 0.04
     _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)

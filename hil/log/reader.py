@@ -8,6 +8,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from importlib import reload
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -134,6 +135,8 @@ _SCREEN: Final = re.compile(
     r"(?:\(([^)]*)\)\s+)?(\S+)\s+(?:([RT])X\s+\S\s+\S\s+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d+\]"
     r"\s*((?:[0-9A-Fa-f]{2}\b\s*)*|remote request|ERRORFRAME)(?:'.*')?"
 )
+_HEAD: Final = 20  # lines of an ASC file in which its header stands
+_RELATIVE: Final = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
 _ASC: Final = re.compile(r"\s*(-\d+\.\d+)(\s+\d+\s.*)", re.DOTALL)
 Stamped = tuple[float, str]
 
@@ -151,9 +154,12 @@ class _Lines(io.TextIOBase):
 def text_reader(path: Path, tell: Tell) -> tuple[Any, float]:
     """python-can's reader of a `.log` or `.asc` file, and what it adds to the stamps in s. Raises ValueError."""
     if path.suffix.lower() == ".asc":
+        summed = any(_RELATIVE.match(line) for line in islice(_lines(path), _HEAD))
         negative = [float(found[1]) for line in _lines(path) if (found := _ASC.match(line))]
         late = float(np.ceil(-min(negative, default=0.0)))
-        return can.ASCReader(_Lines(_later(path, late))), late  # type: ignore[arg-type]
+        if summed:
+            tell(left_out("differences", path.name, np.empty(0), 1).sentence)
+        return can.ASCReader(_Lines(_later(path, late, summed))), late  # type: ignore[arg-type]
     return can.CanutilsLogReader(_Lines(_candump_lines(path, tell))), 0.0  # type: ignore[arg-type]
 
 
@@ -162,12 +168,15 @@ def _lines(path: Path) -> Iterator[str]:
         yield from iter(lambda: text.readline(_LONGEST_LINE), "")
 
 
-def _later(path: Path, late: float) -> Iterator[str]:
-    """The lines with all stamps later, so that none is negative."""
-    stamped = re.compile(r"\s*(-?\d+\.\d+)(\s+(?:\d|CANFD).*)", re.DOTALL) if late else None
+def _later(path: Path, late: float, summed: bool) -> Iterator[str]:
+    """The lines with all stamps later, so that none is negative; where they are differences, with their sums."""
+    stamped = re.compile(r"\s*(-?\d+\.\d+)(\s+\S.*)", re.DOTALL) if late or summed else None
+    now = 0.0
     for line in _lines(path):
         found = stamped.match(line) if stamped else None
-        yield f"{float(found[1]) + late:.9f}{found[2]}" if found else line
+        if found:
+            now = float(found[1]) + (now if summed else 0.0)
+        yield f"{now + late:.9f}{found[2]}" if found else line
 
 
 def _candump_lines(path: Path, tell: Tell) -> Iterator[str]:

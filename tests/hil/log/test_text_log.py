@@ -58,6 +58,16 @@ def test_asc_with_negative_stamps_has_all_its_frames(tmp_path: Path) -> None:
     assert found["t_s"] + 1 == pytest.approx(wanted["t_s"], abs=3e-6)
 
 
+def test_asc_of_differences_is_summed(tmp_path: Path) -> None:
+    head = ["date Sun Mar 1 12:30:00.000 2026", "base hex  timestamps relative", "internal events logged"]
+    rows = [f"{steps(one):10.6f} 1  {one.id:X}             Rx   d {len(one.data)} {data(one)}" for one in FRAMES]
+    (tmp_path / "a.asc").write_text("\n".join([*head, *rows]) + "\n")
+    found = log_record(tmp_path / "a.asc", Rig("magnetic"))
+    wanted = log_record(blf(tmp_path / "a.blf", FRAMES), Rig("magnetic"))
+    assert found["t_s"] == pytest.approx(wanted["t_s"], abs=3e-6)
+    assert any("differences" in note for note in found.notes)
+
+
 def test_a_screen_without_stamps_and_strange_lines_are_told(tmp_path: Path) -> None:
     path = tmp_path / "a.log"
     path.write_text("\n".join(screen("", one).replace("()", "") for one in FRAMES))

@@ -16,7 +16,7 @@ from models.files.units import unit_of
 from models.records.clock import ASTRAY, ClockError, LeftOut, are_differences, in_order, left_out, one_clock
 from models.records.direction import directed, kind_of, swings
 from models.records.found_columns import check_header, nearly, proposed, to_fill_in, to_scale, toml_lines
-from models.rigs.columns import LOADS, TIME, Columns
+from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import MappedColumn, contradiction
@@ -208,7 +208,8 @@ def _paced(kind: RigKind) -> tuple[str, ...]:
 
 def _free(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that are left out where they hold anything but usable numbers."""
-    return LOADS if kind.stage else kind.layout.beside
+    inputs = dict.fromkeys(name for one in kind.layouts for name in one.optional)
+    return tuple(inputs) if kind.stage else kind.layout.beside
 
 
 def _usable(kind: RigKind, values: Array) -> bool:
@@ -258,9 +259,8 @@ def _with_proposal(
     raw = to_scale(free, missing, units, found)
     known = {entry.target for entry in found} | {line.split()[1] for line in raw}
     unknown = [names for names in missing if not known & set(names)]
-    raw += (
-        to_fill_in(free, unknown, clocked=any(TIME in names for names in unknown)) if len(free) >= len(unknown) else []
-    )
+    if len(free) >= len(unknown) or unknown == [(TIME,)]:
+        raw += to_fill_in(free, unknown, clocked=any(TIME in names for names in unknown))
     if not (found or raw) or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]

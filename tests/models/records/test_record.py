@@ -416,3 +416,9 @@ def test_a_further_column_that_is_nearly_ours_is_left_out_with_a_word(tmp_path: 
     record = read_record(path, Rig("axis"))
     assert sum("is left out" in note for note in record.notes) == 2
     assert "velocity_m_s" not in record.columns
+    path.write_text("t_s,position_m,force_N,load_N,velocity_m_s\n" + ROWS.replace("\n", ",off,\n"))
+    assert sum("is left out" in note for note in read_record(path, Rig("axis")).notes) == 2
+    path.write_text("position_m,force_N\n" + re.sub(r"(?m)^[^,]*,", "", ROWS))
+    with pytest.raises(ValueError, match="must have the column t_s") as refused:
+        read_record(path, Rig("axis"))
+    assert "t_s = {rate_Hz = ...}" in refused.value.__notes__[0]

@@ -10,6 +10,7 @@ from models.checks.finding import Findings
 from models.checks.settings import SET
 from models.checks.view import View
 from models.files.units import factor, split_unit, unit_of
+from models.records.found_columns import commanded
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,10 @@ def check_repeated(view: View) -> Findings:
     ours = [(name, unit_of(name), running_mean(running_mean(record[name], n), n)) for name in shown]
     ours += [(f"the speed of {place}", f"{unit_of(place)}/s", speed)]
     ours += [(f"the acceleration of {place}", f"{unit_of(place)}/s2", np.gradient(speed, view.dt))]
-    for name in (name for name in record.columns if name not in view.kind.known and split_unit(name)[1]):
+    for name in (name for name in record.columns if name not in view.kind.known and not commanded(name)):
         stated, values = split_unit(name)[1], record[name]
-        alike = [(other, size, smooth) for other, unit, smooth in ours if (size := factor(stated, unit))]
-        if not np.isfinite(values).all():
+        alike = [(other, size, smooth) for other, unit, smooth in ours if stated and (size := factor(stated, unit))]
+        if not alike or not np.isfinite(values).all():
             continue
         fits = [(fit, other) for other, size, y in alike if (fit := _agreement(y, size * values, n, view.dt))]
         fit, other = min(fits, key=lambda one: one[0].left, default=(None, ""))
@@ -84,8 +85,11 @@ def check_repeated(view: View) -> Findings:
             continue
         lag = round(abs(fit.lag_s), 6)
         said: dict[str, Any] = {"gain": fit.gain, "lag": lag, "late": fit.lag_s > 0, "other": other}
-        finer = other in record.columns and white_noise(record[other]) > SET.repeated_finer * white_noise(
-            values * (factor(stated, unit_of(other)) or 0.0) / fit.gain
+        finer = (
+            fit.close
+            and other in record.columns
+            and white_noise(record[other])
+            > SET.repeated_finer * white_noise(values * (factor(stated, unit_of(other)) or 0.0) / fit.gain)
         )
         if finer:
             line = view.columns_line(other, column=name, unit=stated)

@@ -53,6 +53,7 @@ def test_lag_size_and_sign_of_a_logged_speed_are_told(speed: np.ndarray, said: s
         ("encoder_mm", 1e3 * X, 'position_m = {column = "encoder_mm", unit = "mm"}'),
         ("acceleration_m_s2", -np.gradient(V, T), "times the acceleration of position_m"),
         ("speed_2_m_s", 0.1 * V, "is 0.1 times the speed of position_m"),
+        ("reference_position_m", np.interp(T + 0.007, T, X), ""),
         ("load_cell_2_mN", 1e3 + 50 * np.sin(T), ""),
     ],
 )

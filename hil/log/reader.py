@@ -4,6 +4,7 @@ An MF4 file, which needs asammdf, is read in a separate process, so that a damag
 """
 
 import io
+import logging
 import re
 import warnings
 from collections.abc import Iterator
@@ -70,8 +71,28 @@ def library_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
         raise ValueError(
             f"{path}: log must be one in the format that its name ends in; got: {error_text(error, 160)}"
         ) from None
-    with reader:
-        yield from _frames(reader, path, round(late * 1e9))
+    unread, count = _Unread(), 0
+    logging.getLogger("can").addHandler(unread)
+    try:
+        with reader:
+            for count, frame in enumerate(_frames(reader, path, round(late * 1e9)), 1):  # noqa: B007
+                yield frame
+    finally:
+        logging.getLogger("can").removeHandler(unread)
+    if (n := len(unread.lines)) and tell is not None:
+        places = [line.rpartition("'")[0][-_SHOWN_CHARACTERS:] for line in unread.lines[:_SHOWN]]
+        tell(left_out("unread", path.name, np.full(n, np.nan), n + count, places=places).sentence)
+
+
+class _Unread(logging.Handler):
+    """What python-can says of the lines that it cannot read."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(record.getMessage())
 
 
 def _frames(reader: Any, path: Path, late_ns: int) -> Iterator[Logged]:
@@ -130,6 +151,7 @@ def send_frames(path: Path, target: IO[bytes]) -> None:
 
 _LONGEST_LINE: Final = 1 << 12  # characters; the longest frame has 64 bytes
 _SHOWN: Final = 3  # lines that are named
+_SHOWN_CHARACTERS: Final = 40  # of such a line
 _FILE: Final = re.compile(r"\(([^)]*)\)\s+(\S+)\s+([0-9A-Fa-f]+#\S*)(?:\s+([RTrt]))?")
 _SCREEN: Final = re.compile(
     r"(?:\(([^)]*)\)\s+)?(\S+)\s+(?:([RT])X\s+\S\s+\S\s+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d+\]"
@@ -193,7 +215,7 @@ def _candump_lines(path: Path, tell: Tell) -> Iterator[str]:
     if np.isnan(times).any():
         raise ValueError(f"{path}: frames must have stamps; got one without: log with candump -L, or candump -ta")
     if odd and len(odd) < total:
-        tell(left_out("unread", path.name, np.zeros(len(odd)), total, places=odd[:_SHOWN]).sentence)
+        tell(left_out("unread", path.name, np.full(len(odd), np.nan), total, places=odd[:_SHOWN]).sentence)
     if summed := are_differences(times, even=False):
         tell(left_out("differences", path.name, times[:0], total).sentence)
     now = 0.0

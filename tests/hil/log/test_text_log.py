@@ -84,3 +84,15 @@ def test_refused_frames_are_counted(tmp_path: Path) -> None:
     assert {one.why for one in found.left_out} >= {"refused"}
     assert len(found) > 180
     assert "repeated" in next(one.sentence for one in found.left_out if one.why == "refused")
+
+
+def test_a_line_that_is_cut_off_is_told(tmp_path: Path) -> None:
+    head = [";$FILEVERSION=1.1", ";$STARTTIME=46000.5", ";"]
+    rows = [
+        f"{k:6d})  {1e3 * one.time_s:11.1f}  Rx         {one.id:04X}  {len(one.data)}  {data(one)} "
+        for k, one in enumerate(FRAMES, 1)
+    ]
+    text = "\r\n".join([*head, *rows])
+    (tmp_path / "a.trc").write_text(text[:-15])
+    (note,) = log_record(tmp_path / "a.trc", Rig("magnetic")).notes
+    assert f"1 of {len(FRAMES)} lines" in note

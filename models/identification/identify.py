@@ -33,6 +33,7 @@ from models.identification.verdict import (
     setback_findings,
     setbacks,
     unexplained,
+    unshown,
     verdict_of,
 )
 from models.records.record import Record
@@ -202,8 +203,10 @@ def judge(
     beyond = any(check.id == "held_out" and not check.ok for check in rest)
     findings = (*setback_findings(said, holdout, bounds, last if beyond else None), *prepared.findings)
     periods = periods_of(kind, found.effects, fit.theta, train)
-    long = [name for name, share in periods.items() if share > 1 / SET.seen_again]
-    fitted |= {name: replace(fitted[name], identifiable=False) for name in long}
+    open_ = unshown(kind, found.effects, fit.theta, train)
+    fitted |= {
+        name: replace(fitted[name], ci95=ends, identifiable=False) for name, ends in open_.items() if name in fitted
+    }
     checks = (*rest, *more, *checks_of_model(kind, found, fitted, error, findings, periods))
     return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
 

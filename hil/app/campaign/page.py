@@ -122,9 +122,9 @@ class Runs:
         return drawn | grid
 
 
-def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) -> str:
+def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None, version: str = "") -> str:
     """One self-contained page; `repeat` is the command that repeats a run but for its number. Runs that are still
-    missing of those `planned` are told.
+    missing of those `planned` are told, and the `version` of the program.
     """
     metric, parted = runs.metric, runs.groups()
     factor, unit = scale(runs.values[np.isfinite(runs.values)].tolist(), column_words(metric)[1])
@@ -137,6 +137,7 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) ->
         unit=unit,
         factor=factor,
         repeat=repeat,
+        version=version,
         count=len(runs),
         missing=(planned or len(runs)) - len(runs),
         groups={group: runs.summary(which) for group, which in parted.items()},

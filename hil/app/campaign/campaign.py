@@ -136,7 +136,6 @@ def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
             {"run": row["run"], "value": value_of(row, metric), "point": row["point"]}
             | {"repeat": f"{repeat} --run {row['run']}"}
             for row in runs.worst
-            if "error" not in row
         ],
         "seconds_of_runs": runs.seconds,
     }

@@ -67,6 +67,7 @@ def _answers(
             ends = time.monotonic() + limit_s * len(part) * (1 + AHEAD)
             flying[client.submit(packed(run_alone, part), retries=RETRIES, pure=False)] = ends, part
         for future in [one for one, (ends, _) in flying.items() if time.monotonic() > ends]:
+            note(TEXT("silent"))
             _start_anew(client, future)
             yield flying.pop(future)[1], 0
         if not flying:

@@ -49,7 +49,8 @@ class Failure:
 
 class Runs:
     """The runs of a campaign in columns, whatever their number: `values` of the metric, `unsafe`, `violations`, the
-    `drawn` values by key, and the number of the combination `at`; the `worst` rows, and the `failures` by error.
+    `drawn` values by key, and the number of the combination `at`; the `worst` rows of those that did not fail, and the
+    `failures` by error.
     """
 
     def __init__(self, rows: Iterable[Row], metric: str, draws: Sequence[str] = ()) -> None:
@@ -69,9 +70,11 @@ class Runs:
             violations = row.get("result", {}).get("hard_violations", 0)
             columns.append((row["run"], at, value, unsafe(row), violations, *drawn))
             badness = (bool(columns[-1][3]), value, -row["run"])
-            (heapq.heappush if len(worst) < WORST else heapq.heappushpop)(worst, (badness, row))
-            if "error" in row:
-                failure = self.failures.setdefault(row["error"], Failure(row["error"]))
+            error = row.get("error") or ("" if np.isfinite(value) else f"its result has no number {metric}")
+            if not error:
+                (heapq.heappush if len(worst) < WORST else heapq.heappushpop)(worst, (badness, row))
+            else:
+                failure = self.failures.setdefault(error, Failure(error))
                 failure.count += 1
                 failure.runs += [row["run"]] * (failure.count <= _FAILED_RUNS)
         table = np.array(columns, dtype=float).reshape(len(columns), 5 + len(draws))

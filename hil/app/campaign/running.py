@@ -19,6 +19,7 @@ from hil.app.campaign.series_answers import TEXT
 from hil.app.campaign.worker import LONGEST_S, OUTSIDE, PASSING, Job, Row, pooled
 from hil.app.cluster import Workers
 from hil.app.console import InterruptionError, note, output_to_notes, progress_bar
+from hil.app.write import file_trouble
 from models.files.access import writing
 from models.words.quantities import plain
 
@@ -51,10 +52,7 @@ def run_missing(
     try:
         with output_to_notes(), progress_bar(title, even=True, done=over / max(len(numbers), 1)) as report:
             for rows in done if missing else ():
-                for row in rows:
-                    if not (is_row(row) and row["run"] in open_):
-                        raise ValueError(f"workers must answer with rows of their runs; got {row!r}"[:300])
-                    open_.remove(row["run"])
+                _check_answer(rows, open_)
                 results.check(rows)
                 if over == len(numbers) - len(missing):
                     _estimate(len(missing), rows, min(workers.count, len(missing)))
@@ -64,13 +62,24 @@ def run_missing(
                 over += len(rows)
                 report(said(rows[-1]), over / len(numbers))
                 if (now := time.monotonic()) >= shows:
-                    shown()
+                    try:
+                        shown()
+                    except OSError as error:
+                        note(file_trouble(error))  # the rows are on file, and the last page is written again
                     shows = time.monotonic() + max(SHOWN_S, 20 * (time.monotonic() - now))
         if open_:
-            raise ValueError(f"workers must answer with a row for each run; {len(open_)} have none: start it again")
+            raise ValueError(f"workers must answer with a row of each run; {len(open_)} have none: start it again")
     except KeyboardInterrupt as error:
         kept = f"{over} of {len(numbers)} runs are on file in {results.path}"
         raise InterruptionError(f"interrupted: {kept}; the same command goes on from there") from error
+
+
+def _check_answer(rows: Any, open_: set[K]) -> None:
+    """Take the runs of a worker's `rows` out of the `open_` ones. Raises ValueError where it answers anything else."""
+    good = isinstance(rows, list) and rows and all(map(is_row, rows))
+    if not good or not open_.issuperset(row["run"] for row in rows) or len({row["run"] for row in rows}) < len(rows):
+        raise ValueError(f"workers must answer with rows of their runs; one answers {rows!r}"[:300])
+    open_.difference_update(row["run"] for row in rows)
 
 
 def _estimate(runs: int, first: Sequence[Row], workers: int) -> None:

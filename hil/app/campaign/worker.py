@@ -14,8 +14,9 @@ from multiprocessing import active_children, get_context
 from typing import Any, Final, Protocol
 
 from controller.model.control_model import ControlModel
+from hil.app.campaign.series_answers import TEXT
 from hil.app.cluster import program_version
-from hil.app.console import printable
+from hil.app.console import note, printable
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.sil.sil import judged
@@ -169,6 +170,7 @@ def _ended(flying: Mapping[Future[list[Row]], tuple[float, Sequence[Job]]]) -> s
     left = min(ends for ends, _ in flying.values()) - time.monotonic()
     done = wait(flying, timeout=max(left, 0.0), return_when=FIRST_COMPLETED).done
     if not done:
+        note(TEXT("silent"))
         for child in active_children():
             child.kill()
     return done

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import controller.registry
 import models.effects.own
+from hil.app.console import TEXT, note
 from hil.own_process import version_of
 from models.files.python_file import installed
 from models.workers import Mapper, cores, working
@@ -115,7 +116,9 @@ def same_program(client: Any) -> None:
     try:
         # one that is silent is not waited for: its rows say their version
         found = client.sync(client._run, packed(program_version), on_error="return", callback_timeout=_SILENT_S)
-    except OSError:
+    except OSError as error:
+        if isinstance(error, TimeoutError):
+            note(TEXT("cluster.silent", seconds=_SILENT_S))
         return
     for worker, got in found.items():
         if got != own:

@@ -11,6 +11,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from hil.app.campaign.series_answers import reason_of
 from hil.report.builder import page
 from hil.report.theme import axes, line_colour, styled, symbol
 from hil.report.words import column_words
@@ -70,7 +71,7 @@ class Runs:
             violations = row.get("result", {}).get("hard_violations", 0)
             columns.append((row["run"], at, value, unsafe(row), violations, *drawn))
             badness = (bool(columns[-1][3]), value, -row["run"])
-            error = row.get("error") or ("" if np.isfinite(value) else f"its result has no number {metric}")
+            error = reason_of(row) or ("" if np.isfinite(value) else f"its result has no number {metric}")
             if not error:
                 (heapq.heappush if len(worst) < WORST else heapq.heappushpop)(worst, (badness, row))
             else:

@@ -15,8 +15,8 @@ from statistics import fmean
 from typing import Any, Final, Self, TypeVar
 
 from hil.app.campaign.dask_cluster import scheduled
-from hil.app.campaign.series_answers import TEXT
-from hil.app.campaign.worker import LONGEST_S, OUTSIDE, PASSING, Job, Row, pooled
+from hil.app.campaign.series_answers import OUTSIDE, TEXT
+from hil.app.campaign.worker import LONGEST_S, PASSING, Job, Row, pooled
 from hil.app.cluster import Workers
 from hil.app.console import InterruptionError, note, output_to_notes, progress_bar
 from hil.app.write import file_trouble

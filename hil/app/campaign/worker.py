@@ -14,7 +14,7 @@ from multiprocessing import active_children, get_context
 from typing import Any, Final, Protocol
 
 from controller.model.control_model import ControlModel
-from hil.app.campaign.series_answers import TEXT
+from hil.app.campaign.series_answers import OUTSIDE, TEXT
 from hil.app.cluster import program_version
 from hil.app.console import note, printable
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
@@ -29,8 +29,6 @@ from models.workers import end_with_parent
 
 TRIES: Final = 3  # workers that a run may cost
 PASSING: Final = ("files", "worker")  # what a row has until it is on file
-OUTSIDE: Final = "outside"
-"""The `cause` of a run that failed for a cause outside itself: it is done again at the next start."""
 LONGEST_S: Final = 1e6  # that a run may be allowed to last
 _STARTS_S: Final = 60.0  # longest start of a worker
 Row = dict[str, Any]

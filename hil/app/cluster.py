@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import controller.registry
 import models.effects.own
-from hil.app.console import TEXT, note
 from hil.own_process import version_of
 from models.files.python_file import installed
 from models.workers import Mapper, cores, working
@@ -110,20 +109,19 @@ def packed(function: Callable[..., Any], *inputs: Any) -> Callable[[], Any]:
     return work
 
 
-def same_program(client: Any) -> None:
-    """Raises ValueError where a worker has another version of this program, or none."""
+def same_program(client: Any) -> bool:
+    """Whether all workers answer in time. Raises ValueError where one has another version of this program, or none."""
     own = program_version()
     try:
         # one that is silent is not waited for: its rows say their version
         found = client.sync(client._run, packed(program_version), on_error="return", callback_timeout=_SILENT_S)
-    except OSError as error:
-        if isinstance(error, TimeoutError):
-            note(TEXT("cluster.silent", seconds=_SILENT_S))
-        return
+    except OSError:
+        return False
     for worker, got in found.items():
         if got != own:
             other = got if isinstance(got, str) else f"{type(got).__name__}: {got}"
             raise ValueError(f"--scheduler must have workers with this program, {own}; {worker} answers {other}")
+    return True
 
 
 def connected(address: str) -> Any:

@@ -33,7 +33,8 @@ def scheduled(
     """
     suspects: list[Job] = []
     with connected(address) as client:
-        same_program(client)
+        if not same_program(client):
+            note(TEXT("dumb"))
         note(TEXT("cluster", address=address, count=count_of(client)))
         for part, rows in _answers(client, parts, address, timeout_s, limit_s):
             if isinstance(rows, int):

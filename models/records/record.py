@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.access import text_of
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
 from models.records.clock import ASTRAY, ClockError, LeftOut, are_differences, in_order, left_out, one_clock
@@ -281,6 +282,7 @@ def _record(
     row_name: str = "line",
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
+    name, where = text_of(name), text_of(where)
     raw = dict(zip(table.header, table.values.T, strict=True))
     ours = {
         target: s.values(raw[s.column] if s.column else table.lines, table.units.get(s.column, ""))

@@ -413,10 +413,14 @@ def test_no_compiler_is_said(
 
 
 def test_json_names_the_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a deployment with authenticated frames, which the folder's node does not speak: a note says so."""
     tool("cc")
-    out = tmp_path / "o"
-    assert run(["export", "controller", str(deployment(tmp_path, "feedforward")), "--out", str(out), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    out, path = tmp_path / "o", deployment(tmp_path, "feedforward")
+    path.write_text(path.read_text().replace("fd = false", 'fd = true\nkey_file = "bus.key"'))
+    assert run(["export", "controller", str(path), "--out", str(out), "--json"]) == 0
+    said = capsys.readouterr()
+    assert "capsule.dbc alone" in said.err
+    found = json.loads(said.out)
     assert all(Path(file).is_file() for file in found["files"])
     assert {"controller.h", "Makefile", "CMakeLists.txt", "README.md"} <= {path.name for path in out.iterdir()}
     assert found["ticks"] == TICKS

@@ -47,17 +47,17 @@ class AxisDelay(SensorDelay):
 
 
 class AxisSaturation(ActuatorSaturation):
-    """Scale `(1 + (a u_cmd^2)^n)^(-1/(2 n))` of the drive's force, which ends at `1/sqrt(a)`: softly (n = 1) or as a
-    limit of the current does (n = 20).
+    """Scale `(1 + (a u_cmd^2)^(1/q))^(-q/2)` of the drive's force, which ends at `1/sqrt(a)`: softly (q = 1), or hard
+    as the limit of a current does (q = 0, as 0.05).
     """
 
-    grid = by_name(sharpness=(1.0, 4.0))
+    grid = by_name(softness=(1.0, 0.25))
     inverse_square = number(0.0, "1/command^2", 0.0, 1e12, symbol="a")
-    sharpness = number(1.0, "1", 0.5, 20.0, symbol="n")
+    softness = number(1.0, "1", 0.0, 2.0, symbol="q")
 
     def gain(self, s: Signals, p: Values, z: Values) -> Value:
-        beyond = np.maximum(p["inverse_square"] * s.command**2, 0.0) ** p["sharpness"]
-        return (1 + beyond) ** (-0.5 / p["sharpness"])
+        soft = np.maximum(p["softness"], 0.05)
+        return (1 + np.maximum(p["inverse_square"] * s.command**2, 0.0) ** (1 / soft)) ** (-0.5 * soft)
 
 
 class AxisDeadZone(ActuatorDeadZone):

@@ -58,8 +58,8 @@ LAUNCH = ("_start_x", "_start_v")
 
 @lru_cache(maxsize=KEPT)
 def launch(record: Record, column: str) -> tuple[float, float]:
-    """Place and speed at the start of a record by its first samples; 0 where nothing was measured. A speed within three
-    standard errors is none.
+    """Place and speed at the start of a record by its first samples; 0 where nothing was measured. An acceleration or a
+    speed within three standard errors is none.
     """
     if LAUNCH[0] in record.columns:
         return float(record[LAUNCH[0]][0]), float(record[LAUNCH[1]][0])
@@ -68,10 +68,15 @@ def launch(record: Record, column: str) -> tuple[float, float]:
     n = min(max(8, round(SET.axis_start_s / interval(record))), len(record))
     t, x = record["t_s"][:n] - record["t_s"][0], record[column][:n]
     powers = np.vander(t / t[-1], 3, increasing=True)
-    fitted, *_ = np.linalg.lstsq(powers, x, rcond=None)
-    left = float(np.sum((x - powers @ fitted) ** 2)) / max(n - 3, 1)
-    error = float(np.sqrt(left * np.linalg.inv(powers.T @ powers)[1, 1]))
-    return float(fitted[0]), float(fitted[1] / t[-1]) if abs(fitted[1]) > 3 * error else 0.0
+    kept = [0, 1, 2]
+    for k in (2, 1):
+        some = powers[:, kept]
+        fitted, *_ = np.linalg.lstsq(some, x, rcond=None)
+        left = float(np.sum((x - some @ fitted) ** 2)) / max(n - len(kept), 1)
+        if abs(fitted[k]) <= 3 * np.sqrt(left * np.linalg.inv(some.T @ some)[k, k]):
+            kept.remove(k)
+    fitted, *_ = np.linalg.lstsq(powers[:, kept], x, rcond=None)
+    return float(fitted[0]), float(fitted[1] / t[-1]) if 1 in kept else 0.0
 
 
 @lru_cache(maxsize=KEPT)

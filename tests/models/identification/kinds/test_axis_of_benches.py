@@ -123,7 +123,6 @@ def test_an_axis_with_idle_inputs_lacks_nothing() -> None:
         (cogging, "torque_ripple"),
         (thinning, "warming"),
         (two_masses, "elastic_drive"),
-        (rattling, "drive_play"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -132,6 +131,15 @@ def test_a_bench_is_found(bench: Bench, effect: str) -> None:
     assert [found.id for found in finding.effects][:1] == [effect]
     held = finding.error["holdout"]
     assert held["augmented"] < 0.5 * held["calibrated"]
+
+
+def test_play_is_found_with_its_width() -> None:
+    """Blows whose moments a law of another form misses cost it much of the error, but name it."""
+    finding = closed(rattling)
+    assert [found.id for found in finding.effects][:1] == ["drive_play"]
+    assert finding.effects[0].parameters["play_m"].value == pytest.approx(1.6e-3, rel=0.15)
+    held = finding.error["holdout"]
+    assert held["augmented"] < 0.75 * held["calibrated"]
 
 
 def lubricated(m: dict[str, Floats], rng: np.random.Generator) -> tuple[Floats, Floats, dict[str, Floats]]:

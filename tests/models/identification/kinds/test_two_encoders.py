@@ -41,11 +41,10 @@ def coupled(force: Floats, step: float, stiff: float, power: float, half: float,
 
 def record(numbers: Numbers, seed: int, load: bool = True) -> Record:
     u, rng = command(seed), np.random.default_rng(seed)
-    u[:40] = 0.0
     fine: tuple[Floats, Floats] = coupled(np.repeat(u, FINE), STEP / FINE, *numbers)
     place, behind = (one[::FINE] for one in (fine if numbers != RIGID else fine[:1] * 2))
-    columns = {"t_s": STEP * np.arange(u.size), "position_m": place + 1e-4 * rng.standard_normal(u.size), "force_N": u}
-    mounted = {LOAD: behind + 0.012 + 5e-5 * rng.standard_normal(u.size)} if load else {}
+    columns = {"t_s": STEP * np.arange(u.size), "position_m": place + 2e-4 * rng.standard_normal(u.size), "force_N": u}
+    mounted = {LOAD: behind + 0.012 + 1e-4 * rng.standard_normal(u.size)} if load else {}
     return record_of(f"run_{seed}", columns | mounted, RIG)
 
 
@@ -85,21 +84,20 @@ def test_with_one_an_axis_is_run_from_its_measured_force() -> None:
     assert "force_N drives and position_m is measured" in read.notes[0]
 
 
-@pytest.mark.parametrize(
-    ("numbers", "effect"),
-    [(RIGID, []), (STIFFENS, ["elastic_drive"]), (LOOSE, ["drive_play"])],
-    ids=["rigid", "spring", "play"],
-)
-def test_it_shows_what_is_between(numbers: Numbers, effect: list[str]) -> None:
+def test_without_anything_between_both_places_are_one() -> None:
+    finding = closed(RIGID)
+    assert (finding.verdict, finding.effects) == ("none", ())
+    assert finding.beside[LOAD].error["holdout"]["calibrated"] < 1.5 * finding.beside[LOAD].noise_floor
+
+
+@pytest.mark.parametrize(("numbers", "effect"), [(STIFFENS, "elastic_drive"), (LOOSE, "drive_play")])
+def test_it_shows_what_is_between(numbers: Numbers, effect: str) -> None:
+    """A spring that stiffens is one of a class with a little play."""
     finding = closed(numbers)
-    assert [found.id for found in finding.effects][:1] == effect
-    (column,) = finding.beside.values()
-    held = column.error["holdout"]
-    if effect:
-        assert held["augmented"] < 0.3 * held["calibrated"]
-    else:
-        assert finding.verdict == "none"
-        assert held["calibrated"] < 1.5 * column.noise_floor
+    first = finding.effects[0]
+    assert effect in {first.id, *first.equivalent}
+    held = finding.beside[LOAD].error["holdout"]
+    assert held["augmented"] < 0.5 * held["calibrated"]
 
 
 def test_play_shows_in_the_place_of_the_drive_alone() -> None:

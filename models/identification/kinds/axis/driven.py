@@ -29,6 +29,7 @@ from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.benches import AXIS
+from models.rigs.columns import LOAD_PLACES
 from models.rigs.rig import Rig
 from models.theta import Theta
 
@@ -60,11 +61,13 @@ class DrivenAxisKind(SeriesKind):
         measured = driven == c.force and not rig.driven  # a sample of which is no command that holds
         drive = (by(made, driven) if free else made)(holds=holds and not measured)
         c = replace(c, force=drive.commanded)
+        loads = [name for name in LOAD_PLACES if records and all(name in r.columns for r in records)]
         known = [r for r in records if {c.force, c.position} <= r.columns.keys()]
         if not known:
             effects, base = _running(c, None, catalogue), (*drive.rail.parameters(), *drive.parameters())
             catalogue = replace(catalogue, variants=effects)
-            return cls(drive.rail, drive, 1.0, base, effects, catalogue=catalogue, coordinates=c)
+            own = cls(drive.rail, drive, 1.0, base, effects, catalogue=catalogue, coordinates=c)
+            return replace(own, beside=MappingProxyType(dict.fromkeys(loads, 1.0)))
         size = size_of(c, known, min(band_of(r["t_s"], r[c.position], std) for r in known))
         scale = SET.axis_scale if rig.noise.force_scale_std is None else rig.noise.force_scale_std
         base = base_of(rig, c, size)
@@ -81,8 +84,8 @@ class DrivenAxisKind(SeriesKind):
         averaged = max(1, round(SET.axis_mean_s / interval(known[0])))
         catalogue = replace(catalogue, variants=effects)
         kind = cls(drive.rail, drive, noise, base, effects, averaged, step, catalogue=catalogue, coordinates=c)
-        for load in (name for name in known[0].layout.beside if all(name in r.columns for r in known)):
-            kind = replace(kind, beside=MappingProxyType({load: max(series_noise(known, load, None), least)}))
+        stds = {name: max(series_noise(known, name, None), least) for name in loads}
+        kind = replace(kind, beside=MappingProxyType(stds))
         near = Fitter.of(kind, known, []).near(kind.nominal()).theta
         off = kind.error(known, [kind.predict(r, near) for r in known])
         moved = np.std(np.concatenate([r[c.position] for r in known]))
@@ -113,7 +116,7 @@ class DrivenAxisKind(SeriesKind):
         return self.force_scale_std if {"N", "kg"} & set(re.split("[ /]", p.unit)) else 0.0
 
     def driven(self, record: Record) -> Record:
-        bare, start = super().driven(record), launch(record, self.quantity)
+        bare, start = super().driven(record), launch(record, self.drive.measured)
         return bare.with_columns({name: np.full(len(record), at) for name, at in zip(LAUNCH, start, strict=True)})
 
     def _from_the_start(self, record: Record, outputs: Array) -> Array:

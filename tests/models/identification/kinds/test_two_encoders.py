@@ -85,8 +85,11 @@ def test_with_one_an_axis_is_run_from_its_measured_force() -> None:
 
 
 def test_without_anything_between_both_places_are_one() -> None:
-    finding = closed(RIGID)
+    first, second = (record(RIGID, seed) for seed in (1, 2))
+    finding, model = close(RIG, [first], [second], lambda stage, share: None)
     assert (finding.verdict, finding.effects) == ("none", ())
+    predicted = model.predict(RIG, second)
+    assert np.array_equal(predicted[LOAD], predicted["position_m"])
     assert finding.beside[LOAD].error["holdout"]["calibrated"] < 1.5 * finding.beside[LOAD].noise_floor
 
 

@@ -63,7 +63,7 @@ class AxisSaturation(ActuatorSaturation):
 class AxisDeadZone(ActuatorDeadZone):
     """`actuator_dead_zone` of a force, torque, current or voltage of any size."""
 
-    zone = number(0.0, "of the command", 0.0, 1e6, symbol="d")
+    zone = number(0.0, "of the command's unit", 0.0, 1e6, symbol="d")
 
 
 class WarmedBy(Warming):

@@ -67,7 +67,6 @@ class Process(ABC):
         """Advance `b` by a tick in place, at the end of which the drive is at `command`."""
 
     def _noise_of(self, b: Belief) -> Array:
-        """Variances (n,) that a tick adds to `b`."""
         force, place = self.noise.walks(b.surprise)
         self._walk[-2], self._walk[0] = force**2 * self.model.tick_s, place**2 * self.model.tick_s
         return self._walk
@@ -78,12 +77,9 @@ class Process(ABC):
 
     @abstractmethod
     def see(self, b: Belief, value: float, state: Name | None = None) -> float:
-        """Use a localisation in place, or a reading of the `state`, such as a coil's current; its signed normalised
-        innovation, beyond the gate if refused.
-        """
+        """Use a localisation, or a reading of the `state`, in place; its signed normalised innovation."""
 
     def state(self, b: Belief) -> Array:
-        """`b` as a state (n,) of the model."""
         state = b.modes.copy()
         state[self.where] = b.z[:-2]
         return state
@@ -91,8 +87,6 @@ class Process(ABC):
 
 @dataclass(slots=True)
 class _Tick:
-    """A stored tick: the estimate at its end and its measurements."""
-
     belief: Belief
     seen: list[Measurement] = field(default_factory=list)
 

@@ -71,9 +71,7 @@ def weigh(weights: Array, values: Array, measured: float, variance: float) -> fl
 
 @njit(cache=True)
 def draw(weights: Array, share: float, chosen: Indices) -> None:
-    """Systematic resampling: fill `chosen` (P,) with the survivors, each about P times its weight; `share` in [0, 1) is
-    the start of the first of P even steps.
-    """
+    """Systematic resampling: `chosen` (P,) gets each particle about P times its weight; `share` in [0, 1) begins."""
     n, k, total = weights.size, 0, weights[0]
     for i in range(n):
         while (i + share) / n > total and k < n - 1:

@@ -15,9 +15,7 @@ from models.parameter import Name
 
 
 def safe_root(P: Array) -> Array:
-    """Upper Cholesky factor (n, n) of `P`, symmetrised and lifted where rounding made it indefinite: `P = U' U`.
-    SciPy's Cholesky, filterpy's default, would raise.
-    """
+    """Upper Cholesky factor of `P`, lifted where rounding made it indefinite, for which SciPy's would raise."""
     L = np.zeros_like(P)
     root(np.ascontiguousarray(0.5 * (P + P.T)), L)
     return L.T.copy()
@@ -58,7 +56,6 @@ class FilterpyProcess(Process):
         return size if size == size else math.inf
 
     def _moved_state(self, z: Array) -> Array:
-        """The model's state a tick after the point `z` (n,)."""
         (modes, before, command, t), k = self._from, self.model.kernels
         states = modes[None, :].copy()
         states[0, self.where] = z[:-2]

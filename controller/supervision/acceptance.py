@@ -20,8 +20,6 @@ BETTER: Final = 0.99  # greatest held-out error of a new model as a share of the
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Whether a model passed, and the reasons against it."""
-
     reasons: tuple[str, ...] = ()
 
     @property
@@ -30,7 +28,6 @@ class Acceptance:
 
     @property
     def sentence(self) -> str:
-        """The verdict in words."""
         return "passed" if self.passed else "; ".join(self.reasons)
 
 

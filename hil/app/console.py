@@ -53,13 +53,11 @@ def summary() -> Console:
 
 
 def say(*lines: str) -> None:
-    """Print lines on standard output without wrapping."""
     for line in lines:
         summary().print(line, soft_wrap=True)
 
 
 def note(line: str) -> None:
-    """Print a line on standard error without wrapping."""
     notes().print(line, soft_wrap=True)
 
 
@@ -126,7 +124,6 @@ def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterat
 
 
 def part_of(report: Callable[[str, float], None], number: int, count: int) -> Callable[[str, float], None]:
-    """The `report` of part `number` of `count` equal ones."""
     return lambda stage, share: report(stage, (number + share) / count)
 
 

@@ -178,7 +178,6 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
 
 
 def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> Parameter:
-    """A number of the form, free within what its meaning allows."""
     if name == "middle":
         span = max(centres) - min(centres)
         lower, upper = min(value, *centres) - span, max(value, *centres) + span

@@ -81,7 +81,6 @@ def jog(
 
 
 def _planned(script: str) -> list[Step]:
-    """The steps of a script. Raises ValueError where it cannot be read."""
     if script == "-":
         return list(steps(sys.stdin, "standard input"))
     try:
@@ -134,7 +133,6 @@ def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: StopSignal
 
 
 def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
-    """Print what became of the setpoints; the exit status."""
     newest, unsent = sender.answer, sender.transmitter.unsent
     counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
     last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}

@@ -69,7 +69,6 @@ class _Command(TyperCommand):
         )
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """The context of the command that the function's signature declares."""
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
         app.command(self.name, help=self.help, epilog=self.epilog)(declared(self.target))
         command = typer.main.get_command(app)

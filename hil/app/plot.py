@@ -50,7 +50,6 @@ def unchanged(path: Path) -> list[Record]:
 
 
 def page(records: Sequence[Record]) -> str:
-    """The page of records of one kind."""
     eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
     drawn = columns_figure(records)
     return builder.page("plot.html.j2", title=names(records), eyebrow=eyebrow, lead="", heading="Columns", drawn=drawn)

@@ -62,7 +62,6 @@ def predict(
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
-    """Root mean square of measured minus predicted, by measured column that both have."""
     return {
         name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
         for name in record.layout.measured

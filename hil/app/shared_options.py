@@ -21,7 +21,6 @@ _STAGES = "nominal/calibrated/augmented"
 
 
 def loaded(target: str) -> Callable[..., Any]:
-    """The function `module:name`."""
     module, _, name = target.partition(":")
     function: Callable[..., Any] = getattr(import_module(module), name)
     return function

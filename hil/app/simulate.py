@@ -14,7 +14,6 @@ def simulate(
     out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
     json_output: Json = False,
 ) -> None:
-    """Write the record of the scenario and print where it is."""
     with output_to_notes():
         write_simulated(scenario, out)
     answer(json_output, {"scenario": str(scenario), "record": str(out)}, f"record: {out}")

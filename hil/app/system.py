@@ -64,7 +64,6 @@ class Streams:
 
 
 def _text(raw: _Patient, before: TextIO | None) -> io.TextIOWrapper:
-    """A text stream to a descriptor, encoded as `before`."""
     encoding, errors = getattr(before, "encoding", None) or "utf-8", getattr(before, "errors", None) or "strict"
     by_line = getattr(before, "line_buffering", False) or getattr(before, "write_through", False)
     return io.TextIOWrapper(io.BufferedWriter(raw), encoding, errors, line_buffering=by_line)

@@ -187,7 +187,6 @@ def next_state(state: int, word: int, before: int, *, cause: bool, at_rest: bool
 
 
 def _commanded(state: int, word: int) -> int:
-    """Where a controlword leads from disabled, ready, switched on and operation."""
     if not word & 0x02:
         return DISABLED
     if not word & 0x04:

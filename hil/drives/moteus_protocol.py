@@ -107,7 +107,6 @@ def replier(message: can.Message) -> int:
 
 
 def head(kind: int, form: int, first: int, count: int) -> bytes:
-    """The head of a subframe of `count` registers from `first` on."""
     short = count < 4
     return bytes((kind | form << 2 | count * short, *(() if short else (count,)))) + varuint(first)
 
@@ -130,7 +129,6 @@ def mode_write(mode: int) -> bytes:
 
 
 def write(first: int, values: Sequence[float]) -> bytes:
-    """Write registers from `first` on as floats."""
     return head(WRITE, FLOAT, first, len(values)) + values_in(FLOAT, values)
 
 

@@ -141,7 +141,6 @@ FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in _TAKEN)
 
 
 def _endpoints(raw: object) -> object:
-    """`[odrive.endpoints]`: path and id of each."""
     if not isinstance(raw, Mapping):
         return raw
     for path, number in raw.items():

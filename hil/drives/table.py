@@ -25,7 +25,6 @@ class ActuatorTable(NamedTable):
 
     @property
     def node(self) -> str:
-        """The name of the drive in sentences."""
         return f"{self.where}: node {self.node_id}"
 
     def must(self, fine: object, words: str, part: str = "") -> None:

@@ -64,7 +64,6 @@ class FrameMap:
             object.__setattr__(self, part.lower(), self.node + part)
 
     def state_name(self, state: int) -> str:
-        """The catalogue's name of a state of the drive."""
         return frames()[self.feedback].field("State").names[state]
 
     def life_ms(self, rate: float) -> int:

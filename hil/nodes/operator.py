@@ -18,7 +18,6 @@ FILLED: Final = 16
 
 
 def paused(gap_s: float) -> str:
-    """The reason of a stop for a controller that did nothing for `gap_s`."""
     return f"controller paused for {gap_s:.2g} s"
 
 
@@ -181,7 +180,6 @@ class Operator:
             self._wanted = (int(values["Mode"]), values["Position_m"], values["Velocity_m_s"])
 
     def expire(self, now: float) -> None:
-        """End the charge of a source whose setpoint has expired."""
         if self.source != NOBODY and not now <= self._dies_at:
             self.expired += 1
             self._let_go(now)
@@ -231,7 +229,6 @@ class Operator:
         }
 
     def document(self) -> dict[str, object]:
-        """Counts of setpoints for the document of a run."""
         accepted = sum(receiver.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}

@@ -34,7 +34,6 @@ REASONS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 
 
 def remedy(ended: str) -> str:
-    """What helps after a run that `ended` so, "" where it ended as asked."""
     fits = (key for key, parts in REASONS.items() if any(part in ended for part in parts))
     key = next(fits, "")
     return TEXT(f"remedy.{key}") if key else ""

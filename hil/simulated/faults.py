@@ -151,12 +151,10 @@ class Fault:
 
     @property
     def amount(self) -> float:
-        """The `value`, by default that of the kind."""
         return KINDS[self.kind].value if math.isnan(self.value) else self.value
 
     @property
     def needs(self) -> str:
-        """The requirement on the scenario."""
         return OPERATOR if self.target == SETPOINTS else KINDS[self.kind].needs
 
     def check_rig(self, kind: str) -> None:

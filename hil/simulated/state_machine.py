@@ -98,7 +98,6 @@ class SyncClock:
         self._tick, self._counter, self._period_s = -1, 0, 0.0
 
     def sync(self, counter: int, tick: int, period_s: float, stamp: float) -> bool:
-        """Process SYNC number `tick`, received at `stamp`; whether it is accepted."""
         if not 0 <= stamp - self._stamp <= SILENCE_S:
             self._offset = math.inf
         elif tick <= self._tick or abs(stamp - self._offset - tick * period_s) > SILENCE_S:

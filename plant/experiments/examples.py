@@ -18,9 +18,7 @@ POSITION_STD_M: Final = 5e-5
 FORCE_SPAN_N: Final = 0.25
 POSITION_SPAN_M: Final = 25e-3
 FINE_STEP_S: Final = 5e-6
-"""Step of the plant for switched drives: the error of a single edge stays in the position, so it must lie below the
-noise.
-"""
+"""Step for switched drives: the error of a single edge must lie below the noise."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,6 @@ class Believed:
 
     @property
     def pulled(self) -> bool:
-        """Whether force is measured, not position."""
         return isinstance(self.nominal.drive, TruePull)
 
     def truth(self, rng: np.random.Generator) -> Truth:

@@ -110,9 +110,7 @@ class Accelerometer:
     lowpass_s: float = 3e-4
 
     def columns(self, rows: Floats, place: tuple[Floats, Floats], rng: np.random.Generator) -> dict[str, Floats]:
-        """Stamps, readings, and the readings of `place` (stamps, values) at the nearest stamp, else NaN; `rows` are the
-        truth.
-        """
+        """Stamps, readings, and the readings of `place` (stamps, values) at the nearest stamp, else NaN."""
         seen, times = Sensor(self.rate_Hz, 0.0, 0.0, self.delay_s, self.lowpass_s), rows[:, at.O_T]
         t, v = seen.measure(times, seen.filtered(times, rows[:, at.O_V]), rng)
         a = np.diff(v, prepend=v[0]) * self.rate_Hz + self.bias_m_s2 + self.std_m_s2 * rng.standard_normal(len(t))
@@ -123,8 +121,6 @@ class Accelerometer:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A simulated experiment: rig, command, sensors."""
-
     run: RunTable
     kind: str
     rig: Truth
@@ -160,7 +156,6 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
-    """Run, kind of rig and the truth of a scenario. Errors as `load_scenario`."""
     run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")

@@ -29,7 +29,6 @@ class HiddenNumber:
 
     @property
     def middle(self) -> float:
-        """The default."""
         return 0.5 * (self.lower + self.upper)
 
 

@@ -88,7 +88,6 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) 
         resumed = len(results.done)
 
         def show() -> tuple[Runs, dict[str, Any]]:
-            """Write what is there so far."""
             runs = Runs(results.rows(), plan.head.metric, list(plan.draws))
             found = document(plan, runs, repeat) | {"resumed": resumed, "report": str(out / PAGE)}
             page = page_html(plan.name, runs, repeat, len(plan))
@@ -114,9 +113,7 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) 
 
 
 def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
-    """The campaign's numbers: all runs, each combination, each error, and the worst cases that did not fail; each with
-    the command that repeats it.
-    """
+    """The campaign's numbers: all runs, groups, errors, and the worst cases with the command that repeats each."""
     metric = plan.head.metric
     return {
         "campaign": plan.name,
@@ -161,7 +158,6 @@ def _series(
         resumed = sum(number in results.done for number in jobs)
 
         def show() -> tuple[list[SeriesAnswer], dict[str, Any]]:
-            """Write what is there so far."""
             rows = {row["run"]: row for row in results.rows()}
             answers = with_disagreements(
                 [answer_of(job.name, rows[n], f"{REPORTS}/{job.name}") for n, job in jobs.items() if n in rows]

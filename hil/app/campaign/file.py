@@ -40,7 +40,6 @@ Distribution = tuple[str, tuple[Any, ...]]
 
 
 def distribution(key: str, table: Any) -> Distribution:
-    """The kind and the numbers of `[draw."KEY"]`. Raises ValueError of one sentence."""
     if isinstance(table, dict) and any(isinstance(value, dict) for value in table.values()):
         raise ValueError(f'draw must have its keys in quotes, as [draw."{key}.{next(iter(table))}"]; got them without')
     if not isinstance(table, dict) or len(table) != 1:
@@ -103,9 +102,7 @@ class CampaignTable(NamedTable):
 
 @dataclass(frozen=True)
 class Campaign:
-    """All runs, computed on demand. Runs of one case follow each other and share seed and draws, so controllers can
-    be compared.
-    """
+    """All runs, computed on demand; those of one case share seed and draws, so controllers can be compared."""
 
     name: str
     head: CampaignTable

@@ -1,6 +1,4 @@
-"""The report of a campaign: the distribution of the metric, what failed, and the worst cases with the command that
-repeats each.
-"""
+"""The report of a campaign: distribution of the metric, failures, worst cases with the command that repeats each."""
 
 import heapq
 from collections.abc import Iterable, Mapping, Sequence
@@ -112,7 +110,6 @@ class Runs:
         }
 
     def over(self) -> dict[str, NDArray[np.float64]]:
-        """The values of each key whose values are numbers, run by run."""
         drawn = {key: values for key, values in self.drawn.items() if key not in self._words}
         grid = {
             key: np.array([float(one[key]) for one in self.combinations])[self.at]
@@ -123,9 +120,7 @@ class Runs:
 
 
 def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) -> str:
-    """One self-contained page; `repeat` is the command that repeats a run but for its number. Runs that are still
-    missing of those `planned` are told.
-    """
+    """One self-contained page; `repeat` is the command of a run but for its number."""
     metric, parted = runs.metric, runs.groups()
     factor, unit = scale(runs.values[np.isfinite(runs.values)].tolist(), column_words(metric)[1])
     words = column_words(metric)[0]
@@ -163,7 +158,6 @@ def _point_words(point: Mapping[str, Any]) -> str:
 
 
 def _good(runs: Runs, which: NDArray[np.int_]) -> NDArray[np.int_]:
-    """Those of the runs whose metric is finite."""
     return np.array(which[np.isfinite(runs.values[which])])
 
 

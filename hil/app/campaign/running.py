@@ -66,7 +66,6 @@ def run_missing(
 
 
 def _estimate(runs: int, each_s: float, workers: int) -> None:
-    """Say how long the missing runs will take, from the first of them."""
     if not workers:
         note(TEXT("estimate_cluster", runs=runs, seconds=each_s))
     elif runs > workers:
@@ -151,9 +150,7 @@ class Results:
         return (row for place, row in lines if self.done.get(_key(row)) == place)
 
     def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
-        """Append the rows of a chunk in one write, without runs that are there already. Raises ValueError for a worker
-        with another program.
-        """
+        """Append a chunk's rows that are new, in one write. Raises ValueError for a worker with another program."""
         fresh = {_key(row): row for row in rows if _key(row) not in self.done}
         for row in fresh.values():
             if (got := row.get("version", "")) != self._version:
@@ -164,11 +161,9 @@ class Results:
             self.done[key] = place
 
     def drop(self, key: Key) -> None:
-        """Forget a run, which is then done again."""
         self.done.pop(key, None)
 
     def _append(self, rows: Iterable[Mapping[str, Any]]) -> list[int]:
-        """Write the rows; their places."""
         lines = [json.dumps(plain(dict(row)), allow_nan=False).encode() + b"\n" for row in rows]
         places = list(accumulate(map(len, lines), initial=self._end))
         data = b"".join(lines)
@@ -178,7 +173,6 @@ class Results:
         return places
 
     def close(self) -> None:
-        """Close the file, as the end of a `with` does."""
         os.close(self._file)
 
     def __enter__(self) -> Self:

@@ -46,7 +46,6 @@ class Situation:
         }
 
     def words(self) -> str:
-        """What goes on, and what to do next."""
         if self.started in ("starting", "ending") and self.controller != "fault":
             return TEXT(f"run.{self.started}")
         if not self.controller:
@@ -59,7 +58,6 @@ class Situation:
         return TEXT("run.ours" if self.started else "run.theirs")
 
     def steering(self) -> str:
-        """What comes of setpoints, and what to do next."""
         if off := self._arm():
             return off[1]
         return steering_words(self.answer, True, ME) if self.controller else TEXT("button.no_steering")

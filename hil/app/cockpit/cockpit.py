@@ -108,7 +108,6 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
 
 @contextmanager
 def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick_s: float) -> Iterator[BusSource]:
-    """The source of what a bus carries, with another maker's `drive` on it or without."""
     clock = Clock()
     bus: can.BusABC = ClockedBus(inner, clock, OLDEST_S)
     if drive is not None:
@@ -120,7 +119,6 @@ def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick
 
 
 def _log(path: Path, catalogue: FrameCatalogue) -> LogSource:
-    """The whole log, with the models of the record beside it."""
     frames, ended = list(read_frames(path, lambda words: note(f"{path}: {words}"))), ""
     if record_path(path).exists():
         record = read_log_record(path)

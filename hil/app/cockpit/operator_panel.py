@@ -82,7 +82,6 @@ class OperatorPanel:
         raise ValueError(kind)
 
     def situation(self) -> Situation:
-        """The states that decide which buttons count."""
         frame_map, watch = self.source.facts.frame_map, self.source.watch
         drive, beat = (watch.state(n) if watch.newest(n) else "" for n in (frame_map.feedback, "ControllerHeartbeat"))
         self._spoke = self._run is not None and (self._spoke or bool(beat))
@@ -185,7 +184,6 @@ class OperatorPanel:
             self._sender.position(value)
 
     def _ended(self, status: int) -> None:
-        """Report the end of a run that was started here."""
         assert self._said is not None
         out, error = (_text(file) for file in self._said)
         self._run, self._said, self._ending = None, None, False

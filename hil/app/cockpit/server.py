@@ -98,7 +98,6 @@ class Cockpit:
         return {"kind": "state", **self.source.document()}
 
     def hello(self, commands: bool) -> dict[str, Any]:
-        """The first message to a page; `commands` says whether it may command."""
         live = isinstance(self.source, BusSource)
         span = {} if isinstance(self.source, BusSource) else {"end_s": self.source.end_s}
         facts = self.source.facts.document()
@@ -106,8 +105,6 @@ class Cockpit:
 
 
 class _Handler(tornado.web.RequestHandler):
-    """Who is answered, for files and the socket."""
-
     def initialize(self, cockpit: Cockpit, loopback: bool, host: str, name: str = "") -> None:
         self.cockpit, self.loopback, self.host, self.file = cockpit, loopback, host, _HERE / name
 
@@ -167,7 +164,6 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         self.cockpit.leave(self)
 
     def send_new(self, state: dict[str, Any] | None) -> None:
-        """The bins and events since the last time, and the `state` where there is one."""
         source = self.cockpit.source
         assert isinstance(source, BusSource)
         if self._busy:
@@ -221,7 +217,6 @@ def _is_address(name: str) -> bool:
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A socket that listens there. Raises ValueError of one sentence."""
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         listener.setblocking(False)
@@ -233,7 +228,6 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[[], bool]) -> None:
-    """Serve until `until()`, which is called every tenth of a second."""
     loop = tornado.ioloop.IOLoop.current()
     server = tornado.httpserver.HTTPServer(
         cockpit.application(host in LOOPBACK, host),

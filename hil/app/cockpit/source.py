@@ -78,7 +78,6 @@ class Ring:
             self._last[number] = (time_s, low, high)
 
     def close(self, now: float) -> None:
-        """End the bins that are over at `now`."""
         while now >= (self.head + 1) * BIN_S:
             if now - self.head * BIN_S > 2 * KEPT_S:
                 self.head = int(now / BIN_S) - self.size
@@ -95,21 +94,17 @@ class Ring:
             self.head += 1
 
     def since(self, first: int) -> bytes:
-        """The closed bins from number `first` on, as far as kept."""
         first = max(first, self.head - self.size, 0)
         return packed(first, first * BIN_S, BIN_S, self.bins[:, np.arange(first, self.head) % self.size])
 
 
 class Samples:
-    """All samples of a log's lines, 20 bytes each."""
-
     def __init__(self, feed: LineFeed) -> None:
         self.feed = feed
         self._times = [array("d") for _ in feed.lines]
         self._values = [array("f") for _ in feed.lines]
 
     def add(self, time_s: float, name: str, last: dict[str, dict[str, float]]) -> None:
-        """Add a good frame, not earlier than the one before."""
         for number, low, high in self.feed.values(name, last):
             self._times[number].append(time_s)
             self._values[number].extend((low, high))

@@ -100,7 +100,6 @@ class FrameWatch:
         return None if late else self.last[name]
 
     def steering(self) -> OperatorAnswer | None:
-        """The controller's newest answer to setpoints, None where it sends none."""
         values = self.newest(STATUS)
         if values is None:
             return None
@@ -130,7 +129,6 @@ class FrameWatch:
         return [*self.reception.receivers.values(), *self._setpoints.values()]
 
     def _nodes(self) -> list[dict[str, Any]]:
-        """All nodes that were heard; a drive with the state of its feedback."""
         found = []
         for name in [n for n in self.at if n.endswith(_BEAT)]:
             node = name.removesuffix(_BEAT)
@@ -157,7 +155,6 @@ class FrameWatch:
         return heartbeat == "ControllerHeartbeat" and self.state(heartbeat) in ("stopping", "fault")
 
     def _model(self) -> dict[str, Any]:
-        """The state of the monitor, and which model is in use."""
         health, wanted = self.last.get("ModelHealth"), self.last.get("WantedMotion")
         number = int(wanted["Model"]) if wanted else 0
         if health is None:

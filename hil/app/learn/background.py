@@ -40,7 +40,6 @@ class Background:
         self._keeper.submit(self._start).exception()
 
     def __call__(self, question: LearningQuestion) -> Future[LearningAnswer]:
-        """Ask; the answer comes at any time."""
         return self._keeper.submit(self._ask, question)
 
     def __enter__(self) -> Self:
@@ -122,9 +121,7 @@ def _end_words(code: int) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    """Answer with lowest priority, without reaction to Ctrl-C (which asks the controller for a stop), and end with the
-    parent.
-    """
+    """Answer with lowest priority, deaf to Ctrl-C, which asks the controller for a stop; end with the parent."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     end_with_parent()

@@ -182,7 +182,6 @@ class Learner:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What a replay needs, for the record beside a log."""
         return {
             "learned": [one.document() for one in self.offers],
             "experiments": [one.document() for one in self.experiments],
@@ -226,11 +225,9 @@ class Learner:
 
     @property
     def _rms_m(self) -> float:
-        """The tracking error of the newest `trial_s`."""
         return math.sqrt(max(self._sum, 0.0) / len(self._squares)) if self._squares else math.nan
 
     def _reference_s(self, at: float) -> float:
-        """A time of the switch's clock in s of the reference."""
         origin = self.switch.origin_s
         return at - origin if math.isfinite(origin) else at
 

@@ -41,7 +41,6 @@ class Setting:
 
     @classmethod
     def load(cls) -> Setting:
-        """Read the paper's parameter sets."""
         s = load_set("zhang2016_rig")
         capsule = Capsule(s["radius_m"], s["cylinder_length_m"])
         tissue = Tissue(
@@ -70,19 +69,16 @@ class Setting:
         return quasi_static_tension(self.wall, wall_section(self.capsule, self.tissue), stretched_length_m)
 
     def tooth(self, tension: Tension) -> Tooth:
-        """The tooth up to the stated amplitude at the paper's speeds."""
         return stick_slip_tooth(
             tension, self.amplitude, self.stated["capsule_speed_m_s"], self.stated["recoil_speed_m_s"]
         )
 
 
 def mean_of(column: str) -> float:
-    """Mean over the eight periods of paper A's Table 2."""
     return float(np.mean(load_measurement("analytical_table2_periods")[column]))
 
 
 def analytical_rows() -> Iterator[Row]:
-    """Every line about paper A."""
     a = Setting.load()
     for part in (_printed_curve, _derived_curve, _stated_forces, _deviations):
         yield from part(a)
@@ -130,9 +126,7 @@ def _stated_forces(a: Setting) -> Iterator[Row]:
 
 
 def _deviations(a: Setting) -> Iterator[Row]:
-    """Deviations of Table 2; and how far the eight periods that a fit may use are from the thirty that the paper gives
-    as one number each.
-    """
+    """Deviations of Table 2; how far the eight periods are from the thirty that the paper gives as one number each."""
     s, period = a.stated, a.tooth(a.printed()).period_s
     for name, model in (("period", period), ("valley", s["initial_force_N"]), ("peak", s["critical_force_N"])):
         off, stated = abs(mean_of(_COLUMNS[name]) / model - 1), s[f"{name}_deviation"]

@@ -68,28 +68,22 @@ def slug(words: str) -> str:
 
 @dataclass(frozen=True)
 class Drawing:
-    """One figure with its heading and the caption below it."""
-
     title: str
     caption: str
     figure: Any
 
 
 class Plot:
-    """A figure with titled axes, whose lines and points have the colours of `COLOURS`."""
-
     def __init__(self, x: str, y: str, height: int = 420, **layout: Any) -> None:
         self.figure: Any = styled(go.Figure(), height, margin={"l": 64, "r": 24, "t": 16, "b": 56})
         self.figure.update_layout(legend={"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}, **layout)
         self.figure.update_xaxes(title=x).update_yaxes(title=y)
 
     def line(self, x: ArrayLike, y: ArrayLike, name: str, colour: str, dash: str = "solid", **panel: int) -> None:
-        """Add a curve; `panel` names row and column where there are several."""
         look = {"color": COLOURS.get(colour, colour), "dash": dash, "width": 2}
         self.figure.add_scatter(x=x, y=y, name=name, mode="lines", line=look, **panel)
 
     def points(self, x: ArrayLike, y: ArrayLike, name: str, symbol: str = "circle", **options: Any) -> None:
-        """Add markers, by default those of a measurement."""
         marker = {"color": options.pop("colour", INK), "size": 9, "symbol": symbol}
         edge = {"line": {"color": "white", "width": 1}}
         self.figure.add_scatter(x=x, y=y, name=name, mode="markers", marker=marker | edge, **options)

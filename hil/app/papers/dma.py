@@ -35,9 +35,7 @@ def _complex(y: DynamicModulus) -> Complex:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """A law `Y = sum_k a_k basis_k(omega; shape)`, a_k >= 0 in Pa: linear in its moduli, nonlinear in a few shape
-    numbers.
-    """
+    """A law `Y = sum_k a_k basis_k(omega; shape)`, a_k >= 0 in Pa."""
 
     name: str
     basis: Callable[[Real, Real], Complex]
@@ -119,7 +117,6 @@ class DmaTable:
 
     @classmethod
     def load(cls) -> DmaTable:
-        """Read the printed table."""
         t = load_measurement("viscoelastic_table2_dma")
         return cls(t["frequency_Hz"], t["sample"], t["storage_modulus_Pa"] + 1j * t["loss_modulus_Pa"])
 
@@ -129,7 +126,6 @@ class DmaTable:
 
     @property
     def omega(self) -> Real:
-        """The frequencies in rad/s."""
         return np.asarray(angular_frequency(self.frequency))
 
 
@@ -139,7 +135,6 @@ def best_scale(model: Complex, target: Complex) -> float:
 
 
 def dma_rows() -> Iterator[Row]:
-    """Every line about paper V's dynamic tests."""
     table = DmaTable.load()
     yield from _test(table)
     yield from _table3(table)
@@ -223,7 +218,6 @@ def _refits(table: DmaTable) -> Iterator[Row]:
 
 
 def moduli_drawing() -> Drawing:
-    """Table 2: the dynamic moduli, and three laws through them."""
     table = DmaTable.load()
     plot = Plot("frequency, Hz", "modulus, kPa", 500)
     for name, symbol, part in (("storage", "circle", np.real), ("loss", "diamond-open", np.imag)):

@@ -22,7 +22,6 @@ def measured_teeth(quantity: str) -> list[float]:
 
 
 def flat_car_rows() -> Iterator[Row]:
-    """Every line about paper C."""
     car, s = FlatCar.from_set(), load_set("zhang2014_constant_velocity")
     none, speed, stated = NOT_REPRODUCIBLE, s["capsule_speed_m_s"], s["amplitude_N"]
     rise, limit = car.time_to(stated), car.limiting_hoop_stress()
@@ -41,7 +40,6 @@ def flat_car_rows() -> Iterator[Row]:
 
 
 def flat_car_drawing() -> Drawing:
-    """Fig. 8: force above its valley over two measured periods."""
     car, s = FlatCar.from_set(), load_set("zhang2014_constant_velocity")
     plot = Plot("time, s", "friction above its valley, mN", 460)
     end = 2 * max(measured_teeth("period"))

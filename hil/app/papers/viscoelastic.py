@@ -1,6 +1,4 @@
-"""Paper V: force against speed, friction coefficient, the moduli over strain, its Fig. 5, 7 and 9; and the base
-model's check values.
-"""
+"""Paper V: force over speed, friction coefficient, moduli over strain, Fig. 5, 7, 9; the base model's check values."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -49,7 +47,6 @@ def measured_band() -> tuple[float, float]:
 
 
 def viscoelastic_rows() -> Iterator[Row]:
-    """Every line about paper V's force-speed model."""
     capsule, tissue = viscoelastic_rig()
     s = load_set("zhang2014_viscoelastic_rig")
     mu = s["mean_coulomb_force_N"] / (capsule.mass_kg * GRAVITY)
@@ -100,7 +97,6 @@ def _eq13_row() -> Row:
 
 
 def base_rows() -> Iterator[Row]:
-    """The base model's check values for the default capsule."""
     capsule, tissue, wall = Capsule(), Tissue(), WallConstants.from_set()
     yield from _components("base_default", capsule, tissue, "low", LOW_SPEEDS)
     section, length = wall_section(capsule, tissue), stretched_length(capsule)
@@ -115,7 +111,6 @@ def base_rows() -> Iterator[Row]:
 
 
 def viscoelastic_drawings() -> Iterator[Drawing]:
-    """Fig. 5, 7 and 9: force against speed."""
     top, jump = HIGH_SPEEDS[-1], HIGH_SPEEDS[0]
     v = np.linspace(0.2e-3, top, 480)
     low, blend = _force(v, "low"), _force(v, "blend")
@@ -150,7 +145,6 @@ def viscoelastic_drawings() -> Iterator[Drawing]:
 
 
 def _force(speed: Any, regime: Regime) -> Resistance:
-    """Paper V's force at `speed` in m/s with one of its sets of moduli, or both."""
     capsule, tissue = viscoelastic_rig()
     return sliding_resistance(speed, capsule, replace(tissue, regime=regime))
 

@@ -39,14 +39,11 @@ SHARE: Final = 0.5  # of a tick; with more work little is left for a busier mome
 
 @dataclass(frozen=True)
 class Point:
-    """One thing that was looked at."""
-
     what: str
     good: bool
     words: str
 
     def document(self) -> dict[str, object]:
-        """With what helps where it is bad."""
         return vars(self) | {"remedy": "" if self.good else remedy(f"{self.what}: {self.words}")}
 
     @property
@@ -99,7 +96,6 @@ def limits_point(limits: Limits, kind: str) -> Point:
 
 
 def _authentication(bus: ClockedBus) -> list[Point]:
-    """Whether what was heard is genuine, on a bus with a key."""
     if not isinstance(bus.inner, AuthenticatedBus):
         return []
     refused = bus.inner.refused

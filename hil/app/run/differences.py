@@ -44,5 +44,4 @@ class Replay:
 
     @property
     def identical(self) -> bool:
-        """Whether every frame is the log's, bit by bit."""
         return not self.differences

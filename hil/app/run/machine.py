@@ -123,7 +123,6 @@ def _data(link: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def priority_words(control: ControlTable) -> str:
-    """Whether the real-time priority that is asked for is available."""
     if not hasattr(os, "sched_setscheduler"):
         return TEXT("machine.no_priority") if control.priority else ""
     wanted = control.priority or 1
@@ -173,7 +172,6 @@ def tick_to_hold(late: Histogram, busy_p99_s: float, share: float) -> float:
 
 
 def stamp_words(table: BusTable, bus: ClockedBus) -> str:
-    """Which clock stamps received frames."""
     key = f"stamps.{table.interface}"
     said = TEXT("machine.stamps", clock=TEXT(key if key in TEXT else "stamps.other"))
     return said + (TEXT("machine.unstamped", frames=bus.unstamped) if bus.unstamped else "")

@@ -175,9 +175,7 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Order])
 
 
 def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Order]:
-    """Ticks and orders of a log in order. A tick received the frames from the SYNC before to its own and those with a
-    note. Raises ValueError where frames are missing.
-    """
+    """Ticks and orders of a log; a tick heard the frames from the SYNC before to its own. ValueError for gaps."""
     tick: TickOfLog | None = None
     exact: float | None = None
     solved, heard_before = True, False

@@ -111,8 +111,6 @@ def run(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What `run` is asked for, checked."""
-
     path: Path
     deployment: Deployment
     action: str
@@ -149,7 +147,6 @@ def chosen_for(deployment: Deployment, model: Model) -> tuple[Deployment, Leadin
 
 
 def _mission_of(deployment: Deployment) -> Mission:
-    """The motion of a deployment, with the localisation as it states it."""
     control = deployment.control
     seen = Localisation(std_m=control.seen_noise_m, quantum_m=control.resolution_m)
     return Mission(deployment.reference, control.duration_s, deployment.limits, seen, control.estimator)
@@ -202,7 +199,6 @@ def _moved(asked: _Asked, good: bool) -> Point:
 
 
 def _not_begun(path: Path, words: str, json_output: bool) -> int:
-    """Print that there is another controller; nothing was sent."""
     ended = TEXT("end.no_lead", why=words)
     found = {"rig": str(path), "end": "other_controller", "ended": ended, "remedy": remedy(ended), "led": False}
     answer(json_output, found | {"ticks": 0, "log": None}, f"ended: {ended}", TEXT("run.remedy", **found))
@@ -252,9 +248,7 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
 
 @contextmanager
 def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog) -> Iterator[Learner]:
-    """The learner of a run: a process identifies, a thread makes controllers and writes the record. Both start before
-    the first tick.
-    """
+    """The learner of a run: a process identifies, a thread builds and writes; both start before the first tick."""
     maker, turn_s = ThreadPoolExecutor(1), sys.getswitchinterval()
 
     def keep(record: Mapping[str, Any]) -> None:

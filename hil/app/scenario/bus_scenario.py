@@ -107,9 +107,7 @@ class JogTable(NamedTable):
 
 @dataclass(frozen=True)
 class SilScenario:
-    """A closed `loop` over the bus with its faults. Its tick is the cycle of the command frame where the file states
-    none; `drive` is another maker's, already set up.
-    """
+    """A closed `loop` over the bus with its faults; `drive` is another maker's, already set up."""
 
     loop: TrackScenario
     bus: SimulatedBusTable = SimulatedBusTable()

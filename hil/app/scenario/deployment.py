@@ -187,7 +187,6 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
 
 
 def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> ActuatorTable | None:
-    """Another maker's drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind, limits)
     check_no_key(table, bus.key_file)
     if table is not None and table.fd and not bus.fd:

@@ -78,7 +78,6 @@ class TrackScenario:
     offer: OfferTable | None = None
 
     def knowing(self, effects: Catalogue) -> Self:
-        """With the `effects` of a catalogue in the belief."""
         return replace(self, belief=effects.given_to(self.belief))
 
 

@@ -86,7 +86,6 @@ class SilTrace(LoopTrace):
 
     @property
     def in_force(self) -> Trajectory:
-        """The reference in force at each time, an operator's or the scenario's."""
         ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
         return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
 

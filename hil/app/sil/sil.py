@@ -204,7 +204,6 @@ def judged(
 
 
 def bus_lines(found: Mapping[str, Any]) -> Iterator[str]:
-    """What happened on the bus: frames, an operator, and the outcome of each fault."""
     bus = found["bus"]
     yield TEXT("bus", **bus)
     if kinds := bus.get("unauthenticated"):

@@ -79,7 +79,6 @@ def lines_of_runs(head: str, runs: Sequence[LoopRun], page: Path | None) -> Iter
 
 
 def check_rows(found: Sequence[Found]) -> list[list[str]]:
-    """Controller, check, value, limit and verdict of each check."""
     return [
         [
             *(one["controller"], ", ".join(filter(None, column_words(check["check"])))),
@@ -145,7 +144,6 @@ def _error_mm(run: LoopRun) -> Array:
 
 
 def _path(run: LoopRun) -> go.Figure:
-    """The path of one run with its reference, and its error; dotted: faults."""
     t, x, name = run.trace.rows[:, at.O_T], run.trace.rows[:, at.O_X], run.found["controller"]
     figure = axes("time in s", ("position in mm", "error in mm"), 620)
     line(figure, t, 1e3 * run.scenario.reference.position(t), "reference", {"color": MUTED, "width": 3.0})

@@ -66,7 +66,6 @@ def _runs(
     seed: int,
     out: Path | None,
 ) -> list[LoopRun]:
-    """A run with each of the controllers `names`."""
     model, others = believed(leading.values), leading.beside(believed)
     offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
     offer = offer_of(offered, lambda new: believed(new, model))

@@ -27,7 +27,7 @@ _FOLDERS: Final = ("controller", "models", "plant", "hil")
 def program_version() -> str:
     """Versions and hashes of program, packages, effects and controllers: those of one version give the same rows."""
     sources = hashlib.sha256()
-    for path in sorted(path for folder in _FOLDERS for path in (_ROOT / folder).rglob("*.py")):
+    for path in sorted(p for folder in _FOLDERS for kind in ("*.py", "*.toml") for p in (_ROOT / folder).rglob(kind)):
         sources.update(path.relative_to(_ROOT).as_posix().encode() + path.read_bytes())
     packages = " ".join(f"{name} {version_of(name)}" for name in _PACKAGES)
     others = [

@@ -1,7 +1,7 @@
 """The table `[moteus]`, a moteus' frames and faults. Source: the maker's reference of CAN protocol and registers."""
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -9,8 +9,8 @@ from typing import ClassVar, Final
 import can
 
 from hil.bus.wrapping import fd_frame
-from hil.drives.table import NODE, TurningTable
-from hil.nodes.frame_map import INTERNAL, OVER_CURRENT, OVER_TEMPERATURE, SELF_TEST_FAILED, SENSOR, SUPPLY, TIME_TO_LIVE
+from hil.drives.table import CODES, NODE, TurningTable, faults_of
+from hil.nodes.frame_map import TIME_TO_LIVE
 from models.rigs.schema import key
 
 MODE, POSITION, VELOCITY, TORQUE, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0C, 0x0F  # of moteus' reference
@@ -37,27 +37,7 @@ SESSION: Final = 202
 """The can.prefix of a drive in use. It is volatile, so a rebooted drive has its own prefix again."""
 PREFIXES: Final = (0, SESSION)  # of identifiers that are read
 _LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
-FAULTS: Final[Mapping[int, tuple[str, int]]] = {
-    32: ("calibration fault", SENSOR),
-    33: ("motor driver fault", OVER_CURRENT),
-    34: ("over voltage", SUPPLY),
-    35: ("encoder fault", SENSOR),
-    36: ("motor not configured", SELF_TEST_FAILED),
-    37: ("pwm cycle overrun", INTERNAL),
-    38: ("over temperature", OVER_TEMPERATURE),
-    39: ("outside limit", INTERNAL),
-    40: ("under voltage", SUPPLY),
-    41: ("config changed", INTERNAL),
-    42: ("theta invalid", SENSOR),
-    43: ("position invalid", SENSOR),
-    44: ("driver enable fault", INTERNAL),
-    45: ("stop position deprecated", INTERNAL),
-    46: ("timing violation", INTERNAL),
-    47: ("bemf feedforward no accel", INTERNAL),
-    48: ("invalid limits", INTERNAL),
-    49: ("position control error", INTERNAL),
-    50: ("velocity control error", INTERNAL),
-}
+FAULTS: Final = faults_of(CODES["moteus"]["faults"])
 """Fault codes of mode 1: name, and the catalogue's code. Codes from 96 on only report an active limit."""
 WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 

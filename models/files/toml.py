@@ -15,6 +15,11 @@ from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
 
 
+def beside(file: str, name: str) -> dict[str, Any]:
+    """The tables of our own data file `name`, which lies beside the module `file`."""
+    return tomllib.loads(Path(file).with_name(name).read_text(encoding="utf-8"))
+
+
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
     """`tables` as TOML that reads back as the same, with bare keys; values are numbers, booleans, text, or lists of
     these or of tables.

@@ -22,7 +22,7 @@ from hil.log.log import LockstepLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
 from hil.report.numbers import report_json
-from models.files.toml import toml_text
+from models.files.toml import beside, toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
 from models.rigs.reader import read_rig
@@ -110,10 +110,9 @@ def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, l
     return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-_TABLES: Final = tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8"))
 LOOPS: Final = tuple(
     LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
-    for name, table in _TABLES.items()
+    for name, table in beside(__file__, "loops.toml").items()
 )
 
 

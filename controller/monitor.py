@@ -116,8 +116,7 @@ DOUBTFUL: Final = 0.5  # share of an alarm's evidence above which the model is d
 SHIFT: Final = 2.0  # least change of the lacking force, in standard deviations, that counts as drift
 SENSITIVE: Final = (2.0, 3.0)
 """Least sensitivity of a second to a shift in time that counts, and the greatest one counted."""
-SURPRISE: Final = 2.3
-"""Standard deviations near the beginning of a drift from which the change is sudden."""
+SURPRISE: Final = 2.3  # Standard deviations near the beginning of a drift from which the change is sudden
 
 WIDER = 2.5  # factor on the errors of a model that no longer holds
 MOST = 6.0  # evidence of one second at most, so that no single one raises an alarm

@@ -114,8 +114,7 @@ PIDs named estimated included, the friction-aware estimate. `vibro_square` is `v
 """
 
 
-MODEL_FREE: Final = ("pid", "pid_friction")
-"""Controllers on the kinematic filter, which nothing carries across a delay."""
+MODEL_FREE: Final = ("pid", "pid_friction")  # Controllers on the kinematic filter, which nothing carries across a delay
 
 
 def leads(name: str) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ def check(
     records: Records,
     rig: RigFile,
     *,
-    out: Annotated[Path | None, option("--out", "DIR", "Folder for check.html and check.json.")] = None,
+    out: Annotated[Path | None, option("--out", "DIR")] = None,
     json_output: Json = False,
     effects: OwnEffects,
 ) -> int:

@@ -43,19 +43,12 @@ _KEPT_S = 30 * 86400.0  # for which an interrupted search can go on
 
 
 def close_loop(
-    records: Annotated[
-        list[Path], argument("RECORD", "Training records: CSV, CAN logs, or files that convert reads.", "record")
-    ],
+    records: Annotated[list[Path], argument("RECORD", reads="record")],
     rig: options.RigFile,
-    out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
-    holdout: Annotated[
-        list[Path],
-        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch.", reads="record"),
-    ],
+    out: Annotated[Path, option("--out", "DIR")],
+    holdout: Annotated[list[Path], several("--holdout", "RECORD...", reads="record")],
     *,
-    budget: Annotated[
-        str | None, option("--budget", "TIME", "Longest search, as 90s, 5min, 2h; what it left out is said.")
-    ] = None,
+    budget: Annotated[str | None, option("--budget", "TIME")] = None,
     workers: options.WorkerCount = None,
     scheduler: options.Scheduler = None,
     json_output: options.Json = False,

@@ -21,8 +21,7 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 WIDTH = 110  # characters, where there is no terminal
-QUIET_S = 10.0
-"""Off a terminal, a stage that lasts prints a line after this time."""
+QUIET_S = 10.0  # Off a terminal, a stage that lasts prints a line after this time
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _STEPS = 100_000  # of a bar
 _FIRST_SHARE = 0.02  # of the work, before the remaining time is estimated

@@ -26,17 +26,10 @@ from models.parameter import Parameter, nearest
 
 def effects(
     *,
-    action: Annotated[
-        str,
-        argument(
-            "check|propose",
-            "check: run the conformance checks on a file of your own; propose: write what a report proposes for"
-            " its residual as such a file.",
-        ),
-    ] = "list",
-    file: Annotated[Path | None, argument("FILE.py|DIR", "The file to check, or the folder of the report.")] = None,
+    action: Annotated[str, argument("check|propose")] = "list",
+    file: Annotated[Path | None, argument("FILE.py|DIR")] = None,
     own: OwnEffects,
-    out: Annotated[Path | None, option("--out", "FILE.py", "Where propose writes the effect.")] = None,
+    out: Annotated[Path | None, option("--out", "FILE.py")] = None,
     json_output: Json = False,
 ) -> None:
     """List the catalogue, run the conformance checks on a file of effects, or write what a report proposes."""

@@ -36,7 +36,9 @@ class _Command(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(self.name, help=self.help, epilog=self.epilog)(declared(self.target))
+        app.command(self.name, help=self.help, epilog=self.epilog)(
+            declared(self.target, COMMANDS[self.name].get("words", {}))
+        )
         command = typer.main.get_command(app)
         for one in command.params:
             if isinstance(one, TyperArgument):  # its metavar says more than `<list[Path]>`

@@ -20,10 +20,8 @@ from models.rigs.columns import TIME
 
 def plot(
     records: Records,
-    rig: Annotated[
-        Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.", "rig file")
-    ] = None,
-    out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", reads="rig file")] = None,
+    out: Annotated[Path, option("--out", "PAGE.html")] = Path("records.html"),
     json_output: Json = False,
 ) -> None:
     """Draw records of a rig as close-loop reads them, else all numeric columns of the files."""

@@ -22,10 +22,10 @@ from models.words.sentences import Quantity
 
 
 def predict(
-    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.", "record")],
+    record: Annotated[Path, argument("RECORD", reads="record")],
     rig: RigFile,
-    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.", "model")],
-    out: Annotated[Path, option("--out", "PRED.csv", "Where the prediction goes.")],
+    model: Annotated[Path, option("--model", "MODEL.toml", reads="model")],
+    out: Annotated[Path, option("--out", "PRED.csv")],
     *,
     stage: Stage = "augmented",
     json_output: Json = False,

@@ -10,8 +10,8 @@ from plant.experiments.scenario import load_scenario, record_scenario, write_rec
 
 
 def simulate(
-    scenario: Annotated[Path, argument("SCENARIO.toml", "Rig, drive and hidden effects.", "scenario")],
-    out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
+    scenario: Annotated[Path, argument("SCENARIO.toml", reads="scenario")],
+    out: Annotated[Path, option("--out", "RECORD.csv")],
     json_output: Json = False,
 ) -> None:
     with output_to_notes():

@@ -12,8 +12,7 @@ from typing import Final, TextIO
 
 INTERRUPTED: Final = 130  # exit status, as shells have it: 128 and SIGINT
 INTERRUPTION: Final = "interrupted: no result was written"
-UNWRITTEN = 1
-"""The status of a command that did its work but could not write its result to standard output."""
+UNWRITTEN = 1  # The status of a command that did its work but could not write its result to standard output
 
 
 class _Patient(io.FileIO):

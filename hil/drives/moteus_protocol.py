@@ -19,8 +19,7 @@ COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x2
 WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29  # the same
 HELD: Final = (COMMAND_POSITION, COMMAND_VELOCITY, WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
 """The registers of a command that a drive reports back."""
-UNLIMITED: Final = -1.0
-"""No limit of velocity or acceleration. A limit that is not written is the configuration's."""
+UNLIMITED: Final = -1.0  # No limit of velocity or acceleration. A limit that is not written is the configuration's.
 RELATIVE, ROTOR, OUTPUT = 0, 1, 2
 """Home states: position known relative to power-on, within a turn of the rotor, or at the output."""
 STOPPED, FAULTED, ENABLING, POSITION_MODE, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
@@ -33,8 +32,7 @@ _FORMS: Final = "bhif"  # as struct has them
 REPLY_WANTED: Final = 0x8000  # bit of the identifier
 HOST: Final = 0x7A  # our source number: no reply to it has an identifier of the catalogue
 BROADCAST: Final = 0x7F  # node id
-SESSION: Final = 202
-"""The can.prefix of a drive in use. It is volatile, so a rebooted drive has its own prefix again."""
+SESSION: Final = 202  # The can.prefix of a drive in use. It is volatile, so a rebooted drive has its own prefix again.
 PREFIXES: Final = (0, SESSION)  # of identifiers that are read
 _LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
 FAULTS: Final = faults_of(CODES["moteus"]["faults"])

@@ -14,8 +14,7 @@ from controller.drives import CARRIAGE, COIL, INNER_MASS, Driven
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from models.parameter import nearest
 
-Observer = Callable[[can.Message], object]
-"""Gets every frame of a node, with its timestamp."""
+Observer = Callable[[can.Message], object]  # Gets every frame of a node, with its timestamp
 OFF, READY, ENABLE, QUICK_STOP = range(4)  # modes of a command
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""

@@ -51,8 +51,7 @@ class Shifted:
 
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
-_LAG_S: Final = 8e-3
-"""Tolerated lag of a drive's report behind its command; `Driven.follow` applies beyond it."""
+_LAG_S: Final = 8e-3  # Tolerated lag of a drive's report behind its command; `Driven.follow` applies beyond it
 _RESTS_M_S: Final = 1e-4  # maximum speed of a reference at rest
 _REST_S: Final = 0.05  # A reference rests where it is this slow for so long before and after
 OTHER_CONTROLLER: Final = 9  # `Reason` of a SafeStop

@@ -13,8 +13,7 @@ from hil.nodes.view import sampled, within
 from models.parameter import nearest
 from models.rigs.schema import NamedTable, Words, key
 
-FILLED: Final = 16
-"""Frames that wait after any pause, however small the bus's queue; a tick on time finds a few."""
+FILLED: Final = 16  # Frames that wait after any pause, however small the bus's queue; a tick on time finds a few
 
 
 def paused(gap_s: float) -> str:
@@ -56,10 +55,8 @@ STATUS: Final = "OperatorStatus"
 STATUS_S: Final = 0.05  # period
 AHEAD_M: Final = 2e-3  # largest distance of a stopped reference from the estimated position
 _REPORTED_S: Final = 0.2  # for which a refusal is reported
-RELEASED_S: Final = 0.05
-"""A pressed switch counts again after a release that lasted this long."""
-_UNREADABLE: Final = ("length", "crc")
-"""Refusals of a frame of which nothing is used, not even its dead-man switch."""
+RELEASED_S: Final = 0.05  # A pressed switch counts again after a release that lasted this long
+_UNREADABLE: Final = ("length", "crc")  # Refusals of a frame of which nothing is used, not even its dead-man switch
 NOBODY: Final = 0  # `Source` without an operator
 OFF, READY, MOVING, HELD, STOPPED = range(5)  # states of OperatorStatus
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # ranges in the frame

@@ -78,8 +78,7 @@ def _next_state(stage: Stage, facts: DriveFacts, now: float) -> int:
     return wire.DERATED if facts.hot else wire.ENABLED
 
 
-DRIFT: Final = 5e-4
-"""Relative drift allowed between two clocks; a delay that grows more slowly looks like drift."""
+DRIFT: Final = 5e-4  # Relative drift allowed between two clocks; a delay that grows more slowly looks like drift
 SILENCE_S: Final = 0.06  # without SYNC, after which the next one may be another controller's
 
 

@@ -17,8 +17,7 @@ FORCE_STD_N: Final = 1e-3  # noise and span of the sensors: force cell, localisa
 POSITION_STD_M: Final = 5e-5
 FORCE_SPAN_N: Final = 0.25
 POSITION_SPAN_M: Final = 25e-3
-FINE_STEP_S: Final = 5e-6
-"""Step for switched drives: the error of a single edge must lie below the noise."""
+FINE_STEP_S: Final = 5e-6  # Step for switched drives: the error of a single edge must lie below the noise
 
 
 @dataclass(frozen=True)

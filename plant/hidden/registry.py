@@ -9,6 +9,7 @@ from models.parameter import nearest
 
 PULL, MAGNETIC, COIL, VIBRO, FORCE, AXIS = ANY = "pull", "magnetic", "coil", "vibro", "force", "axis"
 """The simulated drives by name; their true numbers are in `plant.drives`."""
+SIGNED: Final = -1.0  # third number of a range whose values may be negative
 LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time, one per stage
 
 

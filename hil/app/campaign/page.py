@@ -18,8 +18,7 @@ from models.words.quantities import number, scale
 Row = Mapping[str, Any]
 WORST: Final = 12  # cases on the page
 _NUMBERS: Final = ("median", "p95", "max")
-_EACH: Final = 40
-"""Runs up to which the spread shows each one."""
+_EACH: Final = 40  # Runs up to which the spread shows each one
 _POINTS: Final = 400  # runs of a group that are drawn each; more are drawn as medians and quantiles
 _BINS: Final = 24
 _FAILED_RUNS: Final = 5  # that are listed of each error

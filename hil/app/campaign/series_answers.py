@@ -14,12 +14,10 @@ from models.identification.finding import STAGES
 from models.words.sentences import Sentences, listed
 
 TEXT: Final = Sentences(__file__)
-ORDER: Final = ("refused", "unknown", "named", "none")
-"""The verdicts, those that need a look first."""
+ORDER: Final = ("refused", "unknown", "named", "none")  # The verdicts, those that need a look first
 LEAST_OTHERS: Final = 4  # series beside one that show whether it is unlike them
 LEAST_ALIKE: Final = 3  # series that make an answer usual
-FALSE_ALARMS: Final = 0.01
-"""Probability that any number of a kind of rig is called out where all rigs are alike."""
+FALSE_ALARMS: Final = 0.01  # Probability that any number of a kind of rig is called out where all rigs are alike
 
 
 @dataclass(frozen=True)

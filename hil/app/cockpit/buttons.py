@@ -9,11 +9,9 @@ from hil.nodes.operator_sender import OperatorAnswer, refusal_words, steering_wo
 
 RESTS: Final = ("boot", "self_test", "standby", "fault")
 """States of a drive that does not move and is not about to be enabled."""
-ENABLES: Final = ("standby", "ready", "enabled", "derated")
-"""States of a drive that a press may move."""
+ENABLES: Final = ("standby", "ready", "enabled", "derated")  # States of a drive that a press may move
 ME: Final = "cockpit"  # as a source of setpoints
-Button = tuple[bool, str]
-"""Whether it counts now, and what it would do, or why it does not count and what helps."""
+Button = tuple[bool, str]  # Whether it counts now, and what it would do, or why it does not count and what helps
 
 
 @dataclass(frozen=True)

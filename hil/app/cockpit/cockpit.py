@@ -37,20 +37,10 @@ EXTRA: Final = "cockpit"
 
 
 def cockpit(
-    path: Annotated[
-        Path,
-        argument(
-            "DEPLOYMENT.toml|LOG|SCENARIO.toml",
-            "A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
-        ),
-    ],
-    host: Annotated[
-        str, option("--host", "ADDRESS", "Address to listen on; else this machine alone can open it.")
-    ] = "127.0.0.1",
-    port: Annotated[int, option("--port", "N", "Port; 0 takes a free one.")] = 8420,
-    watch: Annotated[
-        str | None, option("--watch", "CHANNEL", "The local bus on which `capsule sil --watch` runs SOURCE.")
-    ] = None,
+    path: Annotated[Path, argument("DEPLOYMENT.toml|LOG|SCENARIO.toml")],
+    host: Annotated[str, option("--host", "ADDRESS")] = "127.0.0.1",
+    port: Annotated[int, option("--port", "N")] = 8420,
+    watch: Annotated[str | None, option("--watch", "CHANNEL")] = None,
     json_output: Json = False,
 ) -> None:
     """Serve a page until Ctrl-C. Raises ValueError of one sentence."""

@@ -19,8 +19,7 @@ from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
 from models.words.quantities import fixed
 
-HOLD_S: Final = 0.12
-"""How long a page's message that its button is held is valid; it comes every 40 ms."""
+HOLD_S: Final = 0.12  # How long a page's message that its button is held is valid; it comes every 40 ms
 LIFE_MS: Final = 100.0  # for which a setpoint is valid
 PARTING_S: Final = 0.2  # for which a release is sent
 PRESS_S: Final = 0.15  # of a press that stops the drive

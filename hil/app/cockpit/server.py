@@ -29,12 +29,10 @@ _HERE: Final = Path(__file__).parent
 _FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")
 _TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
-STATE_EVERY: Final = 5
-"""Pictures from one state of the cards to the next."""
+STATE_EVERY: Final = 5  # Pictures from one state of the cards to the next
 OPERATORS: Final = 16  # most pages with the token at a time
 WATCHERS: Final = 16  # most pages without it
-QUIET_S: Final = 10.0
-"""How long a connection may take to send a request."""
+QUIET_S: Final = 10.0  # How long a connection may take to send a request
 _LONGEST: Final = 4096  # bytes of a message from a page
 _HEADERS: Final = {  # nothing from elsewhere, nothing kept
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none';"

@@ -19,8 +19,7 @@ from hil.log.blf_file import NOTED, Logged
 from hil.own_process import error_text
 
 Array = NDArray[np.float32]
-BIN_S: Final = 0.04
-"""Length of a span, and time between two pictures."""
+BIN_S: Final = 0.04  # Length of a span, and time between two pictures
 KEPT_S: Final = 60.0  # of each line
 HEAD: Final = struct.Struct("<IIdd")
 """Before the values: number of the first span, count of spans, begin of the first and length of each in s."""
@@ -136,11 +135,9 @@ def _spans(times: NDArray[np.float64], pairs: Array, edges: NDArray[np.float64],
     return found
 
 
-BUSY_S: Final = 0.02
-"""Longest time to read frames for one picture; further frames wait for the next one."""
+BUSY_S: Final = 0.02  # Longest time to read frames for one picture; further frames wait for the next one
 QUIET_S: Final = 0.5  # without a frame, after which the page reports it
-AWAY_S: Final = 0.25
-"""After such a pause of this process the queue of a bus may have overflowed."""
+AWAY_S: Final = 0.25  # After such a pause of this process the queue of a bus may have overflowed
 SNAPSHOTS: Final = 2000  # of a log's state at most
 LOG_EVENTS: Final = 5000  # of a log that are kept
 SHORTEST_S: Final = 0.1  # between two snapshots

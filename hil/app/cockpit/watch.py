@@ -16,10 +16,8 @@ from hil.nodes.operator_sender import OperatorAnswer, steering_words
 from hil.nodes.receive import HEARTBEAT_LOST_S, refusal_cause
 from models.words.quantities import DASH, fixed, quantity
 
-KEPT: Final = 200
-"""Most events kept while a bus is watched, and most kinds of refusals that become an event."""
-SILENT_S: Final = 2 * HEARTBEAT_LOST_S
-"""A node whose heartbeat is older than this is silent."""
+KEPT: Final = 200  # Most events kept while a bus is watched, and most kinds of refusals that become an event
+SILENT_S: Final = 2 * HEARTBEAT_LOST_S  # A node whose heartbeat is older than this is silent
 BURST_S: Final = 0.5  # within which the same refusal is one event
 _LOAD_S: Final = 1.0  # over which the bus load is averaged
 _FRESH: Final = 10  # cycles, within which a value is current

@@ -36,7 +36,7 @@ EXAMPLES: Final[tuple[Example, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
 
 
 def demo(
-    out: Annotated[Path, option("--out", "DIR", "Folder for the reports.")] = Path("out/demo"),
+    out: Annotated[Path, option("--out", "DIR")] = Path("out/demo"),
     json_output: Json = False,
     seed: Seed = 0,
 ) -> None:

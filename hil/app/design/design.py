@@ -35,12 +35,12 @@ SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0  # that may be asked for, a
 
 
 def design(
-    rig: Annotated[Path, argument("RIG.toml", "A rig of kind magnetic, coil or vibro.", "rig file")],
+    rig: Annotated[Path, argument("RIG.toml", reads="rig file")],
     model: LearnedModel = None,
     stage: Stage = "augmented",
-    out: Annotated[Path | None, option("--out", "DIR", "Draw the plots into this folder.")] = None,
-    speed_mm_s: Annotated[float, option("--speed", "MM_S", "Speed in mm/s to linearise at.")] = 1.0,
-    delay_ms: Annotated[float, option("--delay", "MS", "Age of a measurement in ms when the command acts.")] = 15.0,
+    out: Annotated[Path | None, option("--out", "DIR")] = None,
+    speed_mm_s: Annotated[float, option("--speed", "MM_S")] = 1.0,
+    delay_ms: Annotated[float, option("--delay", "MS")] = 15.0,
     json_output: Json = False,
 ) -> None:
     belief = read_deployed_rig(rig)

@@ -16,10 +16,8 @@ from models.theta import Theta
 from models.workers import end_with_parent
 
 NICE: Final = 19  # the lowest priority
-READY_S: Final = 60.0
-"""Longest wait for its start before the first tick."""
-CLOSED_S: Final = 2.0
-"""Longest wait for the end of a process that has been killed."""
+READY_S: Final = 60.0  # Longest wait for its start before the first tick
+CLOSED_S: Final = 2.0  # Longest wait for the end of a process that has been killed
 _SPAWN: Final = get_context("spawn")
 
 

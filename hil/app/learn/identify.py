@@ -33,24 +33,17 @@ from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 T = TypeVar("T")
-Motion = tuple[tuple[float, ...], tuple[float, ...]]
-"""Times in s and positions in m from 0 on."""
-KNOWN: Final = 0.01
-"""Relative standard deviation with which the base parameters of a model that held are known."""
-BELIEVED: Final = 0.05
-"""The same while a model is fitted to what was measured before it broke."""
+Motion = tuple[tuple[float, ...], tuple[float, ...]]  # Times in s and positions in m from 0 on
+KNOWN: Final = 0.01  # Relative standard deviation with which the base parameters of a model that held are known
+BELIEVED: Final = 0.05  # The same while a model is fitted to what was measured before it broke
 _ROUNDS = 4  # of the iteration for the noise
 _AS_STATED = 1.05  # rms of the residuals in units of the noise, up to which the noise is accepted
 LEAD_S: Final = 8.0
 """A record is simulated from this long before its first row that counts: gap and stretch depend on the past."""
-HELD_S: Final = 10.0
-"""Shortest time before the break from which the residual of the model is taken."""
-ONE: Final = 1
-"""Effects that one answer searches for; the next answer starts from the model with it."""
-PARTLY: Final = 0.5
-"""Largest share of the present held-out error that a model with the verdict `unknown` may have."""
-STEP_M: Final = 1e-3
-"""Length of wall over which the residual counts as one value."""
+HELD_S: Final = 10.0  # Shortest time before the break from which the residual of the model is taken
+ONE: Final = 1  # Effects that one answer searches for; the next answer starts from the model with it
+PARTLY: Final = 0.5  # Largest share of the present held-out error that a model with the verdict `unknown` may have
+STEP_M: Final = 1e-3  # Length of wall over which the residual counts as one value
 LEAST: Final = 20  # readings that make such a value
 
 

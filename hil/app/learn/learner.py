@@ -27,8 +27,7 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
-Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
-"""Runs a long computation, beside the ticks or at once."""
+Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]  # Runs a long computation, beside the ticks or at once
 STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))
 """Strokes one after the other, each with a rest: its end as a share of the reach, its speed as a share."""
 REST_S: Final = 0.5  # after each motion

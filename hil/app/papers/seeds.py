@@ -36,7 +36,7 @@ PAGE_NAME = "seeds.html"
 
 def seeds(
     json_output: Json = False,
-    plot: Annotated[Path | None, option("--plot", "DIR", "Draw the papers' figures into this folder.")] = None,
+    plot: Annotated[Path | None, option("--plot", "DIR")] = None,
 ) -> None:
     """Print the table, or the list `rows` as JSON; draw the figures.
 

@@ -169,8 +169,7 @@ def _simulated(node: ControllerNode, tape: Tape) -> Callable[[int, float], None]
     return speak
 
 
-QUIET_S: Final = 0.1
-"""How long to listen before anything is sent: five cycles of a controller's slowest frame."""
+QUIET_S: Final = 0.1  # How long to listen before anything is sent: five cycles of a controller's slowest frame
 
 
 def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:

@@ -23,12 +23,9 @@ from models.files.toml import check_word
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-TIMED: Final = ("pcan", "kvaser", "vector")
-"""Interfaces whose CAN FD bit timing python-can sets."""
-_DRIVERS = logging.getLogger("can")
-"""Log of python-can and its drivers; only their errors are reported."""
-QUEUE: Final = 128
-"""Frames that the interface should hold: a tick's of all nodes, several times."""
+TIMED: Final = ("pcan", "kvaser", "vector")  # Interfaces whose CAN FD bit timing python-can sets
+_DRIVERS = logging.getLogger("can")  # Log of python-can and its drivers; only their errors are reported
+QUEUE: Final = 128  # Frames that the interface should hold: a tick's of all nodes, several times
 RESTART_MS: Final = 100  # after a bus-off
 LOOKED_S: Final = 0.4  # for which the machine's lateness is measured
 TICKS_S: Final = (5e-4, 1e-3, 2e-3, 4e-3, 5e-3, 8e-3, 1e-2, 2e-2)  # that a deployment can have

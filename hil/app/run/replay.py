@@ -64,7 +64,7 @@ class Order:
 
 
 def replay(
-    path: Annotated[Path, argument("LOG", "A log of the controller, its record beside it.")],
+    path: Annotated[Path, argument("LOG")],
     *,
     json_output: Json = False,
     effects: OwnEffects,

@@ -44,31 +44,23 @@ from models.identification.model import Model
 ACTIONS = ("lead", "check", "reset")
 GOOD: Final = ("done", "operator", "reset")
 """Values of `end` after which the exit status is 0; all ends stand in the table of docs/bus.md."""
-PROBED_S: Final = 0.05
-"""How long a check leads after its probe, at rest."""
+PROBED_S: Final = 0.05  # How long a check leads after its probe, at rest
 _TURN_S: Final = 1e-4  # of Python's switch interval
 
 
 def run(
-    path: Annotated[
-        Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].", "rig file")
-    ],
+    path: Annotated[Path, argument("RIG.toml", reads="rig file")],
     *,
-    action: Annotated[
-        str,
-        argument("check|reset", "check: examine everything, send nothing; reset: only acknowledge a latched fault."),
-    ] = "lead",
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
-    log: Annotated[Path | None, option("--log", "LOG.blf", "Where the log goes; else the current folder.")] = None,
+    action: Annotated[str, argument("check|reset")] = "lead",
+    dry_run: Annotated[bool, typer.Option("--dry-run")] = False,
+    log: Annotated[Path | None, option("--log", "LOG.blf")] = None,
     mcap: options.McapFile = None,
     reference: options.ReferenceFile = None,
     json_output: options.Json = False,
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
     learn: options.Learn = False,
-    move: Annotated[
-        bool, typer.Option("--move", help="With check: lead the drive 5 mm to and fro; the capsule must follow.")
-    ] = False,
+    move: Annotated[bool, typer.Option("--move")] = False,
 ) -> int:
     """Lead, check or reset the drive: 0 where it ended as asked (`GOOD`), else 1. Raises ValueError."""
     check_word(action, "action", ACTIONS)

@@ -30,8 +30,7 @@ from models.words.quantities import DASH, quantity
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-CHOSEN: Final = "chosen"
-"""The stage of a run whose model is chosen for it."""
+CHOSEN: Final = "chosen"  # The stage of a run whose model is chosen for it
 
 
 class ModelTable(NamedTable):

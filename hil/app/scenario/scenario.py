@@ -30,10 +30,8 @@ Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
-BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
-"""Further tables of a scenario on the bus."""
-SAMPLE_STEPS: Final = 10
-"""Steps of the plant between samples of the truth (`plant.session`)."""
+BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")  # Further tables of a scenario on the bus
+SAMPLE_STEPS: Final = 10  # Steps of the plant between samples of the truth (`plant.session`)
 _CAPSULE: Final = asdict(Capsule())
 _TISSUE: Final = {"preset": "jejunum", **asdict(Tissue())}
 _PLATE: Final = Plate(0.0)

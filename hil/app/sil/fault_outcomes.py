@@ -21,18 +21,14 @@ from hil.simulated.faults import DRIVE, KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
 from plant.drives import Carriage
 
-TICKS: Final = 2
-"""Ticks from the first contradiction to the brake of the drive."""
-NOT_AT_REST: Final = "does not rest"
-"""Words of the reason where a drive moves by itself."""
+TICKS: Final = 2  # Ticks from the first contradiction to the brake of the drive
+NOT_AT_REST: Final = "does not rest"  # Words of the reason where a drive moves by itself
 _ADDED: Final = ("drift", "jumped", "sway", "scaled")
 """Lies that add an offset or scale: where the drive shows no position nothing contradicts a slow one."""
-WANTED, SOURCE, _, PRESSED = range(4)
-"""Columns of `SilTrace.steered`."""
+WANTED, SOURCE, _, PRESSED = range(4)  # Columns of `SilTrace.steered`
 BUS_S: Final = 0.02  # to the safe state after a fault of the bus itself
 STUCK_S: Final = 0.05  # the same for a stuck value
-PLACE_S: Final = 0.155
-"""150 ms without localisation, and the delay of the next tick to the drive."""
+PLACE_S: Final = 0.155  # 150 ms without localisation, and the delay of the next tick to the drive
 _RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
 _OWN_S: Final[Mapping[str, float]] = {

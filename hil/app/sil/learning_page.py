@@ -24,8 +24,7 @@ PAGE: Final = "learning.html"
 NUMBERS: Final = "learning.json"
 WINDOW_S: Final = 60.0  # before an event, over which the error is averaged
 _HEIGHT: Final = 460  # pixels
-_CLOSE: Final = 0.04
-"""Share of the run within which two numbers would overlap; the later one is drawn lower."""
+_CLOSE: Final = 0.04  # Share of the run within which two numbers would overlap; the later one is drawn lower
 _COLOURS: Final = {
     "broken_at_s": 1, "asked_at_s": 4, "experiment_at_s": 5, "offered_at_s": 0, "taken_at_s": 2, "withdrawn_at_s": 1,
 }  # fmt: skip

@@ -38,10 +38,8 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 _REPORTS: Final = 50  # of the progress
-LEAST_S: Final = 60.0
-"""Wall clock that even the shortest run may take, for compilers and busy machines."""
-LEARNING_S: Final = 7200.0
-"""Wall clock that a run with learning may take beyond that."""
+LEAST_S: Final = 60.0  # Wall clock that even the shortest run may take, for compilers and busy machines
+LEARNING_S: Final = 7200.0  # Wall clock that a run with learning may take beyond that
 Learning = Callable[[ControllerNode], Learner]
 
 

@@ -32,8 +32,7 @@ HEADS: Final = (
 )  # fmt: skip
 TIMES: Final = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
 _MOST_USED: Final = "largest use of a hard limit"
-_WORDS: Final = ("controller", "check", HEADS[-1], _MOST_USED)
-"""Columns that hold words."""
+_WORDS: Final = ("controller", "check", HEADS[-1], _MOST_USED)  # Columns that hold words
 
 
 @dataclass(frozen=True)
@@ -111,8 +110,7 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], found: Sequence[
     return table
 
 
-ACROSS = 2
-"""Small multiples side by side."""
+ACROSS = 2  # Small multiples side by side
 
 
 def page_html(head: str, runs: Sequence[LoopRun]) -> str:

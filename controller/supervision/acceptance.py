@@ -11,7 +11,6 @@ from models.effects import Catalogue
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.model import Model
-from models.parameter import nearest
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 
@@ -46,8 +45,8 @@ def judge(
     stage.
     """
     for name in (stage, current):
-        if isinstance(name, str) and name not in STAGES:
-            raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {name!r}; {nearest(name, STAGES)}")
+        if isinstance(name, str):
+            check_word(name, "stage", STAGES)
     error = report.get("error")
     held = error.get("holdout") if isinstance(error, Mapping) else None
     held = held if isinstance(held, Mapping) else {}

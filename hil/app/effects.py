@@ -18,10 +18,10 @@ from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
 from models.effects.equation import text_of
 from models.effects.own import effects_in, own_failure
-from models.files.toml import is_number
+from models.files.toml import check_word, is_number
 from models.identification.model import read_report
 from models.identification.residual_term import FORMS, SYMBOLS, UNITS
-from models.parameter import Parameter, nearest
+from models.parameter import Parameter
 
 
 def effects(
@@ -38,10 +38,7 @@ def effects(
     if file is not None and out is not None:
         propose(file, out, json_output=json_output)
         return
-    if action not in ("list", "check"):
-        raise ValueError(
-            f"action must be list, check or propose; got {action!r}; {nearest(action, ('list', 'check', 'propose'))}"
-        )
+    check_word(action, "action", ("list", "check", "propose"))
     if (file is None) == (action == "check"):
         raise ValueError(f"a file must stand with check alone; got {file or 'none'}")
     catalogue = Catalogue.read([file] if file is not None else own)

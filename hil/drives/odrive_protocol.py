@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field
 from hil.bus.wrapping import classic_frame, plain
 from hil.drives.table import CODES, NODE, TurningTable, faults_of
 from hil.nodes.frame_map import INTERNAL, frames
-from models.parameter import nearest
+from models.files.toml import check_known
 from models.rigs.schema import key
 
 
@@ -88,9 +88,7 @@ def _endpoints(raw: object) -> object:
     if not isinstance(raw, Mapping):
         return raw
     for path, number in raw.items():
-        if path not in READ_BACK:
-            known = list(READ_BACK)
-            raise ValueError(f"must have keys among {', '.join(known)}; got {path!r}; {nearest(str(path), known)}")
+        check_known([path], READ_BACK, "must have keys among")
         if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= 65535:
             raise ValueError(f"{path} must be an integer in [1, 65535]; got {number!r}")
     return tuple(raw.items())

@@ -10,7 +10,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.frame_map import frames
 from hil.nodes.view import sampled, within
-from models.parameter import nearest
+from models.files.toml import check_known
 from models.rigs.schema import NamedTable, Words, key
 
 FILLED: Final = 16  # Frames that wait after any pause, however small the bus's queue; a tick on time finds a few
@@ -87,11 +87,8 @@ class OperatorLimits(NamedTable):
 
     def check_sources(self) -> None:
         """Raises ValueError for an unknown source, with the nearest name."""
-        known = list(frames()[SETPOINT].field("Source").names.values())
-        for name in self.sources:
-            if name not in known:
-                hint = nearest(name, known)
-                raise ValueError(f"operator.sources must be among {', '.join(known)}; got {name!r}; {hint}")
+        known = frames()[SETPOINT].field("Source").names.values()
+        check_known(self.sources, known, "operator.sources must be among")
 
 
 class Operator:

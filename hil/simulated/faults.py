@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from models.files.toml import beside
+from models.files.toml import beside, check_word
 from models.parameter import nearest
 from models.rigs.schema import from_table
 
@@ -48,9 +48,7 @@ class Fault:
     size_m: float = math.nan
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            nearest_kind = nearest(self.kind, KINDS)
-            raise ValueError(f"faults.kind must be one of {', '.join(KINDS)}; got {self.kind!r}; {nearest_kind}")
+        check_word(self.kind, "faults.kind", KINDS)
         known = KINDS[self.kind]
         choices = ", ".join(target for target in known.targets if target)
         wanted = f"one of {choices}" if choices else "left out"

@@ -11,6 +11,8 @@ import numpy as np
 
 from models.files.access import draft
 from models.files.toml import (
+    check_known,
+    check_tables,
     check_word,
     converted,
     in_file,
@@ -21,7 +23,6 @@ from models.files.toml import (
     with_contact_angle,
 )
 from models.laws.geometry import GRAVITY, Capsule, Tissue
-from models.parameter import nearest
 from models.rigs.magnets import Magnet as MagnetTable
 from models.rigs.magnets import read_magnets
 from models.rigs.schema import Table as RigTable
@@ -138,11 +139,7 @@ def load_scenario(path: Path) -> Scenario:
 
 def parse_scenario(raw: Table, folder: Path) -> Scenario:
     """A scenario from parsed TOML; paths are relative to `folder`. Errors as `load_scenario`."""
-    for name, table in raw.items():
-        if name not in TABLES:
-            raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
-        if not isinstance(table, Mapping):
-            raise ValueError(f"{name} must be a table; got {shown(table)}")
+    check_tables(raw, TABLES)
     run, kind, rig = parse_truth(raw)
     beside = None
     if "accelerometer" in raw:
@@ -262,10 +259,7 @@ def _surface(table: Table) -> TruePlate | None:
 
 
 def _anatomy(table: Table) -> Anatomy:
-    for key in table:
-        if key not in ANATOMY_KEYS:
-            known = ", ".join(ANATOMY_KEYS)
-            raise ValueError(f"keys of [anatomy] must be among {known}; got {key!r}; {nearest(key, ANATOMY_KEYS)}")
+    check_known(table, ANATOMY_KEYS, "keys of [anatomy] must be among")
     profile = Anatomy() if "seed" not in table else random_anatomy(converted(table["seed"], int, "anatomy.seed"))
     if "places_m" in table or "level" in table:
         places_m, level = (list_of_numbers(table.get(key), f"anatomy.{key}") for key in ("places_m", "level"))

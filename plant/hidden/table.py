@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.parameter import nearest
+from models.files.toml import check_known
 from plant.compiling import compiled
 from plant.hidden.registry import HIDDEN, ONSET, ROW, ROWS, HiddenNumber, hidden
 from plant.tables import Floats
@@ -52,11 +52,7 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
     for name, numbers in chosen.items():
         effect = hidden(name)
         names = [*(shape.name for shape in effect.numbers), ONSET_KEY]
-        for key in numbers:
-            if key not in names:
-                raise ValueError(
-                    f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}"
-                )
+        check_known(numbers, names, f"numbers of {name} must be among")
         for slot, shape in enumerate(effect.numbers):
             table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape, slot == 0, name)
         onset = numbers.get(ONSET_KEY, 0.0)

@@ -8,6 +8,7 @@ from typing import Any, Final
 from controller.limits import number
 from models.assembly.model import effect_parameters
 from models.effects import Catalogue
+from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.model import Model

@@ -45,15 +45,16 @@ def fuse(z: Array, P: Array, H: Array, difference: float, R: float, gate: float)
     """Use, in place, `difference` = measured - expected with slopes `H` (n,) and variance `R`; returns the normalised
     `|difference|/sqrt(H P H' + R)`. Beyond `gate`, or not a number, nothing changes. Joseph's form.
     """
-    K = P @ H
-    S = float(H @ K) + R
-    size = abs(difference) / math.sqrt(S) if S > 0 else math.inf
-    if size <= gate:
-        K /= S
-        z += K * difference
-        rest = np.eye(z.size) - np.outer(K, H)
-        P[:] = rest @ P @ rest.T + R * np.outer(K, K)
-        P[:] = 0.5 * (P + P.T)
+    with np.errstate(all="ignore"):  # of numbers that are none
+        K = P @ H
+        S = float(H @ K) + R
+        size = abs(difference) / math.sqrt(S) if S > 0 else math.inf
+        if size <= gate:
+            K /= S
+            z += K * difference
+            rest = np.eye(z.size) - np.outer(K, H)
+            P[:] = rest @ P @ rest.T + R * np.outer(K, K)
+            P[:] = 0.5 * (P + P.T)
     return size
 
 

@@ -1,21 +1,18 @@
 """What the comparison with the papers consists of: rows of numbers, and figures with a caption."""
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike
 
 from hil.report.theme import INK, styled
+from models.files.toml import beside
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-CONSISTENT: Final = "consistent"
-NOT_REPRODUCIBLE: Final = "not reproducible"
-MISSES: Final = "misses the measurement"
+ROWS: Final = beside(__file__, "rows.toml")
 # how many of a unit an SI unit is
 _PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mm/s": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
 COLOURS: Final = {"printed": "#0072b2", "derived": "#d55e00", "third": "#009e73", "fourth": "#cc79a7", "measured": INK}
@@ -38,23 +35,23 @@ class Row:
 
 def row(
     key: str,
-    unit: str,
     computed: float,
-    verdict: str,
-    note: str = "",
-    *,
+    *tail: object,
     paper: float | None = None,
     measured: float | None = None,
-    words: str = "",
-    fill: Mapping[str, Any] = MappingProxyType({}),
+    own: str = "",
+    differs: tuple[str, str, str] | None = None,
+    **fill: Any,
 ) -> Row:
-    """A `Row` from numbers in SI, shown in `unit`. Its quantity is the sentence `words`, else `key`; `note` names a
-    sentence, too; `fill` holds the values that go into both.
+    """The `Row` of `rows.toml` (unit, verdict and note where it `differs`) from numbers in SI; `fill` goes into its
+    sentences. Its id is `own`, else the key with the `tail`.
     """
-    stated, seen = (None if value is None else float(value) * _PER_SI[unit] for value in (paper, measured))
+    unit, verdict, note = differs or ROWS[key]
+    shown = (None if value is None else float(value) * _PER_SI[unit] for value in (paper, computed, measured))
+    stated, found, seen = shown
     said = TEXT(f"note.{note}", **fill) if note else ""
-    quantity = TEXT(f"quantity.{words or key}", **fill)
-    return Row(key, quantity, unit, stated, float(computed) * _PER_SI[unit], seen, verdict, said)
+    name = own or "_".join([key, *map(slug, map(str, tail))])
+    return Row(name, TEXT(f"quantity.{key}", **fill), unit, stated, found or 0.0, seen, verdict, said)
 
 
 def at_speed(speed_m_s: float) -> str:

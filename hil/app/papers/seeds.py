@@ -117,11 +117,9 @@ def two_speeds_rows() -> Iterator[Row]:
         cycle, at = base_cycle(v), at_speed(v)
         computed = {"period": cycle.tooth.period_s, "valley": cycle.valley, "peak": cycle.peak}
         for (name, value), seen in zip(computed.items(), values, strict=True):
-            key, unit = f"base_{name}_{slug(at)}", "s" if name == "period" else "mN"
-            fill = {"name": name, "at": at}
-            yield row(
-                key, unit, value, "misses the measurement", "two_speeds", measured=seen, words="base_cycle", fill=fill
-            )
+            differs = ("s", "misses the measurement", "two_speeds") if name == "period" else None
+            own = f"base_{name}_{slug(at)}"
+            yield row("base_cycle", value, measured=seen, own=own, differs=differs, name=name, at=at)
 
 
 def two_speeds_drawing() -> Drawing:

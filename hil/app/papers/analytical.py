@@ -103,7 +103,7 @@ def _derived_curve(a: Setting) -> Iterator[Row]:
         yield row("a_rise_law", tooth.rise_s, at, L_s=length)
         yield row("a_fall_law", tooth.fall_s, at, L_s=length)
         yield row("a_period_law", tooth.period_s, at, measured=seen, L_s=length)
-        yield row("a_period_error_law", tooth.period_s / seen - 1, at, measured=seen, L_s=length)
+        yield row("a_period_error_law", tooth.period_s / seen - 1, at, L_s=length)
 
 
 def _stated_forces(a: Setting) -> Iterator[Row]:

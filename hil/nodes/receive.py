@@ -15,6 +15,7 @@ from hil.bus.wrapping import plain, waiting
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames
 from hil.nodes.guard import Evidence
 from hil.nodes.operator import SETPOINT, Operator
+from models.files.toml import beside
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -53,6 +54,16 @@ HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
 SAFE_STOP: Final = "safe stop by an operator"
 BY_OPERATOR: Final = 0  # `Reason` of an operator's SafeStop
+
+
+REASONS: Final[dict[str, list[str]]] = beside(__file__, "remedies.toml")
+"""By the key of its sentence, what a reason has in it; the first that fits counts."""
+
+
+def remedy(ended: str) -> str:
+    fits = (key for key, parts in REASONS.items() if any(part in ended for part in parts))
+    key = next(fits, "")
+    return TEXT(f"remedy.{key}") if key else ""
 
 
 def refusal_cause(reason: str) -> str:

@@ -27,8 +27,7 @@ from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, controllers_frames, frame_map_of, heartbeat
 from hil.nodes.node import ControllerNode
-from hil.nodes.receive import FrameReceiver, operators_stop
-from hil.nodes.remedies import remedy
+from hil.nodes.receive import FrameReceiver, operators_stop, remedy
 from hil.nodes.task import Task
 
 LISTEN_S: Final = 0.5  # to the bus

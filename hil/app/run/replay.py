@@ -12,9 +12,8 @@ import can
 
 import models.effects
 from hil.app.console import answer, note, output_to_notes
-from hil.app.run.differences import Difference, Replay
 from hil.app.run.log_task import TEXT, task_of
-from hil.app.run.native_replay import native_replay
+from hil.app.run.native_replay import Difference, Replay, native_replay
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged

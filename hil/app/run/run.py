@@ -35,7 +35,7 @@ from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.node import ControllerNode
-from hil.nodes.remedies import remedy
+from hil.nodes.receive import remedy
 from hil.nodes.task import Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file

@@ -35,7 +35,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
-from hil.nodes.remedies import remedy
+from hil.nodes.receive import remedy
 from models.effects import Catalogue
 from models.files.toml import check_word
 
